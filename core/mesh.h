@@ -1,0 +1,85 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/types.h"
+
+namespace cadmorph {
+
+/// Cell types by VTK's numbers. Node orders are VTK's.
+enum class CellType : std::uint8_t {
+  Vertex = 1,
+  Line = 3,
+  Triangle = 5,
+  Polygon = 7,
+  Quad = 9,
+  Tetra = 10,
+  Voxel = 11,
+  Hexahedron = 12,
+  Wedge = 13,
+  Pyramid = 14,
+  QuadraticEdge = 21,
+  QuadraticTriangle = 22,
+  QuadraticQuad = 23,
+  QuadraticTetra = 24,
+  QuadraticHexahedron = 25,
+  QuadraticWedge = 26,
+  QuadraticPyramid = 27,
+  BiquadraticQuad = 28,
+  TriquadraticHexahedron = 29,
+  QuadraticLinearQuad = 30,
+  QuadraticLinearWedge = 31,
+  BiquadraticQuadraticWedge = 32,
+  BiquadraticQuadraticHexahedron = 33,
+  BiquadraticTriangle = 34,
+  Polyhedron = 42,
+};
+
+/// An unstructured mesh of any VTK cells: solid, shell, line and vertex cells may be mixed.
+struct Mesh {
+  Points points;                    ///< N x 3, in the file's own unit
+  std::vector<CellType> types;      ///< one a cell
+  std::vector<Index> offsets;       ///< cells + 1 positions in `connectivity`
+  std::vector<Index> connectivity;  ///< node ids, cell after cell
+  /// Faces of polyhedra: cells + 1 positions in `polyhedron_faces`, equal neighbours for other
+  /// cells; empty when the mesh has no polyhedron.
+  std::vector<Index> polyhedron_offsets;
+  /// Per polyhedron: node count of its first face, that face's node ids, next count, ...
+  std::vector<Index> polyhedron_faces;
+  std::vector<int> regions;  ///< region id of each cell; empty when the mesh has no regions
+  std::string region_array;  ///< name of the cell array that `regions` came from; may be empty
+
+  Index node_count() const { return points.rows(); }
+  Index cell_count() const { return static_cast<Index>(types.size()); }
+  std::span<const Index> cell(Index c) const {
+    return {connectivity.data() + offsets[c], static_cast<std::size_t>(offsets[c + 1] - offsets[c])};
+  }
+  int region(Index c) const { return regions.empty() ? 0 : regions[c]; }
+};
+
+/// Topological dimension of a cell type: 0 vertex, 1 line, 2 shell, 3 solid.
+int dimension(CellType type);
+
+/// Highest dimension of any cell of the mesh.
+int dimension(const Mesh& mesh);
+
+/// One face of a solid cell, or a shell cell itself.
+struct Facet {
+  CellType type;             ///< Triangle, Quad, Polygon or a quadratic form of the first two
+  std::vector<Index> nodes;  ///< VTK order, corners first; the normal points out of a solid cell
+};
+
+/// Returns the faces of solid cell `c` with outward normals (for a cell of positive volume in VTK's
+/// node order). Throws InvalidInputError for a cell that is no solid or of an unknown type.
+std::vector<Facet> cell_facets(const Mesh& mesh, Index c);
+
+/// Number of corner nodes at the front of a facet's node list (3 for a quadratic triangle).
+int corner_count(CellType type, Index node_count);
+
+/// Checks sizes, ids and finiteness; throws InvalidInputError that names the first offending node or
+/// cell. An empty mesh is an error too.
+void check_mesh(const Mesh& mesh);
+
+}  // namespace cadmorph

@@ -1,0 +1,42 @@
+#include "core/parallel.h"
+
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/global_control.h>
+#include <oneapi/tbb/info.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "core/blas.h"
+
+namespace cadmorph {
+namespace {
+
+std::unique_ptr<tbb::global_control> thread_limit;
+
+}  // namespace
+
+void set_thread_count(int count) {
+  const int threads = count > 0 ? count : tbb::info::default_concurrency();
+  thread_limit = std::make_unique<tbb::global_control>(
+      tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+  set_blas_threads(threads);
+}
+
+int thread_count() {
+  return static_cast<int>(
+      tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+}
+
+void parallel_for(Index count, Index grain, const std::function<void(Index, Index)>& body) {
+  if (count <= 0) return;
+  const Index chunk = std::max<Index>(grain, 1);
+  const Index chunks = (count + chunk - 1) / chunk;
+  tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), [&](const auto& range) {
+    for (Index c = range.begin(); c < range.end(); ++c)
+      body(c * chunk, std::min(count, (c + 1) * chunk));
+  });
+}
+
+}  // namespace cadmorph
