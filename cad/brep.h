@@ -1,0 +1,128 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/types.h"
+
+namespace cadmorph {
+
+enum class SurfaceType { Plane, Cylinder, Cone, Sphere, Torus, BSpline, Other };
+
+/// Name of a surface type, for messages ("plane", "cylinder", ...).
+const char* to_string(SurfaceType type);
+
+/// A B-Rep vertex.
+struct CadVertex {
+  Eigen::Vector3d point;  ///< millimetres
+  double tolerance;
+};
+
+/// A B-Rep edge: a 3D curve c(t), t in [first, last].
+struct CadEdge {
+  double first, last;
+  int start, end;  ///< vertices at first and last; -1 when missing
+  double tolerance;
+  double length;
+  bool is_degenerate;        ///< a point: a pole or an apex
+  bool is_seam;              ///< closes the parametrisation of its only face
+  std::vector<int> coedges;  ///< its uses in faces
+  bool is_physical() const { return !is_degenerate && !is_seam; }
+};
+
+/// The use of an edge by a face: its curve in the face's parameter domain (pcurve), by wire occurrence.
+struct CadCoedge {
+  int edge;
+  int face;
+  bool is_reversed;  ///< runs against the edge, when the face's material lies to the left seen from
+                     ///< the outside of the solid
+};
+
+/// A B-Rep face: a trimmed surface S(u, v).
+struct CadFace {
+  SurfaceType type;
+  bool is_reversed;      ///< the outward normal is -(S_u x S_v)
+  Eigen::Vector2d lower, upper;  ///< bounds of the trimmed parameter domain
+  Eigen::Vector2d period;  ///< period in u and v where the face closes on itself, else 0
+  double tolerance;
+  int solid;                            ///< of the file, -1 for a face of no solid
+  std::vector<std::vector<int>> wires;  ///< coedges in the order of the file
+  std::string name;                     ///< from the STEP file; may be empty
+};
+
+/// A link of a curve: one edge, run forward or backward.
+struct CurveLink {
+  int edge;
+  bool is_reversed;
+};
+
+/// A physical curve: a chain of edges between corners, or closed.
+struct CadCurve {
+  std::vector<CurveLink> links;
+  int start, end;  ///< corners; -1 for a closed curve without one
+  std::vector<int> faces;  ///< adjacent faces, ascending, once a use
+  double length;
+  bool is_closed() const { return start < 0; }
+};
+
+/// The entities that exist physically. Seam edges, degenerate edges, and vertices that exist only to
+/// end a seam or to cut a smooth curve between the same two faces are left out.
+struct CadSkeleton {
+  std::vector<CadCurve> curves;
+  std::vector<int> corners;          ///< vertex ids
+  std::vector<int> corner_of_vertex; ///< -1: not physical
+  std::vector<int> curve_of_edge;    ///< -1: not physical
+};
+
+/// S(u, v) with first derivatives, millimetres and millimetres per parameter.
+struct SurfacePoint {
+  Eigen::Vector3d point, du, dv;
+};
+
+/// c(t) with its first derivative.
+struct CurvePoint {
+  Eigen::Vector3d point, dt;
+};
+
+/// A CAD model read from STEP: topology as plain data, geometry behind functions. All const
+/// functions are thread-safe. Lengths in millimetres.
+class CadModel {
+ public:
+  struct Impl;
+  explicit CadModel(std::unique_ptr<Impl> impl);
+  ~CadModel();
+  CadModel(CadModel&&) noexcept;
+  CadModel& operator=(CadModel&&) noexcept;
+
+  const std::vector<CadFace>& faces() const;
+  const std::vector<CadEdge>& edges() const;
+  const std::vector<CadVertex>& vertices() const;
+  const std::vector<CadCoedge>& coedges() const;
+  const CadSkeleton& skeleton() const;
+  int solid_count() const;
+  const std::string& file_name() const;
+  const std::string& file_unit() const;  ///< length unit named in the file
+  const Eigen::Vector3d& lower() const;  ///< bounding box of all edges and face samples
+  const Eigen::Vector3d& upper() const;
+  double diagonal() const { return (upper() - lower()).norm(); }
+
+  SurfacePoint evaluate(int face, const Eigen::Vector2d& uv) const;
+  CurvePoint evaluate_edge(int edge, double t) const;
+  Eigen::Vector2d pcurve(int coedge, double t) const;
+
+  /// Outward unit normal (by the face's orientation), zero where the surface is singular.
+  Eigen::Vector3d normal(int face, const Eigen::Vector2d& uv) const;
+
+  /// Shifts (u, v) by periods of the surface to lie as near the trimmed domain as possible.
+  Eigen::Vector2d into_domain(int face, const Eigen::Vector2d& uv) const;
+
+  /// Whether (u, v) lies inside the trimmed domain (polygons of the sampled pcurves).
+  bool is_inside(int face, const Eigen::Vector2d& uv) const;
+
+ private:
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace cadmorph

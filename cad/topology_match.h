@@ -1,0 +1,47 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cad/brep.h"
+
+namespace cadmorph {
+
+/// x -> scale * rotation * x + translation.
+struct Similarity {
+  double scale = 1;
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+  Eigen::Vector3d operator()(const Eigen::Vector3d& x) const {
+    return scale * (rotation * x) + translation;
+  }
+};
+
+/// The variant's counterpart of every base entity. Curves and corners are those of CadModel::skeleton.
+struct TopologyMatch {
+  std::vector<int> faces;                 ///< base face -> variant face
+  std::vector<int> curves;                ///< base curve -> variant curve
+  std::vector<int> corners;               ///< base corner -> variant corner
+  std::vector<double> face_confidence;    ///< 1: the only possibility; less: decided by position
+  Similarity alignment;                   ///< base -> variant, best over all entities
+  std::string how;                        ///< what decided: "file order", "structure", "position", "map file"
+};
+
+struct MatchOptions {
+  /// Pairs given by the user: 1-based face numbers, base -> variant ("faces.csv": base,variant).
+  std::vector<std::pair<int, int>> given_faces;
+};
+
+/// Finds the counterpart of each face, edge and vertex of `base` in `variant`, whatever the file
+/// order: colour refinement on the graph of faces, curves and corners, remaining symmetries decided
+/// by closeness after the best similarity alignment. Throws TopologyError that names the entities
+/// without a partner.
+TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
+                             const MatchOptions& options = {});
+
+/// Reads a face map: two 1-based face numbers a line (base,variant), '#' comments, optional header.
+std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path);
+
+}  // namespace cadmorph

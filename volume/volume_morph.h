@@ -1,0 +1,31 @@
+#pragma once
+
+#include "core/mesh.h"
+#include "core/rbf/rbf_system.h"
+
+namespace cadmorph {
+
+struct VolumeMorphOptions {
+  Kernel kernel = Kernel::triharmonic_3d();
+  RbfOptions rbf;
+};
+
+/// Moves all nodes of a mesh with prescribed surface positions by an RBF space warp (Sieger et al.
+/// 2013, sect. 3). Holds the factorisation, which depends on the base mesh alone.
+class VolumeMorph {
+ public:
+  /// `surface_nodes`: ids of the m nodes whose positions are prescribed. The local length of each
+  /// is its shortest incident mesh edge.
+  VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes, VolumeMorphOptions options = {});
+
+  /// Returns the positions of all nodes (N x 3); surface nodes exactly at `surface_positions` (m x 3).
+  Points morph(const Points& surface_positions) const;
+
+  const RbfReport& report() const;
+
+ private:
+  struct Impl;
+  std::shared_ptr<const Impl> impl_;
+};
+
+}  // namespace cadmorph
