@@ -1,0 +1,120 @@
+// Writes the CAD families bore and pipe, the small shapes, and their meshes.
+
+#include <Message.hxx>
+#include <Message_Messenger.hxx>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+
+#include "core/errors.h"
+#include "core/mesh_file.h"
+#include "models/bore.h"
+#include "models/pipe.h"
+#include "models/shapes.h"
+#include "models/step_writer.h"
+#include "models/tet_mesher.h"
+
+namespace cadmorph::models {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int step_count = 20;
+
+struct Family {
+  std::string name;
+  std::function<TopoDS_Shape(double)> make;
+  std::function<Mesh()> make_hex;
+  TetOptions tets;
+  TetOptions quadratic_tets;
+};
+
+std::string counts_text(const EntityCounts& counts) {
+  return std::to_string(counts.faces) + " faces, " + std::to_string(counts.edges) + " edges, " +
+         std::to_string(counts.vertices) + " vertices";
+}
+
+void write_model_mesh(const fs::path& path, const Mesh& mesh) {
+  write_mesh(path, mesh);
+  std::printf("%s: %lld nodes, %lld cells\n", path.c_str(),
+              static_cast<long long>(mesh.node_count()), static_cast<long long>(mesh.cell_count()));
+}
+
+fs::path step_path(const fs::path& folder, int step) {
+  if (step == 0) return folder / "base.step";
+  char name[16];
+  std::snprintf(name, sizeof name, "step%02d.step", step);
+  return folder / name;
+}
+
+/// Writes all steps; every one is valid and has as many entities as the base, read back as well.
+void write_steps(const fs::path& folder, const Family& family) {
+  EntityCounts base;
+  for (int step = 0; step <= step_count; ++step) {
+    const fs::path path = step_path(folder, step);
+    const TopoDS_Shape made = family.make(static_cast<double>(step) / step_count);
+    check_valid(made, path.string());
+    write_step(path, made, family.name);
+    const TopoDS_Shape read = read_step(path);
+    check_valid(read, path.string() + ", read back,");
+    const EntityCounts counts = count_entities(read);
+    if (step == 0) base = counts;
+    if (counts != base) {
+      throw TopologyError(path.string() + " has " + counts_text(counts) + ", the base " +
+                          counts_text(base));
+    }
+  }
+  std::printf("%s: base and %d steps, each %s\n", folder.c_str(), step_count,
+              counts_text(base).c_str());
+}
+
+void write_family(const fs::path& out, const Family& family) {
+  const fs::path folder = out / family.name;
+  fs::create_directories(folder);
+  write_steps(folder, family);
+  write_model_mesh(folder / "hex.vtu", family.make_hex());
+  const fs::path base = step_path(folder, 0);
+  write_model_mesh(folder / "tet.vtu", mesh_with_tets(base, family.tets));
+  write_model_mesh(folder / "tet_quadratic.vtu", mesh_with_tets(base, family.quadratic_tets));
+}
+
+void write_small_shapes(const fs::path& folder) {
+  fs::create_directories(folder);
+  for (const SmallShape& small : make_small_shapes()) {
+    check_valid(small.shape, small.name);
+    const fs::path step = folder / (small.name + ".step");
+    write_step(step, small.shape, small.name);
+    std::printf("%s: %s\n", step.c_str(), counts_text(count_entities(read_step(step))).c_str());
+    write_model_mesh(folder / (small.name + ".vtu"), mesh_with_tets(step, small.tets));
+  }
+}
+
+void generate(const fs::path& out) {
+  write_family(out, {"bore",
+                     make_bore,
+                     make_bore_hex,
+                     {.size = 4.6, .elements_per_turn = 30},
+                     {.size = 14, .elements_per_turn = 12, .order = 2}});
+  write_family(
+      out,
+      {"pipe", make_pipe, [] { return make_pipe_hex(); }, {.size = 2.3}, {.size = 9, .order = 2}});
+  write_small_shapes(out / "shapes");
+}
+
+}  // namespace
+}  // namespace cadmorph::models
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: cadmorph-models OUTDIR\n");
+    return 1;
+  }
+  Message::DefaultMessenger()->ChangePrinters().Clear();  // OCCT tells of every transfer
+  try {
+    cadmorph::models::generate(argv[1]);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "cadmorph-models: %s\n", error.what());
+    return 2;
+  }
+  return 0;
+}

@@ -1,0 +1,75 @@
+#include "models/step_writer.h"
+
+#include <APIHeaderSection_MakeHeader.hxx>
+#include <BRepCheck_Analyzer.hxx>
+#include <Interface_Static.hxx>
+#include <STEPControl_Reader.hxx>
+#include <STEPControl_Writer.hxx>
+#include <StepData_StepModel.hxx>
+#include <TCollection_HAsciiString.hxx>
+#include <TopExp.hxx>
+#include <TopTools_IndexedMapOfShape.hxx>
+
+#include "core/errors.h"
+
+namespace cadmorph::models {
+namespace {
+
+int count(const TopoDS_Shape& shape, TopAbs_ShapeEnum kind) {
+  TopTools_IndexedMapOfShape map;
+  TopExp::MapShapes(shape, kind, map);
+  return map.Extent();
+}
+
+Handle(TCollection_HAsciiString) text(const std::string& value) {
+  return new TCollection_HAsciiString(value.c_str());
+}
+
+void fix_header(STEPControl_Writer& writer, const std::string& name) {
+  APIHeaderSection_MakeHeader header(writer.Model());
+  header.SetName(text(name + ".step"));
+  header.SetTimeStamp(text("2000-01-01T00:00:00"));
+  header.SetAuthorValue(1, text("The cadmorph authors"));
+  header.SetOrganizationValue(1, text("cadmorph"));
+  header.SetPreprocessorVersion(text("Open CASCADE"));
+  header.SetOriginatingSystem(text("cadmorph-models"));
+  header.SetAuthorisation(text(""));
+}
+
+}  // namespace
+
+EntityCounts count_entities(const TopoDS_Shape& shape) {
+  return {count(shape, TopAbs_FACE), count(shape, TopAbs_EDGE), count(shape, TopAbs_VERTEX)};
+}
+
+void write_step(const std::filesystem::path& path, const TopoDS_Shape& shape,
+                const std::string& name) {
+  STEPControl_Writer writer;
+  Interface_Static::SetCVal("write.step.schema", "AP214IS");
+  Interface_Static::SetCVal("write.step.unit", "MM");
+  Interface_Static::SetCVal("write.step.product.name", name.c_str());
+  if (writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone) {
+    throw IoError("can't translate " + name + " to STEP");
+  }
+  fix_header(writer, name);
+  if (writer.Write(path.c_str()) != IFSelect_RetDone) {
+    throw IoError("can't write " + path.string());
+  }
+}
+
+TopoDS_Shape read_step(const std::filesystem::path& path) {
+  STEPControl_Reader reader;
+  if (reader.ReadFile(path.c_str()) != IFSelect_RetDone) {
+    throw IoError("can't read " + path.string());
+  }
+  reader.TransferRoots();
+  return reader.OneShape();
+}
+
+void check_valid(const TopoDS_Shape& shape, const std::string& name) {
+  if (shape.IsNull() || !BRepCheck_Analyzer(shape).IsValid()) {
+    throw CadError(name + " is no valid B-Rep");
+  }
+}
+
+}  // namespace cadmorph::models

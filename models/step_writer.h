@@ -1,0 +1,31 @@
+#pragma once
+
+#include <TopoDS_Shape.hxx>
+#include <filesystem>
+#include <string>
+
+namespace cadmorph::models {
+
+/// Numbers of distinct faces, edges and vertices of a shape.
+struct EntityCounts {
+  int faces = 0;
+  int edges = 0;
+  int vertices = 0;
+  bool operator==(const EntityCounts&) const = default;
+};
+
+/// Counts the entities of `shape`.
+EntityCounts count_entities(const TopoDS_Shape& shape);
+
+/// Writes `shape` as STEP AP214 in millimetres under the product name `name`. The header is fixed,
+/// so that the same shape always gives the same bytes. Throws IoError.
+void write_step(const std::filesystem::path& path, const TopoDS_Shape& shape,
+                const std::string& name);
+
+/// Reads a STEP file back, in millimetres. Throws IoError.
+TopoDS_Shape read_step(const std::filesystem::path& path);
+
+/// Throws CadError, naming `name`, unless BRepCheck_Analyzer finds `shape` valid.
+void check_valid(const TopoDS_Shape& shape, const std::string& name);
+
+}  // namespace cadmorph::models
