@@ -1,0 +1,52 @@
+#include "core/blas.h"
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+namespace cadmorph {
+namespace {
+
+// Looked up at run time, so that the program links and runs with any LAPACK.
+template <class Function>
+Function find_symbol(const char* name) {
+  return reinterpret_cast<Function>(dlsym(RTLD_DEFAULT, name));
+}
+
+template <std::size_t N>
+bool contains(const std::array<std::string_view, N>& names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string suggested_core(const std::string& kernel) {
+#if defined(__x86_64__)
+  constexpr std::array<std::string_view, 3> kAvx512 = {"SkylakeX", "Cooperlake", "Sapphirerapids"};
+  constexpr std::array<std::string_view, 3> kAvx2 = {"Haswell", "Zen", "Excavator"};
+  if (kernel.empty() || contains(kAvx512, kernel)) return {};
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl"))
+    return "SkylakeX";
+  if (contains(kAvx2, kernel)) return {};
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return "Haswell";
+#endif
+  return {};
+}
+
+}  // namespace
+
+void set_blas_threads(int count) {
+  if (const auto set = find_symbol<void (*)(int)>("openblas_set_num_threads")) set(count);
+}
+
+BlasInfo blas_info() {
+  const auto core_name = find_symbol<char* (*)()>("openblas_get_corename");
+  if (!core_name) return {};
+  BlasInfo info;
+  info.kernel = core_name();
+  info.suggested = suggested_core(info.kernel);
+  return info;
+}
+
+}  // namespace cadmorph

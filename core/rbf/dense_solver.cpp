@@ -1,0 +1,236 @@
+#include "core/rbf/dense_solver.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "core/errors.h"
+#include "core/parallel.h"
+
+extern "C" {
+void dgetrf_(const int*, const int*, double*, const int*, int*, int*);
+void dgetrs_(const char*, const int*, const int*, const double*, const int*, const int*, double*,
+             const int*, int*);
+void dgecon_(const char*, const int*, const double*, const int*, const double*, double*, double*,
+             int*, int*);
+void dsytrf_(const char*, const int*, double*, const int*, int*, double*, const int*, int*);
+void dsytrs_(const char*, const int*, const int*, const double*, const int*, const int*, double*,
+             const int*, int*);
+void dsycon_(const char*, const int*, const double*, const int*, const int*, const double*, double*,
+             double*, int*, int*);
+void dpotrf_(const char*, const int*, double*, const int*, int*);
+void dpotrs_(const char*, const int*, const int*, const double*, const int*, double*, const int*,
+             int*);
+void dpocon_(const char*, const int*, const double*, const int*, const double*, double*, double*,
+             int*, int*);
+}
+
+namespace cadmorph {
+namespace {
+
+using Eigen::MatrixXd;
+
+void require_success(int info, const char* routine) {
+  if (info == 0) return;
+  throw SolverError(std::string(routine) +
+                    ": the interpolation matrix is singular to rounding (pivot " +
+                    std::to_string(info) +
+                    "); remove centres that nearly coincide, or choose another kernel or shape");
+}
+
+int as_int(Index n) { return static_cast<int>(n); }
+
+double one_norm(const MatrixXd& A) {
+  return A.size() == 0 ? 0 : A.cwiseAbs().colwise().sum().maxCoeff();
+}
+
+MatrixXd saddle_matrix(MatrixXd A, const MatrixXd& P) {
+  const Index n = P.rows(), q = P.cols();
+  A.conservativeResize(n + q, n + q);
+  A.topRightCorner(n, q) = P;
+  A.bottomLeftCorner(q, n) = P.transpose();
+  A.bottomRightCorner(q, q).setZero();
+  return A;
+}
+
+MatrixXd saddle_rhs(const MatrixXd& values, Index q) {
+  MatrixXd rhs = MatrixXd::Zero(values.rows() + q, values.cols());
+  rhs.topRows(values.rows()) = values;
+  return rhs;
+}
+
+class LuSolver final : public DenseSolver {
+ public:
+  LuSolver(MatrixXd A, const MatrixXd& P)
+      : terms_(P.cols()), factor_(saddle_matrix(std::move(A), P)), pivots_(factor_.rows()) {
+    const int n = as_int(factor_.rows());
+    const double norm = one_norm(factor_);
+    int info = 0;
+    dgetrf_(&n, &n, factor_.data(), &n, pivots_.data(), &info);
+    require_success(info, "dgetrf");
+    std::vector<double> work(4 * pivots_.size());
+    std::vector<int> integers(pivots_.size());
+    dgecon_("1", &n, factor_.data(), &n, &norm, &rcond_, work.data(), integers.data(), &info);
+  }
+
+  SaddleSolution solve(const MatrixXd& values) const override {
+    MatrixXd x = saddle_rhs(values, terms_);
+    const int n = as_int(x.rows()), columns = as_int(x.cols());
+    int info = 0;
+    dgetrs_("N", &n, &columns, factor_.data(), &n, pivots_.data(), x.data(), &n, &info);
+    return {x.topRows(values.rows()), x.bottomRows(terms_)};
+  }
+
+  double reciprocal_condition() const override { return rcond_; }
+
+ private:
+  Index terms_;
+  MatrixXd factor_;
+  std::vector<int> pivots_;
+  double rcond_ = 0;
+};
+
+class LdltSolver final : public DenseSolver {
+ public:
+  LdltSolver(MatrixXd A, const MatrixXd& P)
+      : terms_(P.cols()), factor_(saddle_matrix(std::move(A), P)), pivots_(factor_.rows()) {
+    const int n = as_int(factor_.rows());
+    const double norm = one_norm(factor_);
+    int info = 0, query = -1;
+    double optimal = 0;
+    dsytrf_("L", &n, factor_.data(), &n, pivots_.data(), &optimal, &query, &info);
+    const int length = std::max(1, static_cast<int>(optimal));
+    std::vector<double> work(std::max<std::size_t>(length, 2 * pivots_.size()));
+    dsytrf_("L", &n, factor_.data(), &n, pivots_.data(), work.data(), &length, &info);
+    require_success(info, "dsytrf");
+    std::vector<int> integers(pivots_.size());
+    dsycon_("L", &n, factor_.data(), &n, pivots_.data(), &norm, &rcond_, work.data(),
+            integers.data(), &info);
+  }
+
+  SaddleSolution solve(const MatrixXd& values) const override {
+    MatrixXd x = saddle_rhs(values, terms_);
+    const int n = as_int(x.rows()), columns = as_int(x.cols());
+    int info = 0;
+    dsytrs_("L", &n, &columns, factor_.data(), &n, pivots_.data(), x.data(), &n, &info);
+    return {x.topRows(values.rows()), x.bottomRows(terms_)};
+  }
+
+  double reciprocal_condition() const override { return rcond_; }
+
+ private:
+  Index terms_;
+  MatrixXd factor_;
+  std::vector<int> pivots_;
+  double rcond_ = 0;
+};
+
+// With P = H [R; 0], H orthogonal, and B = H^T A H split after row Q: w = H [0; y] with
+// B22 y = (H^T f)_2 by Cholesky, then R c = (H^T f)_1 - B12 y.
+class NullSpaceCholeskySolver final : public DenseSolver {
+ public:
+  NullSpaceCholeskySolver(MatrixXd A, const MatrixXd& P, int sign)
+      : sign_(sign), polynomials_(P), factor_(std::move(A)) {
+    transform();
+    const Index q = P.cols();
+    coupling_ = factor_.bottomLeftCorner(rows(), q);
+    if (rows() == 0) return;
+    const int n = as_int(rows()), stride = as_int(factor_.rows());
+    const double norm = symmetric_one_norm();
+    int info = 0;
+    dpotrf_("L", &n, block(), &stride, &info);
+    require_success(info, "dpotrf");
+    std::vector<double> work(3 * rows());
+    std::vector<int> integers(rows());
+    dpocon_("L", &n, block(), &stride, &norm, &rcond_, work.data(), integers.data(), &info);
+  }
+
+  SaddleSolution solve(const MatrixXd& values) const override {
+    const Index q = polynomials_.cols();
+    MatrixXd rotated = values;
+    rotated.applyOnTheLeft(polynomials_.householderQ().adjoint());
+    MatrixXd y = rotated.bottomRows(rows());
+    solve_block(y);
+    MatrixXd c = rotated.topRows(q) - sign_ * (coupling_.transpose() * y);
+    polynomials_.matrixQR().topRows(q).triangularView<Eigen::Upper>().solveInPlace(c);
+    MatrixXd w = MatrixXd::Zero(values.rows(), values.cols());
+    w.bottomRows(rows()) = y;
+    w.applyOnTheLeft(polynomials_.householderQ());
+    return {w, c};
+  }
+
+  double reciprocal_condition() const override { return rcond_; }
+
+ private:
+  Index rows() const { return factor_.rows() - polynomials_.cols(); }
+  const double* block() const { return &factor_(polynomials_.cols(), polynomials_.cols()); }
+  double* block() { return &factor_(polynomials_.cols(), polynomials_.cols()); }
+
+  // Lower triangle of sign * H^T A H = sign * A - V Y^T - Y V^T with H = I - V T V^T.
+  void transform() {
+    const Index n = factor_.rows(), q = polynomials_.cols();
+    if (sign_ < 0) factor_ = -factor_;
+    MatrixXd V = polynomials_.matrixQR().leftCols(q);
+    for (Index j = 0; j < q; ++j) {
+      V.col(j).head(j).setZero();
+      V(j, j) = 1;
+    }
+    MatrixXd T = MatrixXd::Zero(q, q);
+    for (Index j = 0; j < q; ++j) {
+      const double tau = polynomials_.hCoeffs()(j);
+      T(j, j) = tau;
+      if (j > 0)
+        T.col(j).head(j) = -tau * (T.topLeftCorner(j, j) * (V.leftCols(j).transpose() * V.col(j)));
+    }
+    const MatrixXd AVT = (factor_ * V) * T;
+    const MatrixXd Y = AVT - 0.5 * V * (T.transpose() * (V.transpose() * AVT));
+    parallel_for(n, 64, [&](Index begin, Index end) {
+      for (Index j = begin; j < end; ++j)
+        factor_.col(j).tail(n - j) -=
+            V.bottomRows(n - j) * Y.row(j).transpose() + Y.bottomRows(n - j) * V.row(j).transpose();
+    });
+  }
+
+  double symmetric_one_norm() const {
+    const Index q = polynomials_.cols();
+    Eigen::VectorXd sums = Eigen::VectorXd::Zero(rows());
+    for (Index j = 0; j < rows(); ++j) {
+      const auto below = factor_.col(q + j).tail(rows() - j).cwiseAbs();
+      sums.tail(rows() - j) += below;
+      sums(j) += below.tail(rows() - j - 1).sum();
+    }
+    return sums.maxCoeff();
+  }
+
+  void solve_block(MatrixXd& y) const {
+    y *= sign_;
+    if (rows() == 0 || y.cols() == 0) return;
+    const int n = as_int(rows()), stride = as_int(factor_.rows()), columns = as_int(y.cols());
+    int info = 0;
+    dpotrs_("L", &n, &columns, block(), &stride, y.data(), &n, &info);
+  }
+
+  int sign_;
+  Eigen::HouseholderQR<MatrixXd> polynomials_;
+  MatrixXd factor_;
+  MatrixXd coupling_;
+  double rcond_ = 1;
+};
+
+}  // namespace
+
+std::unique_ptr<DenseSolver> make_dense_solver(Factorisation factorisation, Eigen::MatrixXd A,
+                                               const Eigen::MatrixXd& P, int sign) {
+  switch (factorisation) {
+    case Factorisation::Lu:
+      return std::make_unique<LuSolver>(std::move(A), P);
+    case Factorisation::Ldlt:
+      return std::make_unique<LdltSolver>(std::move(A), P);
+    case Factorisation::Cholesky:
+      break;
+  }
+  return std::make_unique<NullSpaceCholeskySolver>(std::move(A), P, sign);
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,131 @@
+#include "core/rbf/kernel_sum.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/errors.h"
+#include "core/parallel.h"
+#include "core/rbf/kernel_sum_simd.h"
+
+namespace cadmorph {
+namespace {
+
+constexpr int kMaxDimension = 8;
+constexpr Index kTargetBlock = 256;   // output stays in the first-level cache
+constexpr Index kSourceBlock = 1024;  // sources and weights stay in the second-level cache
+
+simd::Form form_of(const Kernel& kernel, double log_scale) {
+  switch (kernel.kind) {
+    case KernelKind::Gaussian:
+      return simd::Form::Gaussian;
+    case KernelKind::Multiquadric:
+      return simd::Form::Multiquadric;
+    case KernelKind::InverseMultiquadric:
+      return simd::Form::InverseMultiquadric;
+    case KernelKind::Polyharmonic:
+      break;
+  }
+  const int exponent = 2 * kernel.order - kernel.dimension;
+  if (kernel.dimension % 2 == 1) return exponent == 3 ? simd::Form::Cubic : simd::Form::OddPower;
+  return exponent == 2 && log_scale == 0 ? simd::Form::ThinPlate : simd::Form::EvenPowerLog;
+}
+
+void run(const simd::SumTask& task, InstructionSet set) {
+#if defined(__x86_64__)
+  if (set == InstructionSet::Avx512) return simd::sum_avx512(task);
+  if (set == InstructionSet::Avx2) return simd::sum_avx2(task);
+#endif
+  (void)set;
+  simd::sum_baseline(task);
+}
+
+}  // namespace
+
+InstructionSet best_instruction_set() {
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl"))
+    return InstructionSet::Avx512;
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return InstructionSet::Avx2;
+#endif
+  return InstructionSet::Baseline;
+}
+
+const char* name(InstructionSet set) {
+  switch (set) {
+    case InstructionSet::Avx512:
+      return "AVX-512";
+    case InstructionSet::Avx2:
+      return "AVX2";
+    case InstructionSet::Baseline:
+      break;
+  }
+  return "baseline";
+}
+
+KernelSum::KernelSum(const Kernel& kernel, double log_scale, InstructionSet set)
+    : kernel_(kernel), log_scale_(log_scale), set_(std::min(set, best_instruction_set())) {
+  if (kernel.kind == KernelKind::Polyharmonic &&
+      (kernel.dimension < 1 || 2 * kernel.order <= kernel.dimension))
+    throw InvalidInputError("polyharmonic kernel of order " + std::to_string(kernel.order) +
+                            " in dimension " + std::to_string(kernel.dimension) +
+                            " is singular at its centre; use an order above half the dimension");
+  if (kernel.kind != KernelKind::Polyharmonic && !(kernel.shape > 0 && std::isfinite(kernel.shape)))
+    throw InvalidInputError("kernel shape parameter " + std::to_string(kernel.shape) +
+                            " is not positive");
+}
+
+void KernelSum::add(const ColumnsView& targets, const ColumnsView& sources,
+                    const ColumnsView& weights, Eigen::Ref<Eigen::MatrixXd> out) const {
+  if (targets.cols() > kMaxDimension)
+    throw InvalidInputError("kernel sums in more than 8 dimensions are not supported");
+  simd::SumTask task{.form = form_of(kernel_, log_scale_),
+                     .exponent = 2 * kernel_.order - kernel_.dimension,
+                     .log_shift = log_scale_,
+                     .shape = kernel_.shape,
+                     .dimension = static_cast<int>(targets.cols()),
+                     .columns = static_cast<int>(weights.cols()),
+                     .targets = nullptr,
+                     .target_stride = targets.outerStride(),
+                     .target_count = 0,
+                     .sources = nullptr,
+                     .source_stride = sources.outerStride(),
+                     .source_count = 0,
+                     .weights = nullptr,
+                     .weight_stride = weights.outerStride(),
+                     .out = nullptr,
+                     .out_stride = out.outerStride()};
+  for (Index i = 0; i < targets.rows(); i += kTargetBlock) {
+    task.targets = targets.data() + i;
+    task.target_count = std::min(kTargetBlock, targets.rows() - i);
+    task.out = out.data() + i;
+    for (Index j = 0; j < sources.rows(); j += kSourceBlock) {
+      task.sources = sources.data() + j;
+      task.weights = weights.data() + j;
+      task.source_count = std::min(kSourceBlock, sources.rows() - j);
+      run(task, set_);
+    }
+  }
+}
+
+Eigen::MatrixXd KernelSum::operator()(const ColumnsView& targets, const ColumnsView& sources,
+                                      const ColumnsView& weights) const {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(targets.rows(), weights.cols());
+  parallel_for(targets.rows(), kTargetBlock, [&](Index begin, Index end) {
+    add(targets.middleRows(begin, end - begin), sources, weights,
+        out.middleRows(begin, end - begin));
+  });
+  return out;
+}
+
+Eigen::MatrixXd KernelSum::matrix(const ColumnsView& points) const {
+  const Index n = points.rows();
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Ones(1, 1);
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n, n);
+  parallel_for(n, 32, [&](Index begin, Index end) {
+    for (Index j = begin; j < end; ++j) add(points, points.middleRows(j, 1), one, result.col(j));
+  });
+  return result;
+}
+
+}  // namespace cadmorph

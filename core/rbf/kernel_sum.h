@@ -1,0 +1,48 @@
+#pragma once
+
+#include "core/rbf/kernel.h"
+#include "core/types.h"
+
+namespace cadmorph {
+
+/// Rows of a column-major matrix, without a copy.
+using ColumnsView = Eigen::Ref<const Eigen::MatrixXd>;
+
+/// Instruction sets that the kernel sums are compiled for.
+enum class InstructionSet { Baseline, Avx2, Avx512 };
+
+/// Best instruction set of this processor.
+InstructionSet best_instruction_set();
+
+/// Name as printed in reports: "baseline", "AVX2", "AVX-512".
+const char* name(InstructionSet set);
+
+/// Sums of a kernel over sources, for points in coordinates of about unit size (polyharmonic values
+/// below r = 1e-100 count as zero).
+class KernelSum {
+ public:
+  /// `log_scale` is added to the logarithm of even polyharmonics: of r in units of exp(-log_scale).
+  /// Throws InvalidInputError for a polyharmonic kernel with 2 k <= d, which is singular at 0, and
+  /// for a shape that is not positive.
+  explicit KernelSum(const Kernel& kernel, double log_scale = 0,
+                     InstructionSet set = best_instruction_set());
+
+  /// out(i, c) += sum_j weights(j, c) phi(|targets(i) - sources(j)|): T x D, S x D, S x M, T x M.
+  /// Serial; D at most 8.
+  void add(const ColumnsView& targets, const ColumnsView& sources, const ColumnsView& weights,
+           Eigen::Ref<Eigen::MatrixXd> out) const;
+
+  /// Returns the sums, T x M, computed on all threads. The result does not depend on their number.
+  Eigen::MatrixXd operator()(const ColumnsView& targets, const ColumnsView& sources,
+                             const ColumnsView& weights) const;
+
+  /// Returns phi(|x_i - x_j|), N x N, on all threads.
+  Eigen::MatrixXd matrix(const ColumnsView& points) const;
+
+ private:
+  Kernel kernel_;
+  double log_scale_;
+  InstructionSet set_;
+};
+
+}  // namespace cadmorph
