@@ -1,6 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <memory>
 #include <string>
 #include <vector>
@@ -81,6 +81,12 @@ struct SurfacePoint {
   Eigen::Vector3d point, du, dv;
 };
 
+/// S(u, v) with second derivatives.
+struct SurfaceCurvature {
+  SurfacePoint first;
+  Eigen::Vector3d duu, duv, dvv;
+};
+
 /// c(t) with its first derivative.
 struct CurvePoint {
   Eigen::Vector3d point, dt;
@@ -109,6 +115,7 @@ class CadModel {
   double diagonal() const { return (upper() - lower()).norm(); }
 
   SurfacePoint evaluate(int face, const Eigen::Vector2d& uv) const;
+  SurfaceCurvature evaluate_second(int face, const Eigen::Vector2d& uv) const;
   CurvePoint evaluate_edge(int edge, double t) const;
   Eigen::Vector2d pcurve(int coedge, double t) const;
 
@@ -120,6 +127,10 @@ class CadModel {
 
   /// Whether (u, v) lies inside the trimmed domain (polygons of the sampled pcurves).
   bool is_inside(int face, const Eigen::Vector2d& uv) const;
+
+  /// Values of u, ascending, where the wires of a face cross the line v = const. Between the first
+  /// and the second, the third and the fourth, ... the face lies; empty for a face without wires.
+  std::vector<double> crossings(int face, double v) const;
 
  private:
   std::unique_ptr<Impl> impl_;

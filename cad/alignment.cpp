@@ -1,0 +1,195 @@
+#include "cad/alignment.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "cad/curve_table.h"
+#include "cad/face_sampler.h"
+#include "cad/projector.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr int kFaceGrid = 12;
+constexpr int kCurveSamples = 64;
+// Of the diagonal: above the tolerance of exchanged B-Reps (1e-7 of a part's size), far below a design
+// change.
+constexpr double kCoincident = 1e-6;
+constexpr double kExactFit = 1e-7;
+
+EntityFeature face_feature(const CadModel& model, int face) {
+  const CadFace& f = model.faces()[face];
+  auto uv = sample_domain(model, face, kFaceGrid);
+  if (uv.empty())
+    for (const auto& wire : f.wires)
+      for (const int c : wire) {
+        const CadEdge& e = model.edges()[model.coedges()[c].edge];
+        uv.push_back(model.pcurve(c, 0.5 * (e.first + e.last)));
+      }
+  if (uv.empty()) uv.push_back(0.5 * (f.lower + f.upper));
+  Vector3d centre = Vector3d::Zero();
+  double area = 0;
+  for (const Vector2d& at : uv) {
+    const SurfacePoint s = model.evaluate(face, at);
+    const double weight = s.du.cross(s.dv).norm() + 1e-300;
+    centre += weight * s.point;
+    area += weight;
+  }
+  const double cell = (f.upper - f.lower).prod() / (kFaceGrid * kFaceGrid);
+  return {centre / area, std::sqrt(area * cell)};
+}
+
+EntityFeature curve_feature(const CadModel& model, int curve) {
+  const CurveTable table(model, curve);
+  Vector3d centre = Vector3d::Zero();
+  for (int i = 0; i < kCurveSamples; ++i) centre += table.point((i + 0.5) / kCurveSamples);
+  return {centre / kCurveSamples, table.length()};
+}
+
+bool spans_a_plane(const std::vector<Vector3d>& points) {
+  if (points.size() < 3) return false;
+  Vector3d mean = Vector3d::Zero();
+  for (const auto& p : points) mean += p / static_cast<double>(points.size());
+  Matrix3d scatter = Matrix3d::Zero();
+  for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
+  const Vector3d values = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
+  return values[1] > 1e-8 * values[2];
+}
+
+// Paired points to fit: corners if they determine a rotation, else curve centroids too, else all.
+void landmarks(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+               std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
+  const auto point = [](const CadModel& m, int corner) {
+    return m.vertices()[m.skeleton().corners[corner]].point;
+  };
+  for (std::size_t c = 0; c < match.corners.size(); ++c) {
+    from.push_back(point(base, static_cast<int>(c)));
+    to.push_back(point(variant, match.corners[c]));
+  }
+  if (spans_a_plane(from)) return;
+  for (std::size_t c = 0; c < match.curves.size(); ++c) {
+    from.push_back(curve_feature(base, static_cast<int>(c)).centre);
+    to.push_back(curve_feature(variant, match.curves[c]).centre);
+  }
+  if (spans_a_plane(from)) return;
+  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+    from.push_back(face_feature(base, static_cast<int>(f)).centre);
+    to.push_back(face_feature(variant, match.faces[f]).centre);
+  }
+}
+
+bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  const double tolerance = kCoincident * base.diagonal();
+  if ((base.lower() - variant.lower()).norm() > 0.1 * base.diagonal() ||
+      (base.upper() - variant.upper()).norm() > 0.1 * base.diagonal())
+    return false;
+  for (std::size_t c = 0; c < match.corners.size(); ++c)
+    if ((base.vertices()[base.skeleton().corners[c]].point -
+         variant.vertices()[variant.skeleton().corners[match.corners[c]]].point)
+            .norm() > tolerance)
+      return false;
+  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+    const auto uv = sample_domain(base, static_cast<int>(f), 3);
+    for (const Vector2d& at : uv)
+      if (project_globally(variant, match.faces[f], base.evaluate(static_cast<int>(f), at).point)
+              .distance > tolerance)
+        return false;
+  }
+  return true;
+}
+
+void equal_parameters(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+                      std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
+  constexpr int n = 4;
+  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+    const CadFace& a = base.faces()[f];
+    const CadFace& b = variant.faces()[match.faces[f]];
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        const Vector2d s((i + 0.5) / n, (j + 0.5) / n);
+        from.push_back(
+            base.evaluate(static_cast<int>(f), a.lower + s.cwiseProduct(a.upper - a.lower)).point);
+        to.push_back(
+            variant.evaluate(match.faces[f], b.lower + s.cwiseProduct(b.upper - b.lower)).point);
+      }
+  }
+}
+
+Vector3d mean_of(const std::vector<Vector3d>& points) {
+  Vector3d mean = Vector3d::Zero();
+  for (const auto& p : points) mean += p;
+  return mean / static_cast<double>(std::max<std::size_t>(points.size(), 1));
+}
+
+// Rotation of least angle among those that maximise trace(R C), C the cross-covariance.
+Matrix3d best_rotation(const Matrix3d& covariance) {
+  const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Vector3d s = svd.singularValues();
+  if (s[0] <= 1e-300) return Matrix3d::Identity();
+  if (s[1] <= 1e-8 * s[0])  // points on a line: turn its direction only
+    return Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0))
+        .toRotationMatrix();
+  Matrix3d sign = Matrix3d::Identity();
+  sign(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+  return svd.matrixU() * sign * svd.matrixV().transpose();
+}
+
+}  // namespace
+
+std::vector<EntityFeature> entity_features(const CadModel& model) {
+  std::vector<EntityFeature> features;
+  for (std::size_t f = 0; f < model.faces().size(); ++f)
+    features.push_back(face_feature(model, static_cast<int>(f)));
+  for (std::size_t c = 0; c < model.skeleton().curves.size(); ++c)
+    features.push_back(curve_feature(model, static_cast<int>(c)));
+  for (const int v : model.skeleton().corners) features.push_back({model.vertices()[v].point, 0});
+  return features;
+}
+
+Similarity fit_similarity(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to) {
+  Similarity s;
+  const Vector3d a = mean_of(from), b = mean_of(to);
+  Matrix3d covariance = Matrix3d::Zero();
+  double variance_from = 0, variance_to = 0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    covariance += (to[i] - b) * (from[i] - a).transpose();
+    variance_from += (from[i] - a).squaredNorm();
+    variance_to += (to[i] - b).squaredNorm();
+  }
+  s.rotation = best_rotation(covariance);
+  if (variance_from > 0 && variance_to > 0)
+    s.scale = (s.rotation.transpose() * covariance).trace() / variance_from;
+  if (!(s.scale > 0)) s.scale = 1;
+  s.translation = b - s.scale * (s.rotation * a);
+  return s;
+}
+
+double residual(const Similarity& s, const std::vector<Vector3d>& from,
+                const std::vector<Vector3d>& to) {
+  double sum = 0;
+  for (std::size_t i = 0; i < from.size(); ++i) sum += (s(from[i]) - to[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(from.size(), 1)));
+}
+
+Similarity align(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  if (coincide(base, variant, match)) return {};
+  std::vector<Vector3d> from, to;
+  equal_parameters(base, variant, match, from, to);
+  const Similarity by_parameters = fit_similarity(from, to);
+  if (residual(by_parameters, from, to) < kExactFit * variant.diagonal()) return by_parameters;
+  from.clear();
+  to.clear();
+  landmarks(base, variant, match, from, to);
+  Similarity fit = fit_similarity(from, to);
+  if (!spans_a_plane(from) && from.size() < 3) {
+    fit.scale = variant.diagonal() / base.diagonal();
+    fit.translation = mean_of(to) - fit.scale * (fit.rotation * mean_of(from));
+  }
+  return fit;
+}
+
+}  // namespace cadmorph

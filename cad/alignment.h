@@ -1,0 +1,30 @@
+#pragma once
+
+#include "cad/topology_match.h"
+
+namespace cadmorph {
+
+/// Position and size of a face, curve or corner, whatever its parametrisation.
+struct EntityFeature {
+  Eigen::Vector3d centre;  ///< area or length centroid, millimetres
+  double size;             ///< square root of the area, or the length, millimetres
+};
+
+/// Features of all faces, curves and corners, in the order of EntityGraph.
+std::vector<EntityFeature> entity_features(const CadModel& model);
+
+/// Least-squares similarity of paired points, rotation proper (Umeyama 1991). Where the points leave a
+/// rotation open (fewer than three, or on a line) the smallest one is taken.
+Similarity fit_similarity(const std::vector<Eigen::Vector3d>& from,
+                          const std::vector<Eigen::Vector3d>& to);
+
+/// Root mean square distance of s(from) to `to`.
+double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
+                const std::vector<Eigen::Vector3d>& to);
+
+/// Best similarity from base to variant for a match: the identity where the two models coincide as
+/// point sets; else the one that carries equal surface parameters onto each other, where it does so
+/// exactly; else the fit of corners, then of curve and face centroids.
+Similarity align(const CadModel& base, const CadModel& variant, const TopologyMatch& match);
+
+}  // namespace cadmorph

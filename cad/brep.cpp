@@ -1,0 +1,415 @@
+#include "cad/brep.h"
+
+#include <BRepLib.hxx>
+#include <BRepTools.hxx>
+#include <BRep_Tool.hxx>
+#include <Geom2d_BSplineCurve.hxx>
+#include <Geom2d_Curve.hxx>
+#include <Geom2d_Line.hxx>
+#include <Geom2d_TrimmedCurve.hxx>
+#include <GeomAdaptor_Surface.hxx>
+#include <Geom_Curve.hxx>
+#include <Geom_RectangularTrimmedSurface.hxx>
+#include <Geom_Surface.hxx>
+#include <TopExp.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopTools_IndexedMapOfShape.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Edge.hxx>
+#include <TopoDS_Face.hxx>
+#include <TopoDS_Iterator.hxx>
+#include <TopoDS_Shape.hxx>
+#include <TopoDS_Vertex.hxx>
+#include <TopoDS_Wire.hxx>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "cad/brep_builder.h"
+#include "cad/skeleton.h"
+#include "core/errors.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr int kEdgeSamples = 64;
+constexpr int kMaxPolygonSegments = 512;
+
+Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
+Vector3d to_eigen(const gp_Vec& v) { return {v.X(), v.Y(), v.Z()}; }
+Vector2d to_eigen(const gp_Pnt2d& p) { return {p.X(), p.Y()}; }
+
+struct Pcurve {
+  Handle(Geom2d_Curve) curve;
+  double first, last;  // of the pcurve
+  double edge_first, edge_last;
+
+  Vector2d operator()(double t) const {
+    const double span = edge_last - edge_first;
+    const bool same = first == edge_first && last == edge_last;
+    const double s = same || span == 0 ? t : first + (t - edge_first) / span * (last - first);
+    return to_eigen(curve->Value(s));
+  }
+};
+
+struct Segment {
+  Vector2d from, to;
+};
+
+SurfaceType surface_type(GeomAbs_SurfaceType type) {
+  switch (type) {
+    case GeomAbs_Plane: return SurfaceType::Plane;
+    case GeomAbs_Cylinder: return SurfaceType::Cylinder;
+    case GeomAbs_Cone: return SurfaceType::Cone;
+    case GeomAbs_Sphere: return SurfaceType::Sphere;
+    case GeomAbs_Torus: return SurfaceType::Torus;
+    case GeomAbs_BezierSurface:
+    case GeomAbs_BSplineSurface: return SurfaceType::BSpline;
+    default: return SurfaceType::Other;
+  }
+}
+
+int polygon_segments(const Pcurve& pcurve) {
+  Handle(Geom2d_Curve) curve = pcurve.curve;
+  while (const auto trimmed = Handle(Geom2d_TrimmedCurve)::DownCast(curve))
+    curve = trimmed->BasisCurve();
+  if (curve->IsKind(STANDARD_TYPE(Geom2d_Line))) return 1;
+  if (const auto spline = Handle(Geom2d_BSplineCurve)::DownCast(curve))
+    return std::min(kMaxPolygonSegments, std::max(32, 8 * spline->NbKnots()));
+  return 64;
+}
+
+// Angle that the wires wind round a point: 2 pi inside, 0 outside. Unlike ray crossings it bears the
+// small gaps that pcurves leave at vertices.
+double winding_angle(const std::vector<Segment>& polygon, const Vector2d& at) {
+  double winding = 0;
+  for (const Segment& s : polygon) {
+    const Vector2d a = s.from - at, b = s.to - at;
+    winding += std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
+  }
+  return winding;
+}
+
+}  // namespace
+
+const char* to_string(SurfaceType type) {
+  switch (type) {
+    case SurfaceType::Plane: return "plane";
+    case SurfaceType::Cylinder: return "cylinder";
+    case SurfaceType::Cone: return "cone";
+    case SurfaceType::Sphere: return "sphere";
+    case SurfaceType::Torus: return "torus";
+    case SurfaceType::BSpline: return "B-spline";
+    case SurfaceType::Other: break;
+  }
+  return "surface";
+}
+
+struct CadModel::Impl {
+  std::vector<CadFace> faces;
+  std::vector<CadEdge> edges;
+  std::vector<CadVertex> vertices;
+  std::vector<CadCoedge> coedges;
+  CadSkeleton skeleton;
+  int solids = 0;
+  std::string file_name, file_unit;
+  Vector3d lower = Vector3d::Constant(1e300), upper = Vector3d::Constant(-1e300);
+
+  std::vector<Handle(Geom_Surface)> surfaces;
+  std::vector<Handle(Geom_Curve)> curves;  // null for degenerate edges
+  std::vector<Pcurve> pcurves;             // a coedge
+  std::vector<std::vector<Segment>> polygons;  // a face, oriented: material to the left
+  std::vector<Vector2d> natural_period;        // of the untrimmed surface
+
+  void extend_bounds(const Vector3d& p) {
+    lower = lower.cwiseMin(p);
+    upper = upper.cwiseMax(p);
+  }
+};
+
+CadModel::CadModel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+CadModel::~CadModel() = default;
+CadModel::CadModel(CadModel&&) noexcept = default;
+CadModel& CadModel::operator=(CadModel&&) noexcept = default;
+
+const std::vector<CadFace>& CadModel::faces() const { return impl_->faces; }
+const std::vector<CadEdge>& CadModel::edges() const { return impl_->edges; }
+const std::vector<CadVertex>& CadModel::vertices() const { return impl_->vertices; }
+const std::vector<CadCoedge>& CadModel::coedges() const { return impl_->coedges; }
+const CadSkeleton& CadModel::skeleton() const { return impl_->skeleton; }
+int CadModel::solid_count() const { return impl_->solids; }
+const std::string& CadModel::file_name() const { return impl_->file_name; }
+const std::string& CadModel::file_unit() const { return impl_->file_unit; }
+const Vector3d& CadModel::lower() const { return impl_->lower; }
+const Vector3d& CadModel::upper() const { return impl_->upper; }
+
+SurfacePoint CadModel::evaluate(int face, const Vector2d& uv) const {
+  gp_Pnt p;
+  gp_Vec du, dv;
+  impl_->surfaces[face]->D1(uv.x(), uv.y(), p, du, dv);
+  return {to_eigen(p), to_eigen(du), to_eigen(dv)};
+}
+
+SurfaceCurvature CadModel::evaluate_second(int face, const Vector2d& uv) const {
+  gp_Pnt p;
+  gp_Vec du, dv, duu, dvv, duv;
+  impl_->surfaces[face]->D2(uv.x(), uv.y(), p, du, dv, duu, dvv, duv);
+  return {{to_eigen(p), to_eigen(du), to_eigen(dv)}, to_eigen(duu), to_eigen(duv), to_eigen(dvv)};
+}
+
+CurvePoint CadModel::evaluate_edge(int edge, double t) const {
+  if (impl_->curves[edge].IsNull())
+    return {vertices()[edges()[edge].start].point, Vector3d::Zero()};
+  gp_Pnt p;
+  gp_Vec dt;
+  impl_->curves[edge]->D1(t, p, dt);
+  return {to_eigen(p), to_eigen(dt)};
+}
+
+Vector2d CadModel::pcurve(int coedge, double t) const { return impl_->pcurves[coedge](t); }
+
+Vector3d CadModel::normal(int face, const Vector2d& uv) const {
+  const SurfacePoint s = evaluate(face, uv);
+  const Vector3d cross = s.du.cross(s.dv);
+  const double size = cross.norm();
+  if (size <= 1e-12 * s.du.norm() * s.dv.norm() || size == 0) return Vector3d::Zero();
+  return (faces()[face].is_reversed ? -1.0 : 1.0) / size * cross;
+}
+
+Vector2d CadModel::into_domain(int face, const Vector2d& uv) const {
+  const CadFace& f = faces()[face];
+  Vector2d shifted = uv;
+  for (int a = 0; a < 2; ++a) {
+    const double period = f.period[a] > 0 ? f.period[a] : impl_->natural_period[face][a];
+    if (period <= 0) continue;
+    const double middle = 0.5 * (f.lower[a] + f.upper[a]);
+    shifted[a] -= period * std::round((uv[a] - middle) / period);
+  }
+  return shifted;
+}
+
+bool CadModel::is_inside(int face, const Vector2d& uv) const {
+  const auto& polygon = impl_->polygons[face];
+  return polygon.empty() || winding_angle(polygon, into_domain(face, uv)) > std::numbers::pi;
+}
+
+std::vector<double> CadModel::crossings(int face, double v) const {
+  std::vector<double> u;
+  for (const Segment& s : impl_->polygons[face])
+    if ((s.from.y() <= v) != (s.to.y() <= v))
+      u.push_back(s.from.x() + (v - s.from.y()) / (s.to.y() - s.from.y()) * (s.to.x() - s.from.x()));
+  std::sort(u.begin(), u.end());
+  return u;
+}
+
+namespace {
+
+class ModelBuilder {
+ public:
+  ModelBuilder(const TopoDS_Shape& shape, const ShapeSource& source, CadModel::Impl& model)
+      : shape_(shape), source_(source), model_(model) {}
+
+  void build() {
+    BRepLib::BuildCurves3d(shape_);
+    map_shapes();
+    for (int i = 1; i <= vertices_.Extent(); ++i) add_vertex(TopoDS::Vertex(vertices_(i)));
+    for (int i = 1; i <= edges_.Extent(); ++i) add_edge(TopoDS::Edge(edges_(i)));
+    for (int i = 1; i <= faces_.Extent(); ++i) add_face(TopoDS::Face(faces_(i)));
+    mark_solids();
+    for (int f = 0; f < static_cast<int>(model_.faces.size()); ++f) finish_face(f);
+  }
+
+ private:
+  void map_shapes() {
+    TopTools_IndexedMapOfShape all;
+    TopExp::MapShapes(shape_, TopAbs_FACE, all);
+    for (int i = 1; i <= all.Extent(); ++i)
+      if (!BRep_Tool::Surface(TopoDS::Face(all(i))).IsNull()) faces_.Add(all(i));
+    if (faces_.IsEmpty())
+      throw CadError(source_.file_name + ": holds no face. Export the solid or its surfaces, not "
+                                         "curves or a drawing.");
+    for (int i = 1; i <= faces_.Extent(); ++i) {
+      TopExp::MapShapes(faces_(i), TopAbs_EDGE, edges_);
+      TopExp::MapShapes(faces_(i), TopAbs_VERTEX, vertices_);
+    }
+  }
+
+  void add_vertex(const TopoDS_Vertex& vertex) {
+    model_.vertices.push_back({to_eigen(BRep_Tool::Pnt(vertex)), BRep_Tool::Tolerance(vertex)});
+    model_.extend_bounds(model_.vertices.back().point);
+  }
+
+  void add_edge(const TopoDS_Edge& edge) {
+    const TopoDS_Edge forward = TopoDS::Edge(edge.Oriented(TopAbs_FORWARD));
+    CadEdge e{};
+    BRep_Tool::Range(forward, e.first, e.last);
+    TopoDS_Vertex start, end;
+    TopExp::Vertices(forward, start, end);
+    e.start = start.IsNull() ? -1 : vertices_.FindIndex(start) - 1;
+    e.end = end.IsNull() ? -1 : vertices_.FindIndex(end) - 1;
+    e.tolerance = BRep_Tool::Tolerance(forward);
+    double first, last;
+    const Handle(Geom_Curve) curve = BRep_Tool::Curve(forward, first, last);
+    e.is_degenerate = BRep_Tool::Degenerated(forward) || curve.IsNull();
+    model_.curves.push_back(e.is_degenerate ? Handle(Geom_Curve)() : curve);
+    if (!e.is_degenerate) {
+      e.first = first;
+      e.last = last;
+      e.length = length(curve, first, last);
+    }
+    model_.edges.push_back(e);
+  }
+
+  double length(const Handle(Geom_Curve) & curve, double first, double last) {
+    double sum = 0;
+    Vector3d previous = to_eigen(curve->Value(first));
+    for (int i = 1; i <= kEdgeSamples; ++i) {
+      const Vector3d p = to_eigen(curve->Value(first + (last - first) * i / kEdgeSamples));
+      sum += (p - previous).norm();
+      model_.extend_bounds(p);
+      previous = p;
+    }
+    return sum;
+  }
+
+  void add_face(const TopoDS_Face& oriented) {
+    const int id = static_cast<int>(model_.faces.size());
+    const TopoDS_Face face = TopoDS::Face(oriented.Oriented(TopAbs_FORWARD));
+    CadFace f{};
+    f.is_reversed = oriented.Orientation() == TopAbs_REVERSED;
+    f.tolerance = BRep_Tool::Tolerance(face);
+    f.solid = -1;
+    if (source_.face_name) f.name = source_.face_name(oriented);
+    const Handle(Geom_Surface) surface = BRep_Tool::Surface(face);
+    f.type = surface_type(GeomAdaptor_Surface(surface).GetType());
+    model_.surfaces.push_back(surface);
+    model_.natural_period.emplace_back(surface->IsUPeriodic() ? surface->UPeriod() : 0,
+                                       surface->IsVPeriodic() ? surface->VPeriod() : 0);
+    model_.polygons.emplace_back();
+    model_.faces.push_back(f);
+    for (TopoDS_Iterator it(face); it.More(); it.Next())
+      if (it.Value().ShapeType() == TopAbs_WIRE) add_wire(id, face, it.Value());
+  }
+
+  void add_wire(int id, const TopoDS_Face& face, const TopoDS_Shape& wire) {
+    std::vector<int> coedges;
+    for (TopExp_Explorer it(wire, TopAbs_EDGE); it.More(); it.Next()) {
+      const TopoDS_Edge edge = TopoDS::Edge(it.Current());
+      const int e = edges_.FindIndex(edge) - 1;
+      double first, last;
+      const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(edge, face, first, last);
+      if (curve.IsNull()) continue;
+      CadEdge& record = model_.edges[e];
+      if (record.is_degenerate) {
+        record.first = first;
+        record.last = last;
+      } else if (BRep_Tool::IsClosed(edge, face)) {
+        record.is_seam = true;
+      }
+      const bool is_reversed_in_face = edge.Orientation() == TopAbs_REVERSED;
+      const int c = static_cast<int>(model_.coedges.size());
+      model_.coedges.push_back({e, id, is_reversed_in_face != model_.faces[id].is_reversed});
+      model_.pcurves.push_back({curve, first, last, record.first, record.last});
+      record.coedges.push_back(c);
+      coedges.push_back(c);
+      add_polygon(id, model_.pcurves.back(), is_reversed_in_face);
+    }
+    if (!coedges.empty()) model_.faces[id].wires.push_back(std::move(coedges));
+  }
+
+  void add_polygon(int id, const Pcurve& pcurve, bool is_reversed) {
+    const int count = polygon_segments(pcurve);
+    Vector2d previous = pcurve(pcurve.edge_first);
+    for (int i = 1; i <= count; ++i) {
+      const double t =
+          pcurve.edge_first + (pcurve.edge_last - pcurve.edge_first) * i / static_cast<double>(count);
+      const Vector2d p = pcurve(t);
+      model_.polygons[id].push_back(is_reversed ? Segment{p, previous} : Segment{previous, p});
+      previous = p;
+    }
+  }
+
+  void mark_solids() {
+    for (TopExp_Explorer solid(shape_, TopAbs_SOLID); solid.More(); solid.Next()) {
+      for (TopExp_Explorer face(solid.Current(), TopAbs_FACE); face.More(); face.Next()) {
+        const int f = faces_.FindIndex(face.Current()) - 1;
+        if (f >= 0 && model_.faces[f].solid < 0) model_.faces[f].solid = model_.solids;
+      }
+      ++model_.solids;
+    }
+  }
+
+  void finish_face(int id) {
+    set_domain(id);
+    set_periods(id);
+    const CadFace& f = model_.faces[id];
+    constexpr int n = 8;
+    for (int i = 0; i <= n; ++i)
+      for (int j = 0; j <= n; ++j) {
+        const Vector2d uv = f.lower + Vector2d(i, j).cwiseProduct(f.upper - f.lower) / n;
+        if (is_inside(id, uv))
+          model_.extend_bounds(to_eigen(model_.surfaces[id]->Value(uv.x(), uv.y())));
+      }
+  }
+
+  // The polygons give tight bounds; a face without wires has the surface's own.
+  void set_domain(int id) {
+    CadFace& f = model_.faces[id];
+    if (model_.polygons[id].empty()) {
+      model_.surfaces[id]->Bounds(f.lower[0], f.upper[0], f.lower[1], f.upper[1]);
+      return;
+    }
+    f.lower.setConstant(1e300);
+    f.upper.setConstant(-1e300);
+    for (const Segment& s : model_.polygons[id]) {
+      f.lower = f.lower.cwiseMin(s.from);
+      f.upper = f.upper.cwiseMax(s.from);
+    }
+  }
+
+  // A face closes on itself where a seam's two pcurves stand a period apart.
+  void set_periods(int id) {
+    CadFace& f = model_.faces[id];
+    for (const auto& wire : f.wires)
+      for (std::size_t i = 0; i < wire.size(); ++i)
+        for (std::size_t j = i + 1; j < wire.size(); ++j) {
+          const int edge = model_.coedges[wire[i]].edge;
+          if (edge != model_.coedges[wire[j]].edge || !model_.edges[edge].is_seam) continue;
+          const double t = 0.5 * (model_.edges[edge].first + model_.edges[edge].last);
+          const Vector2d gap = (model_.pcurves[wire[i]](t) - model_.pcurves[wire[j]](t)).cwiseAbs();
+          const Vector2d size = f.upper - f.lower;
+          const int axis = gap.x() * size.y() > gap.y() * size.x() ? 0 : 1;
+          f.period[axis] = gap[axis];
+        }
+    if (model_.polygons[id].empty())
+      for (int a = 0; a < 2; ++a) f.period[a] = model_.natural_period[id][a];
+  }
+
+  bool is_inside(int id, const Vector2d& uv) const {
+    const auto& polygon = model_.polygons[id];
+    return polygon.empty() || winding_angle(polygon, uv) > std::numbers::pi;
+  }
+
+  const TopoDS_Shape& shape_;
+  const ShapeSource& source_;
+  CadModel::Impl& model_;
+  TopTools_IndexedMapOfShape faces_, edges_, vertices_;
+};
+
+}  // namespace
+
+CadModel build_model(const TopoDS_Shape& shape, const ShapeSource& source) {
+  auto impl = std::make_unique<CadModel::Impl>();
+  impl->file_name = source.file_name;
+  impl->file_unit = source.file_unit;
+  CadModel::Impl& data = *impl;
+  ModelBuilder(shape, source, data).build();
+  CadModel model(std::move(impl));
+  data.skeleton = build_skeleton(model);
+  return model;
+}
+
+}  // namespace cadmorph

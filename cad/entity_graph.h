@@ -1,0 +1,51 @@
+#pragma once
+
+#include "cad/brep.h"
+
+namespace cadmorph {
+
+/// The topology of a CAD model as a labelled graph. Nodes: faces, curves, corners, solids, and the
+/// uses of curves by faces; arcs run both ways with different labels.
+struct EntityGraph {
+  struct Arc {
+    int label, to;
+  };
+  int faces = 0, curves = 0, corners = 0;  ///< the first nodes, in this order
+  std::vector<int> kind;                   ///< a node
+  std::vector<std::vector<Arc>> arcs;      ///< a node
+
+  int size() const { return static_cast<int>(kind.size()); }
+  int curve_node(int curve) const { return faces + curve; }
+  int corner_node(int corner) const { return faces + curves + corner; }
+  int entity_count() const { return faces + curves + corners; }
+};
+
+/// Builds the graph. With `is_oriented`, the uses tell a curve's first corner from its last one as seen
+/// with the face to the left from outside: a mirrored copy then has another graph.
+EntityGraph build_graph(const CadModel& model, bool is_oriented);
+
+/// Joint colours of two graphs' nodes, refined until stable (Weisfeiler and Leman 1968): nodes of
+/// different colours can't correspond.
+class ColourRefinement {
+ public:
+  ColourRefinement(const EntityGraph& base, const EntityGraph& variant);
+
+  /// Declares base node b and variant node v counterparts.
+  void individualise(int b, int v);
+
+  /// Splits colours by neighbourhood until none changes. Returns is_balanced(). O(arcs) a round.
+  bool refine();
+
+  /// Whether each colour has as many nodes in the base as in the variant.
+  bool is_balanced() const;
+
+  const std::vector<int>& base_colours() const { return colours_[0]; }
+  const std::vector<int>& variant_colours() const { return colours_[1]; }
+
+ private:
+  const EntityGraph* graphs_[2];
+  std::vector<int> colours_[2];
+  int colour_count_ = 0;
+};
+
+}  // namespace cadmorph

@@ -1,0 +1,104 @@
+#include "cad/face_sampler.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector2d;
+
+struct Grid {
+  int nu, nv;
+};
+
+constexpr int kMinCurved = 5;
+constexpr int kMaxPerDirection = 2000;
+
+// Mean lengths of the iso-parametric lines, millimetres.
+Vector2d iso_lengths(const CadModel& model, int face) {
+  const CadFace& f = model.faces()[face];
+  constexpr int n = 5;
+  Vector2d sum = Vector2d::Zero();
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      const Vector2d at((i + 0.5) / n, (j + 0.5) / n);
+      const SurfacePoint s = model.evaluate(face, f.lower + at.cwiseProduct(f.upper - f.lower));
+      sum += Vector2d(s.du.norm(), s.dv.norm());
+    }
+  return (sum / (n * n)).cwiseProduct(f.upper - f.lower);
+}
+
+Grid grid_for(const CadModel& model, int face, const Vector2d& lengths, double spacing) {
+  const int least = model.faces()[face].type == SurfaceType::Plane ? 2 : kMinCurved;
+  const auto count = [&](double length) {
+    return std::clamp(static_cast<int>(std::ceil(length / spacing)), least, kMaxPerDirection);
+  };
+  return {count(lengths[0]), count(lengths[1])};
+}
+
+void add_wire_samples(const CadModel& model, int face, double spacing, std::vector<Vector2d>& uv) {
+  for (const auto& wire : model.faces()[face].wires)
+    for (const int c : wire) {
+      const CadEdge& edge = model.edges()[model.coedges()[c].edge];
+      const int n = std::clamp(static_cast<int>(edge.length / spacing), 2, kMaxPerDirection);
+      for (int i = 0; i <= n; ++i)
+        uv.push_back(model.pcurve(c, edge.first + (edge.last - edge.first) * i / n));
+    }
+}
+
+std::vector<Vector2d> inside_grid(const CadModel& model, int face, const Grid& grid) {
+  const CadFace& f = model.faces()[face];
+  const Vector2d size = f.upper - f.lower;
+  std::vector<Vector2d> uv;
+  for (int j = 0; j < grid.nv; ++j) {
+    const double v = f.lower[1] + (j + 0.5) / grid.nv * size[1];
+    const std::vector<double> crossings = model.crossings(face, v);
+    for (int i = 0; i < grid.nu; ++i) {
+      const double u = f.lower[0] + (i + 0.5) / grid.nu * size[0];
+      const auto left = std::lower_bound(crossings.begin(), crossings.end(), u) - crossings.begin();
+      if (crossings.empty() || left % 2 == 1) uv.emplace_back(u, v);
+    }
+  }
+  return uv;
+}
+
+}  // namespace
+
+std::vector<Vector2d> sample_domain(const CadModel& model, int face, int n) {
+  return inside_grid(model, face, {n, n});
+}
+
+FaceSamples sample_faces(const CadModel& model, Index count) {
+  const int faces = static_cast<int>(model.faces().size());
+  std::vector<Vector2d> lengths(faces);
+  double area = 0;
+  for (int f = 0; f < faces; ++f) {
+    lengths[f] = iso_lengths(model, f);
+    area += lengths[f].prod();
+  }
+  FaceSamples samples;
+  samples.spacing = std::sqrt(area / static_cast<double>(std::max<Index>(count, 1)));
+  std::vector<std::vector<Vector2d>> uv(faces);
+  parallel_for(faces, 1, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      const int f = static_cast<int>(i);
+      uv[f] = inside_grid(model, f, grid_for(model, f, lengths[f], samples.spacing));
+      add_wire_samples(model, f, samples.spacing, uv[f]);
+    }
+  });
+  for (int f = 0; f < faces; ++f) {
+    samples.uv.insert(samples.uv.end(), uv[f].begin(), uv[f].end());
+    samples.face.insert(samples.face.end(), uv[f].size(), f);
+  }
+  samples.points.resize(static_cast<Index>(samples.uv.size()), 3);
+  parallel_for(samples.points.rows(), 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      samples.points.row(i) = model.evaluate(samples.face[i], samples.uv[i]).point;
+  });
+  return samples;
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,131 @@
+#include "cad/projector.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr int kMaxIterations = 40;
+constexpr double kStepTolerance = 1e-14;  // of the model's diagonal
+constexpr double kDomainMargin = 0.1;     // of the trimmed domain, beyond it
+constexpr int kSeedGrid = 16;
+
+Vector2d clamp_to_domain(const CadFace& face, const Vector2d& uv) {
+  Vector2d clamped = uv;
+  for (int a = 0; a < 2; ++a) {
+    if (face.period[a] > 0) continue;
+    const double margin = kDomainMargin * (face.upper[a] - face.lower[a]);
+    clamped[a] = std::clamp(uv[a], face.lower[a] - margin, face.upper[a] + margin);
+  }
+  return clamped;
+}
+
+// Newton direction of |S - x|^2 / 2, Gauss-Newton where the Hessian is not positive definite.
+Vector2d descent(const SurfaceCurvature& s, const Vector3d& r) {
+  const Vector2d gradient(r.dot(s.first.du), r.dot(s.first.dv));
+  Matrix2d gauss;
+  gauss << s.first.du.squaredNorm(), s.first.du.dot(s.first.dv), s.first.du.dot(s.first.dv),
+      s.first.dv.squaredNorm();
+  Matrix2d hessian = gauss;
+  hessian(0, 0) += r.dot(s.duu);
+  hessian(0, 1) += r.dot(s.duv);
+  hessian(1, 0) = hessian(0, 1);
+  hessian(1, 1) += r.dot(s.dvv);
+  const bool is_definite = hessian(0, 0) > 0 && hessian.determinant() >
+                                                    1e-12 * hessian(0, 0) * hessian(1, 1);
+  Matrix2d system = is_definite ? hessian : gauss;
+  // At a pole one derivative vanishes: keep the other direction, leave this one alone.
+  for (int a = 0; a < 2; ++a) system(a, a) += 1e-30 + 1e-15 * system.trace();
+  return -system.inverse() * gradient;
+}
+
+}  // namespace
+
+FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, const Vector2d& seed) {
+  const CadFace& f = model.faces()[face];
+  const double tolerance = kStepTolerance * model.diagonal();
+  Vector2d uv = seed;
+  SurfaceCurvature s = model.evaluate_second(face, uv);
+  double best = (s.first.point - x).squaredNorm();
+  for (int i = 0; i < kMaxIterations; ++i) {
+    Vector2d step = descent(s, s.first.point - x);
+    if (!step.allFinite()) break;
+    const Vector2d reach = f.upper - f.lower;
+    const double excess = (step.array().abs() / (0.25 * reach.array() + 1e-300)).maxCoeff();
+    if (excess > 1) step /= excess;
+    bool is_better = false;
+    Vector2d moved = Vector2d::Zero();
+    for (int halving = 0; halving < 12 && !is_better; ++halving, step *= 0.5) {
+      const Vector2d trial = clamp_to_domain(f, uv + step);
+      const SurfaceCurvature at = model.evaluate_second(face, trial);
+      const double squared = (at.first.point - x).squaredNorm();
+      if (squared > best && halving < 11) continue;
+      is_better = squared <= best;
+      if (!is_better) break;
+      moved = trial - uv;
+      uv = trial;
+      best = squared;
+      s = at;
+    }
+    if (!is_better || std::abs(moved.x()) * s.first.du.norm() +
+                              std::abs(moved.y()) * s.first.dv.norm() <
+                          tolerance)
+      break;
+  }
+  const Vector2d wrapped = model.into_domain(face, uv);
+  return {wrapped, s.first.point, std::sqrt(best)};
+}
+
+FaceFoot project_globally(const CadModel& model, int face, const Vector3d& x) {
+  const CadFace& f = model.faces()[face];
+  std::vector<std::pair<double, Vector2d>> seeds;
+  for (int i = 0; i <= kSeedGrid; ++i)
+    for (int j = 0; j <= kSeedGrid; ++j) {
+      const Vector2d uv = f.lower + Vector2d(i, j).cwiseProduct(f.upper - f.lower) / kSeedGrid;
+      seeds.emplace_back((model.evaluate(face, uv).point - x).squaredNorm(), uv);
+    }
+  const auto closer = [](const auto& a, const auto& b) { return a.first < b.first; };
+  std::partial_sort(seeds.begin(), seeds.begin() + 4, seeds.end(), closer);
+  FaceFoot best = project_on_face(model, face, x, seeds[0].second);
+  for (int i = 1; i < 4; ++i) {
+    const FaceFoot foot = project_on_face(model, face, x, seeds[i].second);
+    if (foot.distance < best.distance) best = foot;
+  }
+  return best;
+}
+
+EdgeFoot project_on_edge(const CadModel& model, int edge, const Vector3d& x, double seed) {
+  const CadEdge& e = model.edges()[edge];
+  const double tolerance = kStepTolerance * model.diagonal();
+  double t = std::clamp(seed, e.first, e.last);
+  CurvePoint c = model.evaluate_edge(edge, t);
+  double best = (c.point - x).squaredNorm();
+  for (int i = 0; i < kMaxIterations; ++i) {
+    const double speed = c.dt.squaredNorm();
+    if (speed == 0) break;
+    double step = -(c.point - x).dot(c.dt) / speed;  // Gauss-Newton: the residual is small
+    bool is_better = false;
+    double moved = 0;
+    for (int halving = 0; halving < 12 && !is_better; ++halving, step *= 0.5) {
+      const double trial = std::clamp(t + step, e.first, e.last);
+      const CurvePoint at = model.evaluate_edge(edge, trial);
+      const double squared = (at.point - x).squaredNorm();
+      if (squared > best) continue;
+      is_better = true;
+      moved = std::abs(trial - t);
+      t = trial;
+      best = squared;
+      c = at;
+    }
+    if (!is_better || moved * c.dt.norm() < tolerance) break;
+  }
+  return {edge, t, c.point, std::sqrt(best)};
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,117 @@
+#include "cad/skeleton.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cadmorph {
+namespace {
+
+// A joint that turns by more is a corner of the design, not a cut by the exporter.
+constexpr double kSmoothCosine = 0.94;  // 20 degrees
+
+struct EdgeEnd {
+  int edge;
+  bool is_start;
+};
+
+std::vector<std::vector<EdgeEnd>> edge_ends(const CadModel& model) {
+  std::vector<std::vector<EdgeEnd>> ends(model.vertices().size());
+  for (int e = 0; e < static_cast<int>(model.edges().size()); ++e) {
+    const CadEdge& edge = model.edges()[e];
+    if (!edge.is_physical()) continue;
+    if (edge.start >= 0) ends[edge.start].push_back({e, true});
+    if (edge.end >= 0) ends[edge.end].push_back({e, false});
+  }
+  return ends;
+}
+
+std::vector<int> adjacent_faces(const CadModel& model, int edge) {
+  std::vector<int> faces;
+  for (int c : model.edges()[edge].coedges) faces.push_back(model.coedges()[c].face);
+  std::sort(faces.begin(), faces.end());
+  return faces;
+}
+
+// Unit tangent at an end, pointing into the edge.
+Eigen::Vector3d inward_tangent(const CadModel& model, const EdgeEnd& end) {
+  const CadEdge& edge = model.edges()[end.edge];
+  const Eigen::Vector3d d = model.evaluate_edge(end.edge, end.is_start ? edge.first : edge.last).dt;
+  return (end.is_start ? 1.0 : -1.0) * d.normalized();
+}
+
+bool is_corner(const CadModel& model, const std::vector<EdgeEnd>& ends) {
+  if (ends.empty()) return false;
+  if (ends.size() != 2) return true;
+  if (adjacent_faces(model, ends[0].edge) != adjacent_faces(model, ends[1].edge)) return true;
+  return inward_tangent(model, ends[0]).dot(inward_tangent(model, ends[1])) > -kSmoothCosine;
+}
+
+class Chainer {
+ public:
+  explicit Chainer(const CadModel& model) : model_(model), ends_(edge_ends(model)) {}
+
+  CadSkeleton build() {
+    mark_corners();
+    skeleton_.curve_of_edge.assign(model_.edges().size(), -1);
+    for (int e = 0; e < static_cast<int>(model_.edges().size()); ++e)
+      if (model_.edges()[e].is_physical() && skeleton_.curve_of_edge[e] < 0) chain(e);
+    return std::move(skeleton_);
+  }
+
+ private:
+  void mark_corners() {
+    skeleton_.corner_of_vertex.assign(model_.vertices().size(), -1);
+    for (int v = 0; v < static_cast<int>(model_.vertices().size()); ++v)
+      if (is_corner(model_, ends_[v])) {
+        skeleton_.corner_of_vertex[v] = static_cast<int>(skeleton_.corners.size());
+        skeleton_.corners.push_back(v);
+      }
+  }
+
+  int end_vertex(const CurveLink& link) const {
+    const CadEdge& edge = model_.edges()[link.edge];
+    return link.is_reversed ? edge.start : edge.end;
+  }
+
+  bool is_corner_vertex(int v) const { return v < 0 || skeleton_.corner_of_vertex[v] >= 0; }
+
+  // The link that goes on at the end of `link`; its edge is -1 at a corner.
+  CurveLink next(const CurveLink& link) const {
+    const int v = end_vertex(link);
+    if (is_corner_vertex(v)) return {-1, false};
+    const auto& ends = ends_[v];
+    const bool came_by_first = ends[0].edge == link.edge && ends[0].is_start == link.is_reversed;
+    const EdgeEnd& go = came_by_first ? ends[1] : ends[0];
+    return {go.edge, !go.is_start};
+  }
+
+  void chain(int seed) {
+    CurveLink first{seed, false};
+    for (CurveLink back = next({seed, true}); back.edge >= 0 && back.edge != seed; back = next(back))
+      first = {back.edge, !back.is_reversed};
+    CadCurve curve;
+    for (CurveLink link = first;;) {
+      curve.links.push_back(link);
+      curve.length += model_.edges()[link.edge].length;
+      skeleton_.curve_of_edge[link.edge] = static_cast<int>(skeleton_.curves.size());
+      link = next(link);
+      if (link.edge < 0 || link.edge == first.edge) break;
+    }
+    curve.start = corner(end_vertex({first.edge, !first.is_reversed}));
+    curve.end = corner(end_vertex(curve.links.back()));
+    curve.faces = adjacent_faces(model_, first.edge);
+    skeleton_.curves.push_back(std::move(curve));
+  }
+
+  int corner(int vertex) const { return vertex < 0 ? -1 : skeleton_.corner_of_vertex[vertex]; }
+
+  const CadModel& model_;
+  std::vector<std::vector<EdgeEnd>> ends_;
+  CadSkeleton skeleton_;
+};
+
+}  // namespace
+
+CadSkeleton build_skeleton(const CadModel& model) { return Chainer(model).build(); }
+
+}  // namespace cadmorph

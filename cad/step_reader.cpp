@@ -1,0 +1,94 @@
+#include "cad/step_reader.h"
+
+#include <Interface_Static.hxx>
+#include <Message.hxx>
+#include <Message_Messenger.hxx>
+#include <STEPControl_Reader.hxx>
+#include <Standard_Failure.hxx>
+#include <StepRepr_RepresentationItem.hxx>
+#include <TColStd_SequenceOfAsciiString.hxx>
+#include <TCollection_HAsciiString.hxx>
+#include <TopoDS_Face.hxx>
+#include <XSControl_TransferReader.hxx>
+#include <XSControl_WorkSession.hxx>
+#include <algorithm>
+#include <fstream>
+
+#include "cad/brep_builder.h"
+#include "core/errors.h"
+
+namespace cadmorph {
+namespace {
+
+constexpr std::string_view kStart = "ISO-10303-21";
+constexpr std::string_view kEnd = "END-ISO-10303-21";
+constexpr std::streamoff kEndSearch = 4096;  // room for comments and blank lines after the end
+
+std::string read_part(std::ifstream& in, std::streamoff from, std::streamoff count) {
+  std::string part(static_cast<std::size_t>(count), '\0');
+  in.seekg(from);
+  in.read(part.data(), count);
+  part.resize(static_cast<std::size_t>(in.gcount()));
+  in.clear();
+  return part;
+}
+
+// OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
+void check_frame(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  if (!std::filesystem::exists(path))
+    throw IoError(name + ": no such file. Check the path of the STEP file.");
+  if (std::filesystem::is_directory(path)) throw IoError(name + " is a folder, not a STEP file.");
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  if (!in) throw IoError(name + ": can't be opened. Check its permissions.");
+  const std::streamoff size = in.tellg();
+  const auto piece = std::min<std::streamoff>(size, kEndSearch);
+  if (read_part(in, 0, piece).find(kStart) == std::string::npos)
+    throw CadError(name + ": not a STEP file (no ISO-10303-21 header). Export the part as STEP "
+                          "AP203, AP214 or AP242.");
+  if (read_part(in, size - piece, piece).find(kEnd) == std::string::npos)
+    throw CadError(name + ": truncated (no END-ISO-10303-21 at its end). The export or the copy was "
+                          "interrupted; write the file again.");
+}
+
+std::string length_units(STEPControl_Reader& reader) {
+  TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
+  reader.FileUnits(lengths, angles, solid_angles);
+  std::string units;
+  for (const auto& unit : lengths) units += (units.empty() ? "" : ", ") + std::string(unit.ToCString());
+  return units.empty() ? "unknown" : units;
+}
+
+}  // namespace
+
+CadModel read_step(const std::filesystem::path& path) {
+  check_frame(path);
+  Message::DefaultMessenger()->ChangePrinters().Clear();
+  const std::string name = path.string();
+  try {
+    STEPControl_Reader reader;
+    Interface_Static::SetCVal("xstep.cascade.unit", "MM");
+    if (reader.ReadFile(name.c_str()) != IFSelect_RetDone)
+      throw CadError(name + ": the STEP reader rejects it (syntax error or damaged data). Export the "
+                            "part again.");
+    const std::string unit = length_units(reader);
+    reader.TransferRoots();
+    const TopoDS_Shape shape = reader.OneShape();
+    if (shape.IsNull())
+      throw CadError(name + ": holds no shape. The DATA section is empty or has only drawings; export "
+                            "the solid or the surfaces.");
+    const auto transfer = reader.WS()->TransferReader();
+    const auto names = [&](const TopoDS_Face& face) -> std::string {
+      const auto item = Handle(StepRepr_RepresentationItem)::DownCast(
+          transfer->EntityFromShapeResult(face, 1));
+      if (item.IsNull() || item->Name().IsNull()) return {};
+      return item->Name()->ToCString();
+    };
+    return build_model(shape, {name, unit, names});
+  } catch (const Standard_Failure& failure) {
+    throw CadError(name + ": OCCT fails to read it (" + failure.GetMessageString() +
+                   "). Export the part again.");
+  }
+}
+
+}  // namespace cadmorph
