@@ -15,13 +15,19 @@ struct VolumeMorphOptions {
 class VolumeMorph {
  public:
   /// `surface_nodes`: ids of the m nodes whose positions are prescribed. The local length of each
-  /// is its shortest incident mesh edge.
+  /// is its shortest incident mesh edge. Where every node is prescribed (shell meshes) no system is
+  /// set up. Throws InvalidInputError on an empty set, an id out of range or one named twice, and
+  /// what RbfSystem throws.
   VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes, VolumeMorphOptions options = {});
 
-  /// Returns the positions of all nodes (N x 3); surface nodes exactly at `surface_positions` (m x 3).
-  Points morph(const Points& surface_positions) const;
+  /// Returns the positions of all nodes (N x 3); surface nodes exactly at `surface_positions` (m x
+  /// 3). Throws InvalidInputError on a wrong size or a position that is not finite, and what
+  /// RbfSystem::solve throws. `report`, if given, takes the figures of this solve.
+  Points morph(const Points& surface_positions, RbfReport* report = nullptr) const;
 
   const RbfReport& report() const;
+  const std::vector<Index>& surface_nodes() const;
+  const VolumeMorphOptions& options() const;
 
  private:
   struct Impl;

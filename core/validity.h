@@ -1,0 +1,26 @@
+#pragma once
+
+#include "core/quality.h"
+
+namespace cadmorph {
+
+/// What the exact validity test found.
+struct ValidityReport {
+  Index cells = 0;      ///< solid cells tested
+  Index invalid = 0;    ///< cells whose Jacobian determinant is not positive everywhere
+  Index undecided = 0;  ///< of these: touching zero so closely that no sign could be proved
+  std::vector<Index> invalid_cells;  ///< ids, ascending
+};
+
+/// Tests whether the map of each solid cell is valid at node positions `points` (N x 3): its
+/// Jacobian determinant, times the orientation of its type, is positive in the whole cell. Positive
+/// corners, as counted by measure_quality, do not suffice for hexahedra and quadratic cells.
+/// Tetrahedra: by the exact sign of the volume. Cells with a polynomial map: the Bernstein
+/// coefficients bound the determinant; the cell is cut in parts until all are positive or a value
+/// is not (Johnen, Remacle, Geuzaine 2013). Polyhedra: each face's pyramid over the centroid of the
+/// nodes has positive volume. A cell that names a node twice (a hexahedron collapsed to a wedge)
+/// may vanish where it collapses. Shell, line and vertex cells are not tested. Parallel; O(cells).
+ValidityReport check_validity(const Mesh& mesh, const Points& points,
+                              const Orientation& orientation);
+
+}  // namespace cadmorph

@@ -1,0 +1,101 @@
+#include "volume/stepping.h"
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+
+#include "core/errors.h"
+
+namespace cadmorph {
+namespace {
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+void check_options(const SteppingOptions& options) {
+  if (options.steps < 0 || options.max_steps < 1)
+    throw InvalidInputError("the number of steps must be at least 1");
+}
+
+SurfacePath linear_path(const Mesh& mesh, const std::vector<Index>& nodes, const Points& target) {
+  Points start(nodes.size(), 3);
+  for (std::size_t i = 0; i < nodes.size(); ++i) start.row(i) = mesh.points.row(nodes[i]);
+  return [start = std::move(start), &target](double s) -> Points {
+    return start + s * (target - start);
+  };
+}
+
+class Stepper {
+ public:
+  Stepper(const Mesh& mesh, const VolumeMorph& first, const Points& target, SurfacePath path)
+      : mesh_(mesh), first_(first), target_(target), path_(std::move(path)) {}
+
+  Points run(int steps, RbfReport& rbf) {
+    Points positions = first_.morph(at(1, steps), &rbf);
+    if (steps == 1) return positions;
+    Mesh moved = mesh_;
+    for (int step = 2; step <= steps; ++step) {
+      moved.points = std::move(positions);
+      const auto start = std::chrono::steady_clock::now();
+      const VolumeMorph morph(moved, first_.surface_nodes(), first_.options());
+      seconds_set_up_ += seconds_since(start);
+      positions = morph.morph(at(step, steps), &rbf);
+    }
+    return positions;
+  }
+
+  double seconds_set_up() const { return seconds_set_up_; }
+
+ private:
+  Points at(int step, int steps) const {
+    return step == steps ? target_ : path_(static_cast<double>(step) / steps);
+  }
+
+  const Mesh& mesh_;
+  const VolumeMorph& first_;
+  const Points& target_;
+  SurfacePath path_;
+  double seconds_set_up_ = 0;
+};
+
+}  // namespace
+
+SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
+                              const Points& surface_positions, const Orientation& orientation,
+                              const SteppingOptions& options, const SurfacePath& path) {
+  check_options(options);
+  Stepper stepper(mesh, first, surface_positions,
+                  path ? path : linear_path(mesh, first.surface_nodes(), surface_positions));
+  const int fewest = std::max(options.steps, 1);
+  const int most = options.steps > 0 ? options.steps : options.max_steps;
+  std::optional<Index> unavoidable;
+  SteppingResult best;
+  SteppingReport& report = best.report;
+  for (int steps = fewest; steps <= most; ++steps) {
+    RbfReport rbf;
+    Points positions;
+    try {
+      positions = stepper.run(steps, rbf);
+    } catch (const SolverError&) {
+      if (steps == fewest) throw;
+      break;
+    }
+    ValidityReport validity = check_validity(mesh, positions, orientation);
+    const Index inverted = validity.invalid;
+    report.attempts.push_back({steps, inverted});
+    if (report.attempts.size() == 1 || inverted < report.validity.invalid) {
+      best.positions = std::move(positions);
+      report.steps = steps;
+      report.validity = std::move(validity);
+      report.rbf = std::move(rbf);
+    }
+    if (inverted == 0) break;
+    if (!unavoidable) unavoidable = check_validity(mesh, mesh.points, orientation).invalid;
+    if (inverted <= *unavoidable) break;
+  }
+  report.seconds_set_up = stepper.seconds_set_up();
+  return best;
+}
+
+}  // namespace cadmorph

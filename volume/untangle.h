@@ -1,0 +1,48 @@
+#pragma once
+
+#include "core/progress.h"
+#include "core/validity.h"
+
+namespace cadmorph {
+
+struct UntangleOptions {
+  /// Rings of cells around the inverted ones whose nodes move; doubled while any remains inverted.
+  int rings = 2;
+  /// Neighbourhoods grow up to this many times.
+  int attempts = 5;
+  /// Minimisations a neighbourhood gets, each with the next smaller regularisation.
+  int outer_iterations = 60;
+  /// Steps of one minimisation.
+  int inner_iterations = 150;
+  /// Valid cells to improve beside the invalid ones, and their neighbourhoods.
+  std::vector<Index> poor_cells;
+  Progress progress;
+};
+
+struct UntangleReport {
+  Index before = 0;  ///< invalid cells
+  Index after = 0;
+  Index moved_nodes = 0;  ///< free nodes of the last neighbourhood
+  int rings = 0;          ///< size of the last neighbourhood
+  double max_move = 0;    ///< largest change of a node's position, in the mesh's unit
+  double seconds = 0;
+  ValidityReport validity;
+};
+
+struct UntangleResult {
+  Points positions;
+  UntangleReport report;
+};
+
+/// Moves volume nodes near invalid cells so that all cells become valid (Garanzha, Kaporin,
+/// Kudryavtseva, Protais, Ray, Sokolov: Foldover-free maps in 50 lines of code, ACM TOG 2021). The
+/// cells of the base mesh (`mesh.points`) are the shapes to stay near to: the map from base to
+/// moved cell has the smallest sum of distortion, sampled at the points that determine its Jacobian
+/// determinant. Starts at `positions` (N x 3). Nodes with `is_fixed` true (N) do not move, nor do
+/// nodes of cells without a polynomial map (polyhedra). When some cells stay invalid, the positions
+/// with the fewest are returned: `report.after` tells. Nothing moves when all are valid.
+UntangleResult untangle(const Mesh& mesh, const Points& positions,
+                        const std::vector<char>& is_fixed, const Orientation& orientation,
+                        const UntangleOptions& options = {});
+
+}  // namespace cadmorph
