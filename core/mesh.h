@@ -11,9 +11,12 @@ namespace cadmorph {
 /// Cell types by VTK's numbers. Node orders are VTK's.
 enum class CellType : std::uint8_t {
   Vertex = 1,
+  PolyVertex = 2,
   Line = 3,
+  PolyLine = 4,
   Triangle = 5,
   Polygon = 7,
+  Pixel = 8,
   Quad = 9,
   Tetra = 10,
   Voxel = 11,
@@ -54,15 +57,17 @@ struct Mesh {
   Index node_count() const { return points.rows(); }
   Index cell_count() const { return static_cast<Index>(types.size()); }
   std::span<const Index> cell(Index c) const {
-    return {connectivity.data() + offsets[c], static_cast<std::size_t>(offsets[c + 1] - offsets[c])};
+    return {connectivity.data() + offsets[c],
+            static_cast<std::size_t>(offsets[c + 1] - offsets[c])};
   }
   int region(Index c) const { return regions.empty() ? 0 : regions[c]; }
 };
 
-/// Topological dimension of a cell type: 0 vertex, 1 line, 2 shell, 3 solid.
+/// Topological dimension of a cell type: 0 vertex, 1 line, 2 shell, 3 solid; -1 for a number that
+/// is no CellType.
 int dimension(CellType type);
 
-/// Highest dimension of any cell of the mesh.
+/// Highest dimension of any cell of the mesh; -1 when it has none.
 int dimension(const Mesh& mesh);
 
 /// One face of a solid cell, or a shell cell itself.
@@ -78,8 +83,8 @@ std::vector<Facet> cell_facets(const Mesh& mesh, Index c);
 /// Number of corner nodes at the front of a facet's node list (3 for a quadratic triangle).
 int corner_count(CellType type, Index node_count);
 
-/// Checks sizes, ids and finiteness; throws InvalidInputError that names the first offending node or
-/// cell. An empty mesh is an error too.
+/// Checks sizes, ids and finiteness; throws InvalidInputError that names the first offending node
+/// or cell. An empty mesh is an error too.
 void check_mesh(const Mesh& mesh);
 
 }  // namespace cadmorph

@@ -16,8 +16,8 @@ struct ExtraArrays {
   std::map<std::string, std::vector<int>> cell_integers;
 };
 
-/// A mesh file held open: its mesh, and everything else in it (arrays, field data, names, types), so
-/// that a copy with other coordinates loses nothing.
+/// A mesh file held open: its mesh, and everything else in it (arrays, field data, names, types),
+/// so that a copy with other coordinates loses nothing.
 class MeshFile {
  public:
   /// Reads a .vtu (ascii, binary, appended, compressed; XML) or legacy .vtk unstructured grid.
@@ -31,9 +31,9 @@ class MeshFile {
   const Mesh& mesh() const;
   const std::filesystem::path& path() const;
 
-  /// Writes a copy with only the coordinates replaced (as float64) and `extra` added, in the input's
-  /// own format and compressor. The file appears whole or not at all: written beside `path`,
-  /// flushed to disk, then renamed. Throws IoError, leaving nothing behind.
+  /// Writes a copy with only the coordinates replaced (as float64) and `extra` added, in the
+  /// input's own format and compressor. The file appears whole or not at all: written beside
+  /// `path`, flushed to disk, then renamed. Throws IoError, leaving nothing behind.
   void write(const std::filesystem::path& path, const Points& points,
              const ExtraArrays& extra = {}) const;
 

@@ -1,0 +1,580 @@
+#include "core/quality.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <string>
+
+#include "core/cell_topology.h"
+#include "core/errors.h"
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+using enum CellType;
+using Vec = Eigen::Vector3d;
+
+constexpr double kSqrt2 = std::numbers::sqrt2;
+constexpr double kTwoOverSqrt3 = 2.0 * std::numbers::inv_sqrt3;
+constexpr Index kGrain = 4096;  // cells a task: some hundred microseconds
+
+double determinant(const Vec& a, const Vec& b, const Vec& c) { return a.dot(b.cross(c)); }
+
+/// What the samples of one cell add up to.
+struct CellMeasure {
+  double value = 1;  ///< smallest scaled determinant
+  bool is_inverted = false;
+  double determinants = 0;  ///< their sum: its sign tells the handedness of the node order
+
+  /// Takes in one sample; `unit` is the determinant's value in the ideal cell of the same lengths.
+  void add(double det, double unit) {
+    add_value(det, unit);
+    determinants += det;
+    if (!(det > 0)) is_inverted = true;
+  }
+  void add_value(double det, double unit) {
+    value = std::min(value, unit > 0 ? std::max(det / unit, -1.0) : 0.0);
+  }
+};
+
+/// Positions of a cell's nodes.
+struct CellPoints {
+  const Points& points;
+  std::span<const Index> nodes;
+  Vec operator[](int i) const { return points.row(nodes[i]).transpose(); }
+};
+
+/// Largest product of the lengths of two edges of the triangle (0, a, b).
+double largest_edge_product(const Vec& a, const Vec& b) {
+  const double la = a.norm(), lb = b.norm(), lc = (b - a).norm();
+  return std::max({la * lb, lb * lc, lc * la});
+}
+
+/// Tetrahedron (0, a, b, c): Verdict's tet.
+void add_tetra(CellMeasure& m, const Vec& a, const Vec& b, const Vec& c, double sign) {
+  const double aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
+  const double ab = (b - a).squaredNorm(), bc = (c - b).squaredNorm(), ca = (a - c).squaredNorm();
+  const double largest = std::max({aa * bb * cc, aa * ab * ca, bb * ab * bc, cc * bc * ca});
+  m.add(sign * determinant(a, b, c), std::sqrt(largest) / kSqrt2);
+}
+
+/// Corner with three edges whose determinant is `ideal` in the ideal cell with unit edges.
+void add_corner(CellMeasure& m, const Vec& a, const Vec& b, const Vec& c, double ideal,
+                double sign) {
+  m.add(sign * determinant(a, b, c),
+        ideal * std::sqrt(a.squaredNorm() * b.squaredNorm() * c.squaredNorm()));
+}
+
+void measure_tetra(CellMeasure& m, const CellPoints& p, double sign) {
+  const Vec origin = p[0];
+  add_tetra(m, p[1] - origin, p[2] - origin, p[3] - origin, sign);
+}
+
+void measure_hexahedron(CellMeasure& m, const std::array<Vec, 8>& x, double sign) {
+  constexpr int kCorners[8][4] = {{0, 1, 3, 4}, {1, 2, 0, 5}, {2, 3, 1, 6}, {3, 0, 2, 7},
+                                  {4, 7, 5, 0}, {5, 4, 6, 1}, {6, 5, 7, 2}, {7, 6, 4, 3}};
+  for (const auto& k : kCorners)
+    add_corner(m, x[k[1]] - x[k[0]], x[k[2]] - x[k[0]], x[k[3]] - x[k[0]], 1, sign);
+  const Vec a = x[1] + x[2] + x[5] + x[6] - x[0] - x[3] - x[4] - x[7];
+  const Vec b = x[2] + x[3] + x[6] + x[7] - x[0] - x[1] - x[4] - x[5];
+  const Vec c = x[4] + x[5] + x[6] + x[7] - x[0] - x[1] - x[2] - x[3];
+  m.add_value(sign * determinant(a, b, c), a.norm() * b.norm() * c.norm());
+}
+
+// VTK's wedge has the normal of (0, 1, 2) point away from (3, 4, 5).
+void measure_wedge(CellMeasure& m, const CellPoints& p, double sign) {
+  constexpr int kCorners[6][4] = {{0, 2, 1, 3}, {1, 0, 2, 4}, {2, 1, 0, 5},
+                                  {3, 4, 5, 0}, {4, 5, 3, 1}, {5, 3, 4, 2}};
+  for (const auto& k : kCorners) {
+    const Vec x = p[k[0]];
+    add_corner(m, p[k[1]] - x, p[k[2]] - x, p[k[3]] - x, 1 / kTwoOverSqrt3, sign);
+  }
+}
+
+/// Apex of a pyramid: `edges` run from it to the corners of the base.
+void add_apex(CellMeasure& m, const std::array<Vec, 4>& edges, double sign) {
+  for (int i = 0; i < 4; ++i)
+    add_corner(m, edges[i], edges[(i + 3) % 4], edges[(i + 2) % 4], 1 / kSqrt2, sign);
+}
+
+void measure_pyramid(CellMeasure& m, const CellPoints& p, double sign) {
+  const Vec apex = p[4];
+  std::array<Vec, 4> edges;
+  for (int i = 0; i < 4; ++i) {
+    const Vec x = p[i];
+    edges[i] = x - apex;
+    add_corner(m, p[(i + 1) % 4] - x, p[(i + 3) % 4] - x, apex - x, 1 / kSqrt2, sign);
+  }
+  add_apex(m, edges, sign);
+}
+
+Vec mean(const Points& points, std::span<const Index> nodes) {
+  Vec sum = Vec::Zero();
+  for (Index node : nodes) sum += points.row(node).transpose();
+  return sum / static_cast<double>(nodes.size());
+}
+
+/// Sine of the angle under which a side of a regular polygon is seen from its centre.
+double regular_sine(std::size_t sides) {
+  return std::sin(2 * std::numbers::pi / static_cast<double>(sides));
+}
+
+void measure_polyhedron(CellMeasure& m, const Mesh& mesh, const Points& points, Index c,
+                        double sign) {
+  const Vec centre = mean(points, mesh.cell(c));
+  for_each_polyhedron_face(mesh, c, [&](std::span<const Index> face) {
+    const Vec middle = mean(points, face);
+    const double ideal = regular_sine(face.size());
+    Vec a = points.row(face.back()).transpose() - middle;
+    for (Index node : face) {
+      const Vec b = points.row(node).transpose() - middle;
+      add_corner(m, middle - centre, a, b, ideal, sign);
+      a = b;
+    }
+  });
+}
+
+void measure_triangle(CellMeasure& m, const CellPoints& p) {
+  const Vec a = p[1] - p[0], b = p[2] - p[0];
+  m.add(a.cross(b).norm(), largest_edge_product(a, b) / kTwoOverSqrt3);
+}
+
+void measure_quad(CellMeasure& m, const std::array<Vec, 4>& x) {
+  const Vec normal = (x[2] - x[0]).cross(x[3] - x[1]).normalized();
+  for (int i = 0; i < 4; ++i) {
+    const Vec a = x[(i + 1) % 4] - x[i], b = x[(i + 3) % 4] - x[i];
+    m.add(normal.dot(a.cross(b)), a.norm() * b.norm());
+  }
+}
+
+void measure_polygon(CellMeasure& m, const CellPoints& p) {
+  const auto count = static_cast<int>(p.nodes.size());
+  const Vec centre = mean(p.points, p.nodes);
+  Vec normal = Vec::Zero();
+  for (int i = 0; i < count; ++i) normal += (p[i] - centre).cross(p[(i + 1) % count] - centre);
+  normal.normalize();
+  for (int i = 0; i < count; ++i) {
+    const Vec a = p[i] - centre, b = p[(i + 1) % count] - centre;
+    m.add(normal.dot(a.cross(b)), regular_sine(count) * a.norm() * b.norm());
+  }
+}
+
+/// x^a y^b z^c / (1-z)^d.
+using Monomial = std::array<int, 4>;
+using Polynomial = std::vector<Monomial>;
+
+double power(double x, int exponent) { return exponent == 0 ? 1 : std::pow(x, exponent); }
+
+double value(const Monomial& m, const Vec& x) {
+  const double numerator = power(x[0], m[0]) * power(x[1], m[1]) * power(x[2], m[2]);
+  return numerator == 0 ? 0 : numerator / power(1 - x[2], m[3]);
+}
+
+Vec gradient(const Monomial& m, const Vec& x) {
+  Vec g = Vec::Zero();
+  for (int i = 0; i < 3; ++i) {
+    if (m[i] == 0) continue;
+    Monomial lower = m;
+    --lower[i];
+    g[i] = m[i] * value(lower, x);
+  }
+  if (m[3] > 0) g[2] += m[3] * value({m[0], m[1], m[2], m[3] + 1}, x);
+  return g;
+}
+
+enum class Shape { Simplex, Cube, Prism, Pyramid, Triangle, Quad };
+
+/// The isoparametric map of a quadratic cell type.
+struct Element {
+  Shape shape;
+  int nodes;
+  /// Per sample, nodes x 3: derivatives of the shape functions along the sample's three directions.
+  std::vector<Eigen::Matrix<double, Eigen::Dynamic, 3>> samples;
+};
+
+Shape shape_of(CellType type) {
+  switch (type) {
+    case QuadraticTetra:
+      return Shape::Simplex;
+    case QuadraticHexahedron:
+    case BiquadraticQuadraticHexahedron:
+    case TriquadraticHexahedron:
+      return Shape::Cube;
+    case QuadraticWedge:
+    case QuadraticLinearWedge:
+    case BiquadraticQuadraticWedge:
+      return Shape::Prism;
+    case QuadraticPyramid:
+      return Shape::Pyramid;
+    case QuadraticTriangle:
+    case BiquadraticTriangle:
+      return Shape::Triangle;
+    default:
+      return Shape::Quad;
+  }
+}
+
+/// Corners of the reference cell, right-handed for VTK's node order.
+std::vector<Vec> reference_corners(Shape shape) {
+  switch (shape) {
+    case Shape::Simplex:
+      return {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    case Shape::Cube:
+      return {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0},
+              {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}};
+    case Shape::Prism:
+      return {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 0, 1}, {0, 1, 1}, {1, 0, 1}};
+    case Shape::Pyramid:
+      return {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, {0, 0, 1}};
+    case Shape::Triangle:
+      return {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    case Shape::Quad:
+      return {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+  }
+  return {};
+}
+
+Vec centre_of(const std::vector<Vec>& corners) {
+  Vec sum = Vec::Zero();
+  for (const Vec& corner : corners) sum += corner;
+  return sum / static_cast<double>(corners.size());
+}
+
+/// Sets the reference positions of the mid nodes of one face from its corners.
+void place_mid_nodes(const LocalFace& face, std::vector<Vec>& nodes) {
+  const int corners = corner_count(face.type, face.count);
+  const int step = face.type == QuadraticLinearQuad ? 2 : 1;
+  const auto at = [&](int i) -> Vec& { return nodes[face.nodes[i]]; };
+  int next = corners;
+  for (int i = 0; i < corners && next < face.count; i += step, ++next)
+    at(next) = (at(i) + at((i + 1) % corners)) / 2;
+  if (next == face.count) return;
+  at(next) = Vec::Zero();
+  for (int i = 0; i < corners; ++i) at(next) += at(i) / corners;
+}
+
+std::vector<Vec> reference_nodes(CellType type) {
+  std::vector<Vec> nodes = reference_corners(shape_of(type));
+  nodes.resize(cell_node_count(type), centre_of(nodes));
+  for (const LocalFace& face : local_faces(type)) place_mid_nodes(face, nodes);
+  if (dimension(type) == 2)
+    place_mid_nodes({type, cell_node_count(type), {0, 1, 2, 3, 4, 5, 6, 7, 8}}, nodes);
+  return nodes;
+}
+
+/// Adds all x^a y^b z^c with a, b, c up to 2 that `accept` takes.
+template <class Accept>
+std::vector<Polynomial> monomials(Accept accept) {
+  std::vector<Polynomial> space;
+  for (int c = 0; c <= 2; ++c)
+    for (int b = 0; b <= 2; ++b)
+      for (int a = 0; a <= 2; ++a)
+        if (accept(a, b, c)) space.push_back({{a, b, c, 0}});
+  return space;
+}
+
+/// The polynomials that a type's shape functions span.
+std::vector<Polynomial> shape_space(CellType type) {
+  const auto squares = [](int a, int b, int c) { return (a == 2) + (b == 2) + (c == 2); };
+  switch (type) {
+    case QuadraticTetra:
+      return monomials([](int a, int b, int c) { return a + b + c <= 2; });
+    case QuadraticHexahedron:
+      return monomials([&](int a, int b, int c) { return squares(a, b, c) <= 1; });
+    case BiquadraticQuadraticHexahedron:
+      return monomials([&](int a, int b, int c) {
+        return squares(a, b, c) <= 1 || (squares(a, b, c) == 2 && c == 2);
+      });
+    case TriquadraticHexahedron:
+      return monomials([](int, int, int) { return true; });
+    case QuadraticWedge:
+      return monomials([](int a, int b, int c) { return a + b <= (c == 2 ? 1 : 2); });
+    case QuadraticLinearWedge:
+      return monomials([](int a, int b, int c) { return a + b <= 2 && c <= 1; });
+    case BiquadraticQuadraticWedge:
+      return monomials([](int a, int b, int) { return a + b <= 2; });
+    case QuadraticPyramid: {
+      auto space = monomials([](int a, int b, int c) { return a + b + c <= 2; });
+      for (const Monomial& m : {Monomial{1, 1, 0, 1}, {2, 1, 0, 1}, {1, 2, 0, 1}})
+        space.push_back({m});
+      return space;
+    }
+    case BiquadraticTriangle: {
+      auto space = monomials([](int a, int b, int c) { return a + b <= 2 && c == 0; });
+      space.push_back({{2, 1, 0, 0}, {1, 2, 0, 0}});
+      return space;
+    }
+    case QuadraticTriangle:
+      return monomials([](int a, int b, int c) { return a + b <= 2 && c == 0; });
+    case QuadraticLinearQuad:
+      return monomials([](int, int b, int c) { return b <= 1 && c == 0; });
+    case QuadraticQuad:
+      return monomials([&](int a, int b, int c) { return squares(a, b, c) <= 1 && c == 0; });
+    default:
+      return monomials([](int, int, int c) { return c == 0; });
+  }
+}
+
+/// Directions of the determinant at a reference point, as columns. In a pyramid the third runs to
+/// the apex, so that they are the edges at each corner.
+Eigen::Matrix3d directions(Shape shape, const Vec& x) {
+  Eigen::Matrix3d result = Eigen::Matrix3d::Identity();
+  if (shape == Shape::Pyramid) result.col(2) = Vec(0, 0, 1) - x;
+  return result;
+}
+
+Element make_element(CellType type) {
+  const std::vector<Vec> nodes = reference_nodes(type);
+  const std::vector<Polynomial> space = shape_space(type);
+  const auto count = static_cast<int>(nodes.size());
+  Element element{shape_of(type), count, {}};
+  Eigen::MatrixXd vandermonde = Eigen::MatrixXd::Zero(count, count);
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j < count; ++j)
+      for (const Monomial& m : space[j]) vandermonde(i, j) += value(m, nodes[i]);
+  const Eigen::MatrixXd coefficients = vandermonde.inverse();
+  std::vector<Vec> samples = nodes;
+  samples.push_back(centre_of(reference_corners(element.shape)));
+  for (const Vec& x : samples) {
+    if (element.shape == Shape::Pyramid && x[2] == 1) continue;
+    Eigen::MatrixXd derivatives = Eigen::MatrixXd::Zero(count, 3);
+    for (int j = 0; j < count; ++j)
+      for (const Monomial& m : space[j]) derivatives.row(j) += gradient(m, x).transpose();
+    element.samples.push_back(coefficients.transpose() * derivatives *
+                              directions(element.shape, x));
+  }
+  return element;
+}
+
+const Element& element_of(CellType type) {
+  static const std::map<CellType, Element> elements = [] {
+    std::map<CellType, Element> all;
+    for (CellType t : {QuadraticTetra, QuadraticHexahedron, BiquadraticQuadraticHexahedron,
+                       TriquadraticHexahedron, QuadraticWedge, QuadraticLinearWedge,
+                       BiquadraticQuadraticWedge, QuadraticPyramid, QuadraticTriangle,
+                       BiquadraticTriangle, QuadraticLinearQuad, QuadraticQuad, BiquadraticQuad})
+      all.emplace(t, make_element(t));
+    return all;
+  }();
+  return elements.at(type);
+}
+
+Eigen::Matrix3d jacobian(const CellPoints& p,
+                         const Eigen::Matrix<double, Eigen::Dynamic, 3>& derivatives) {
+  Eigen::Matrix3d j = Eigen::Matrix3d::Zero();
+  for (int i = 0; i < derivatives.rows(); ++i) j += p[i] * derivatives.row(i);
+  return j;
+}
+
+void add_sample(CellMeasure& m, Shape shape, const Eigen::Matrix3d& j, double sign) {
+  const Vec a = j.col(0), b = j.col(1), c = j.col(2);
+  switch (shape) {
+    case Shape::Simplex:
+      return add_tetra(m, a, b, c, sign);
+    case Shape::Prism:
+      return m.add(sign * determinant(a, b, c),
+                   largest_edge_product(a, b) * c.norm() / kTwoOverSqrt3);
+    case Shape::Pyramid:
+      return add_corner(m, a, b, c, 1 / kSqrt2, sign);
+    default:
+      return add_corner(m, a, b, c, 1, sign);
+  }
+}
+
+void measure_quadratic_solid(CellMeasure& m, const Element& element, const CellPoints& p,
+                             double sign) {
+  for (const auto& sample : element.samples)
+    add_sample(m, element.shape, jacobian(p, sample), sign);
+  if (element.shape != Shape::Pyramid) return;
+  std::array<Vec, 4> tangents;
+  for (int i = 0; i < 4; ++i) tangents[i] = 4 * p[9 + i] - 3 * p[4] - p[i];
+  add_apex(m, tangents, sign);
+}
+
+void measure_quadratic_shell(CellMeasure& m, const Element& element, const CellPoints& p) {
+  std::array<Eigen::Matrix3d, 10> jacobians;
+  Vec normal = Vec::Zero();
+  const auto count = element.samples.size();
+  for (std::size_t s = 0; s < count; ++s) {
+    jacobians[s] = jacobian(p, element.samples[s]);
+    normal += jacobians[s].col(0).cross(jacobians[s].col(1));
+  }
+  normal.normalize();
+  for (std::size_t s = 0; s < count; ++s) {
+    const Vec a = jacobians[s].col(0), b = jacobians[s].col(1);
+    const double unit = element.shape == Shape::Triangle
+                            ? largest_edge_product(a, b) / kTwoOverSqrt3
+                            : a.norm() * b.norm();
+    m.add(normal.dot(a.cross(b)), unit);
+  }
+}
+
+template <std::size_t N>
+std::array<Vec, N> gather(const CellPoints& p, const std::array<int, N>& order) {
+  std::array<Vec, N> x;
+  for (std::size_t i = 0; i < N; ++i) x[i] = p[order[i]];
+  return x;
+}
+
+CellMeasure measure_cell(const Mesh& mesh, const Points& points, Index c, double sign) {
+  const CellPoints p{points, mesh.cell(c)};
+  const CellType type = mesh.types[c];
+  CellMeasure m;
+  switch (type) {
+    case Vertex:
+    case PolyVertex:
+    case Line:
+    case PolyLine:
+    case QuadraticEdge:
+      break;
+    case Triangle:
+      measure_triangle(m, p);
+      break;
+    case Quad:
+      measure_quad(m, gather<4>(p, {0, 1, 2, 3}));
+      break;
+    case Pixel:
+      measure_quad(m, gather<4>(p, {0, 1, 3, 2}));
+      break;
+    case Polygon:
+      if (p.nodes.size() == 3)
+        measure_triangle(m, p);
+      else if (p.nodes.size() == 4)
+        measure_quad(m, gather<4>(p, {0, 1, 2, 3}));
+      else
+        measure_polygon(m, p);
+      break;
+    case Tetra:
+      measure_tetra(m, p, sign);
+      break;
+    case Hexahedron:
+      measure_hexahedron(m, gather<8>(p, {0, 1, 2, 3, 4, 5, 6, 7}), sign);
+      break;
+    case Voxel:
+      measure_hexahedron(m, gather<8>(p, {0, 1, 3, 2, 4, 5, 7, 6}), sign);
+      break;
+    case Wedge:
+      measure_wedge(m, p, sign);
+      break;
+    case Pyramid:
+      measure_pyramid(m, p, sign);
+      break;
+    case Polyhedron:
+      measure_polyhedron(m, mesh, points, c, sign);
+      break;
+    default:
+      if (dimension(type) == 3)
+        measure_quadratic_solid(m, element_of(type), p, sign);
+      else
+        measure_quadratic_shell(m, element_of(type), p);
+  }
+  return m;
+}
+
+/// What one chunk of cells adds to a QualityReport.
+struct Part {
+  Index cells = 0;
+  double sum = 0;
+  double min = std::numeric_limits<double>::infinity();
+  Index worst_cell = -1;
+  std::vector<Index> inverted_cells;
+
+  void add(Index c, const CellMeasure& m) {
+    ++cells;
+    sum += m.value;
+    if (m.value < min) {
+      min = m.value;
+      worst_cell = c;
+    }
+    if (m.is_inverted) inverted_cells.push_back(c);
+  }
+};
+
+QualityReport merge(const std::vector<Part>& parts) {
+  QualityReport report;
+  double sum = 0;
+  report.min = std::numeric_limits<double>::infinity();
+  for (const Part& part : parts) {
+    report.cells += part.cells;
+    sum += part.sum;
+    if (part.min < report.min) {
+      report.min = part.min;
+      report.worst_cell = part.worst_cell;
+    }
+    report.inverted_cells.insert(report.inverted_cells.end(), part.inverted_cells.begin(),
+                                 part.inverted_cells.end());
+  }
+  report.inverted = static_cast<Index>(report.inverted_cells.size());
+  if (report.cells > 0) report.mean = sum / static_cast<double>(report.cells);
+  if (report.cells == 0) report.min = 0;
+  return report;
+}
+
+void check_points(const Mesh& mesh, const Points& points) {
+  if (points.rows() != mesh.node_count())
+    throw InvalidInputError("quality of a mesh of " + std::to_string(mesh.node_count()) +
+                            " nodes asked for with " + std::to_string(points.rows()) +
+                            " node positions");
+  if (points.allFinite()) return;
+  for (Index n = 0; n < points.rows(); ++n)
+    if (!points.row(n).allFinite())
+      throw InvalidInputError("quality asked for, but the position of node " + std::to_string(n) +
+                              " is not finite");
+}
+
+}  // namespace
+
+double scaled_jacobian(const Mesh& mesh, const Points& points, Index c) {
+  return measure_cell(mesh, points, c, 1).value;
+}
+
+Orientation detect_orientation(const Mesh& mesh) {
+  constexpr int kTypes = 256;
+  const Index chunks = (mesh.cell_count() + kGrain - 1) / kGrain;
+  std::vector<std::array<Index, kTypes>> balances(chunks);
+  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
+    auto& balance = balances[begin / kGrain];
+    balance.fill(0);
+    for (Index c = begin; c < end; ++c) {
+      if (dimension(mesh.types[c]) != 3) continue;
+      const double sum = measure_cell(mesh, mesh.points, c, 1).determinants;
+      balance[static_cast<int>(mesh.types[c])] += (sum > 0) - (sum < 0);
+    }
+  });
+  Orientation orientation(kTypes, 1);
+  for (int type = 0; type < kTypes; ++type) {
+    Index total = 0;
+    for (const auto& balance : balances) total += balance[type];
+    if (total < 0) orientation[type] = -1;
+  }
+  return orientation;
+}
+
+QualityReport measure_quality(const Mesh& mesh, const Points& points,
+                              const Orientation& orientation) {
+  check_points(mesh, points);
+  const int measured = dimension(mesh);
+  std::vector<double> values(mesh.cell_count(), std::numeric_limits<double>::quiet_NaN());
+  std::vector<Part> parts((mesh.cell_count() + kGrain - 1) / kGrain);
+  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
+    Part& part = parts[begin / kGrain];
+    for (Index c = begin; c < end; ++c) {
+      if (dimension(mesh.types[c]) != measured) continue;
+      const int sign = orientation.at(static_cast<std::size_t>(mesh.types[c]));
+      const CellMeasure m = measure_cell(mesh, points, c, sign);
+      values[c] = m.value;
+      part.add(c, m);
+    }
+  });
+  QualityReport report = merge(parts);
+  report.values = std::move(values);
+  return report;
+}
+
+}  // namespace cadmorph
