@@ -8,11 +8,11 @@
 #include "cad/topology_match.h"
 #include "core/boundary.h"
 #include "core/mesh.h"
-#include "core/progress.h"
+#include "surface/association.h"
 
 namespace cadmorph {
 
-/// What to do with the part of the mesh's surface that lies on no CAD face (far field, symmetry plane).
+/// What to do with the part of the mesh's outside that lies on no CAD face (far field, symmetry plane).
 enum class UnmatchedPolicy {
   Auto,   ///< planar patches slide where they touch moved surface, all else stays fixed
   Error,  ///< refuse
@@ -21,34 +21,15 @@ enum class UnmatchedPolicy {
 };
 
 struct SurfaceMorphOptions {
-  /// Largest distance of a surface node from the CAD, in units of its shortest incident mesh edge.
-  double tolerance = 0.1;
+  AssociationOptions association;
   /// Puts nodes exactly on the variant CAD instead of carrying their offset from the base CAD.
   bool snap = false;
   UnmatchedPolicy unmatched = UnmatchedPolicy::Auto;
-  /// Millimetres per mesh unit; 0: detect (1, 10, 1000, 25.4, 304.8).
-  double mesh_unit_mm = 0;
-  Progress progress;
-};
-
-/// The CAD entity a surface node lies on.
-enum class CadDimension : std::int8_t { None = -1, Vertex = 0, Edge = 1, Face = 2 };
-
-/// Where each surface node lies on the base CAD, and how well. Rows follow Boundary::nodes.
-struct Association {
-  std::vector<CadDimension> dimension;
-  std::vector<int> entity;                         ///< vertex, edge or face id of the base model; -1
-  Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> uv;  ///< face: (u, v); edge: (t, 0)
-  Eigen::VectorXd distance;                        ///< to that entity, millimetres
-  Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0, unmatched_nodes = 0;
-  double max_distance = 0;                         ///< millimetres
-  double mean_distance = 0;
-  double mesh_unit_mm = 1;                         ///< millimetres per mesh unit, given or detected
 };
 
 /// The surface of one variant. Rows follow Boundary::nodes.
 struct SurfaceMorphResult {
-  Points positions;                   ///< new node positions, in the mesh's unit
+  Points positions;                   ///< new node positions, in the mesh's unit (free nodes: old)
   double max_distance = 0;            ///< to the matched variant entity, millimetres
   double mean_distance = 0;
   std::vector<std::string> warnings;  ///< folded faces, fallbacks, sliding patches: one line each

@@ -1,0 +1,179 @@
+#include "surface/free_patches.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <sstream>
+
+#include "core/errors.h"
+#include "core/rbf/rbf_system.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kSamePlane = 1e-6;      // of the surface's size
+constexpr double kSameNormal = 1 - 1e-8;
+// A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
+constexpr double kBeyondCad = 1.2;
+constexpr std::size_t kMaxCentres = 2000;
+
+std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
+                                   const Association& association) {
+  std::vector<char> is_unmatched(surface.facets.size(), 0);
+  for (std::size_t f = 0; f < surface.facets.size(); ++f)
+    is_unmatched[f] =
+        boundary.neighbour[f] < 0 &&
+        std::any_of(surface.facets[f].begin(), surface.facets[f].end(),
+                    [&](int n) { return association.dimension[n] == CadDimension::None; });
+  return is_unmatched;
+}
+
+double size_of(const SurfaceMesh& surface) {
+  return (surface.points.colwise().maxCoeff() - surface.points.colwise().minCoeff()).norm();
+}
+
+// Grows a patch from `seed`, over facets of its plane if is_planar, else over all that are left.
+FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, const std::vector<char>& is_open,
+               std::vector<int>& patch_of, int id) {
+  FreePatch patch;
+  patch.is_planar = is_planar;
+  patch.origin = centroid(surface, surface.points, seed);
+  patch.normal = area_vector(surface, surface.points, seed).normalized();
+  const double tolerance = kSamePlane * size_of(surface);
+  std::vector<int> stack{seed};
+  patch_of[seed] = id;
+  while (!stack.empty()) {
+    const int f = stack.back();
+    stack.pop_back();
+    patch.facets.push_back(f);
+    for (const int n : surface.facets[f])
+      for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
+        const int g = surface.incident_facets[i];
+        if (!is_open[g] || patch_of[g] >= 0) continue;
+        if (is_planar) {
+          const Vector3d normal = area_vector(surface, surface.points, g).normalized();
+          const Vector3d at = centroid(surface, surface.points, g);
+          if (std::abs(normal.dot(patch.normal)) < kSameNormal ||
+              std::abs((at - patch.origin).dot(patch.normal)) > tolerance)
+            continue;
+        }
+        patch_of[g] = id;
+        stack.push_back(g);
+      }
+  }
+  return patch;
+}
+
+void sort_nodes(const SurfaceMesh& surface, const Association& association,
+                const std::vector<int>& patch_of, int id, FreePatch& patch) {
+  std::vector<int> nodes;
+  for (const int f : patch.facets)
+    nodes.insert(nodes.end(), surface.facets[f].begin(), surface.facets[f].end());
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  for (const int n : nodes) {
+    if (association.dimension[n] != CadDimension::None) {
+      patch.touched.push_back(n);
+      continue;
+    }
+    bool is_shared = false;
+    for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
+      const int other = patch_of[surface.incident_facets[i]];
+      is_shared |= other >= 0 && other != id;
+    }
+    (is_shared ? patch.border : patch.inner).push_back(n);
+  }
+}
+
+[[noreturn]] void refuse(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
+                         int row, Index count, Index outside, const char* why) {
+  std::ostringstream text;
+  text.precision(6);
+  const Vector3d lower = surface.points.colwise().minCoeff(),
+                 upper = surface.points.colwise().maxCoeff();
+  text << "the mesh does not lie on " << base.file_name() << ": " << count << " of " << outside
+       << " surface nodes are on no CAD face, such as node " << boundary.nodes[row] << " at "
+       << surface.points.row(row) << " mm" << why << " Mesh bounds " << lower.transpose() << " .. "
+       << upper.transpose() << " mm, CAD bounds " << base.lower().transpose() << " .. "
+       << base.upper().transpose()
+       << " mm. Check that the mesh belongs to this CAD model, its unit (--mesh-unit), and "
+          "--association-tolerance.";
+  throw AssociationError(text.str());
+}
+
+}  // namespace
+
+std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
+                                         const Association& association) {
+  const auto is_open = unmatched_facets(surface, boundary, association);
+  std::vector<int> patch_of(surface.facets.size(), -1);
+  std::vector<FreePatch> patches;
+  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f)
+    if (is_open[f] && patch_of[f] < 0) {
+      const int id = static_cast<int>(patches.size());
+      FreePatch patch = grow(surface, f, true, is_open, patch_of, id);
+      if (patch.facets.size() < 3) {  // a single facet is always plane: part of something curved
+        for (const int g : patch.facets) patch_of[g] = -1;
+        patch = grow(surface, f, false, is_open, patch_of, id);
+      }
+      patches.push_back(std::move(patch));
+    }
+  for (std::size_t i = 0; i < patches.size(); ++i)
+    sort_nodes(surface, association, patch_of, static_cast<int>(i), patches[i]);
+  return patches;
+}
+
+void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
+                     Association& association) {
+  Index outside = 0, unmatched = 0;
+  int example = -1;
+  for (int n = 0; n < static_cast<int>(surface.points.rows()); ++n) {
+    bool is_outside = false;
+    for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
+      is_outside |= boundary.neighbour[surface.incident_facets[i]] < 0;
+    outside += is_outside;
+    if (association.dimension[n] != CadDimension::None) continue;
+    association.is_free[n] = !is_outside;
+    if (!is_outside) continue;
+    ++unmatched;
+    if (example < 0) example = n;
+  }
+  if (unmatched == 0) return;
+  if (2 * unmatched > outside)
+    refuse(base, boundary, surface, example, unmatched, outside,
+           "; it seems to be the mesh of another part.");
+  const double size = size_of(surface);
+  if (size < kBeyondCad * base.diagonal())
+    refuse(base, boundary, surface, example, unmatched, outside,
+           "; and the mesh reaches no further than the CAD, so they are no far field.");
+}
+
+void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved) {
+  std::vector<int> centres = patch.touched;
+  centres.insert(centres.end(), patch.border.begin(), patch.border.end());
+  double largest = 0;
+  for (const int n : patch.touched)
+    largest = std::max(largest, (moved.row(n) - surface.points.row(n)).norm());
+  if (largest == 0 || patch.inner.empty()) return;
+  const std::size_t stride = (centres.size() + kMaxCentres - 1) / kMaxCentres;
+  const Vector3d e1 = patch.normal.unitOrthogonal(), e2 = patch.normal.cross(e1);
+  Eigen::Matrix<double, 3, 2> basis;
+  basis << e1, e2;
+  const auto count = static_cast<Index>((centres.size() + stride - 1) / stride);
+  RowMatrix at(count, 2), values(count, 2), targets(static_cast<Index>(patch.inner.size()), 2);
+  for (Index i = 0; i < count; ++i) {
+    const int n = centres[static_cast<std::size_t>(i) * stride];
+    at.row(i) = surface.points.row(n) * basis;
+    values.row(i) = (moved.row(n) - surface.points.row(n)) * basis;
+  }
+  for (Index i = 0; i < targets.rows(); ++i)
+    targets.row(i) = surface.points.row(patch.inner[static_cast<std::size_t>(i)]) * basis;
+  const RowMatrix d =
+      RbfSystem(at, Kernel::biharmonic_2d()).solve(values).evaluate(targets);
+  for (Index i = 0; i < targets.rows(); ++i)
+    moved.row(patch.inner[static_cast<std::size_t>(i)]) += d.row(i) * basis.transpose();
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <vector>
+
+#include "surface/association.h"
+#include "surface/surface_mesh.h"
+
+namespace cadmorph {
+
+/// A connected part of the mesh's outside that lies on no CAD face: a side of a far field, a symmetry
+/// plane.
+struct FreePatch {
+  std::vector<int> facets;
+  std::vector<int> inner;    ///< unmatched nodes of this patch alone
+  std::vector<int> border;   ///< unmatched nodes shared with another patch
+  std::vector<int> touched;  ///< nodes shared with the matched surface
+  Eigen::Vector3d origin, normal;
+  bool is_planar;
+};
+
+/// Splits the unmatched facets of the outside into patches: planar ones, and the curved rest.
+std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
+                                         const Association& association);
+
+/// Marks unmatched nodes on interfaces between regions as free, and throws AssociationError where the
+/// unmatched outside can't be a far field or a symmetry plane: more than half of the surface, or a mesh
+/// that does not reach beyond the CAD.
+void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
+                     Association& association);
+
+/// Moves the inner nodes of a planar patch in its plane with the nodes it touches, by a 2D RBF
+/// (r^2 log r) whose border stays fixed. `moved` holds all surface nodes' new positions (millimetres)
+/// and is updated.
+void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
+
+}  // namespace cadmorph

@@ -1,0 +1,55 @@
+#include "surface/mesh_unit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "cad/face_sampler.h"
+
+namespace cadmorph {
+namespace {
+
+struct Unit {
+  double mm;
+  const char* name;
+};
+
+constexpr std::array<Unit, 5> kUnits{{{1, "mm"}, {1000, "m"}, {10, "cm"}, {25.4, "inch"}, {304.8, "foot"}}};
+constexpr Index kProbes = 400;
+constexpr Index kSamples = 10'000;
+constexpr double kClearlyBetter = 1.1;
+
+}  // namespace
+
+double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& boundary) {
+  const FaceSamples samples = sample_faces(base, kSamples);
+  const KdTree tree(samples.points);
+  const auto nodes = static_cast<Index>(boundary.nodes.size());
+  const Index stride = std::max<Index>(1, nodes / kProbes);
+  const auto hits = [&](double mm) {
+    Index near = 0, count = 0;
+    for (Index i = 0; i < nodes; i += stride, ++count) {
+      const Eigen::Vector3d x = mm * mesh.points.row(boundary.nodes[i]);
+      near += tree.nearest(x.data(), 1)[0].squared_distance <= samples.spacing * samples.spacing;
+    }
+    return static_cast<double>(near) / static_cast<double>(std::max<Index>(count, 1));
+  };
+  double best_unit = 1, best = hits(1);
+  for (const Unit& unit : kUnits)
+    if (best < 0.9 && unit.mm != 1) {
+      const double found = hits(unit.mm);
+      if (found > kClearlyBetter * best) {
+        best = found;
+        best_unit = unit.mm;
+      }
+    }
+  return best_unit;
+}
+
+std::string mesh_unit_name(double mm_per_unit) {
+  for (const Unit& unit : kUnits)
+    if (std::abs(unit.mm / mm_per_unit - 1) < 1e-9) return unit.name;
+  return std::to_string(mm_per_unit) + " mm";
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "cad/brep.h"
+#include "core/boundary.h"
+
+namespace cadmorph {
+
+/// Millimetres per unit of the mesh: of mm, m, cm, inch and foot the one that brings most surface nodes
+/// to the CAD; millimetres where several do equally well.
+double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& boundary);
+
+/// "mm", "m", "cm", "inch" or "foot" for a factor of detect_mesh_unit, else "<factor> mm".
+std::string mesh_unit_name(double mm_per_unit);
+
+}  // namespace cadmorph

@@ -1,0 +1,81 @@
+#include "surface/surface_mesh.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <limits>
+
+namespace cadmorph {
+namespace {
+
+void add_incidence(SurfaceMesh& surface) {
+  const auto nodes = static_cast<std::size_t>(surface.points.rows());
+  surface.incident_offsets.assign(nodes + 1, 0);
+  for (const auto& facet : surface.facets)
+    for (const int n : facet) ++surface.incident_offsets[n + 1];
+  for (std::size_t n = 0; n < nodes; ++n)
+    surface.incident_offsets[n + 1] += surface.incident_offsets[n];
+  surface.incident_facets.resize(static_cast<std::size_t>(surface.incident_offsets.back()));
+  std::vector<int> next(surface.incident_offsets.begin(), surface.incident_offsets.end() - 1);
+  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f)
+    for (const int n : surface.facets[f]) surface.incident_facets[next[n]++] = f;
+}
+
+// Mid-side nodes get the shortest corner edge of their facets.
+void add_local_lengths(SurfaceMesh& surface) {
+  surface.local_length.setConstant(surface.points.rows(), std::numeric_limits<double>::infinity());
+  for (std::size_t f = 0; f < surface.facets.size(); ++f) {
+    const auto& facet = surface.facets[f];
+    const int corners = surface.corners[f];
+    double shortest = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < corners; ++i) {
+      const int a = facet[i], b = facet[(i + 1) % corners];
+      const double length = (surface.points.row(a) - surface.points.row(b)).norm();
+      if (length > 0) shortest = std::min(shortest, length);
+    }
+    for (const int n : facet) surface.local_length[n] = std::min(surface.local_length[n], shortest);
+  }
+}
+
+}  // namespace
+
+SurfaceMesh make_surface_mesh(const Mesh& mesh, const Boundary& boundary, double unit_mm) {
+  SurfaceMesh surface;
+  std::vector<int> row(static_cast<std::size_t>(mesh.node_count()), -1);
+  surface.points.resize(static_cast<Index>(boundary.nodes.size()), 3);
+  for (std::size_t i = 0; i < boundary.nodes.size(); ++i) {
+    row[boundary.nodes[i]] = static_cast<int>(i);
+    surface.points.row(static_cast<Index>(i)) = unit_mm * mesh.points.row(boundary.nodes[i]);
+  }
+  surface.facets.resize(static_cast<std::size_t>(boundary.facet_count()));
+  surface.corners.resize(surface.facets.size());
+  for (Index f = 0; f < boundary.facet_count(); ++f) {
+    const auto nodes = boundary.facet(f);
+    for (const Index n : nodes) surface.facets[f].push_back(row[n]);
+    surface.corners[f] = corner_count(boundary.types[f], static_cast<Index>(nodes.size()));
+  }
+  add_incidence(surface);
+  add_local_lengths(surface);
+  return surface;
+}
+
+Eigen::Vector3d area_vector(const SurfaceMesh& surface, const Points& points, Index facet) {
+  const auto& nodes = surface.facets[facet];
+  const int corners = surface.corners[facet];
+  const Eigen::Vector3d origin = points.row(nodes[0]);
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (int i = 1; i + 1 < corners; ++i) {
+    const Eigen::Vector3d a = points.row(nodes[i]).transpose() - origin;
+    const Eigen::Vector3d b = points.row(nodes[i + 1]).transpose() - origin;
+    sum += 0.5 * a.cross(b);
+  }
+  return sum;
+}
+
+Eigen::Vector3d centroid(const SurfaceMesh& surface, const Points& points, Index facet) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  const int corners = surface.corners[facet];
+  for (int i = 0; i < corners; ++i) sum += points.row(surface.facets[facet][i]).transpose();
+  return sum / corners;
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "core/boundary.h"
+#include "core/mesh.h"
+
+namespace cadmorph {
+
+/// The boundary with its own node numbering (rows of Boundary::nodes), in millimetres.
+struct SurfaceMesh {
+  Points points;                           ///< millimetres
+  std::vector<std::vector<int>> facets;    ///< rows, corners first
+  std::vector<int> corners;                ///< corner count of each facet
+  std::vector<int> incident_offsets, incident_facets;  ///< facets of each node
+  Eigen::VectorXd local_length;            ///< shortest incident facet edge of each node, millimetres
+};
+
+SurfaceMesh make_surface_mesh(const Mesh& mesh, const Boundary& boundary, double unit_mm);
+
+/// Area vector of a facet's corner polygon (its direction: the facet's normal).
+Eigen::Vector3d area_vector(const SurfaceMesh& surface, const Points& points, Index facet);
+
+/// Mean of a facet's corners.
+Eigen::Vector3d centroid(const SurfaceMesh& surface, const Points& points, Index facet);
+
+}  // namespace cadmorph
