@@ -5,6 +5,7 @@
 #include <Interface_Static.hxx>
 #include <STEPControl_Reader.hxx>
 #include <STEPControl_Writer.hxx>
+#include <StepBasic_Product.hxx>
 #include <StepData_StepModel.hxx>
 #include <TCollection_HAsciiString.hxx>
 #include <TopExp.hxx>
@@ -36,6 +37,18 @@ void fix_header(STEPControl_Writer& writer, const std::string& name) {
   header.SetAuthorisation(text(""));
 }
 
+/// Names products `name`, `name_2`, ... in place of OCCT's numbers, which run on from file to file.
+void name_products(const Handle(StepData_StepModel) & model, const std::string& name) {
+  int count = 0;
+  for (int i = 1; i <= model->NbEntities(); ++i) {
+    const auto product = Handle(StepBasic_Product)::DownCast(model->Value(i));
+    if (product.IsNull()) continue;
+    const auto label = text(++count == 1 ? name : name + "_" + std::to_string(count));
+    product->SetId(label);
+    product->SetName(label);
+  }
+}
+
 }  // namespace
 
 EntityCounts count_entities(const TopoDS_Shape& shape) {
@@ -47,11 +60,11 @@ void write_step(const std::filesystem::path& path, const TopoDS_Shape& shape,
   STEPControl_Writer writer;
   Interface_Static::SetCVal("write.step.schema", "AP214IS");
   Interface_Static::SetCVal("write.step.unit", "MM");
-  Interface_Static::SetCVal("write.step.product.name", name.c_str());
   if (writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone) {
     throw IoError("can't translate " + name + " to STEP");
   }
   fix_header(writer, name);
+  name_products(writer.Model(), name);
   if (writer.Write(path.c_str()) != IFSelect_RetDone) {
     throw IoError("can't write " + path.string());
   }
