@@ -612,7 +612,7 @@ void write_mesh(const fs::path& path, const Mesh& mesh, const ExtraArrays& extra
     arrays.cell_integers.emplace(mesh.region_array.empty() ? "RegionId" : mesh.region_array,
                                  mesh.regions);
   add_extra(grid, arrays);
-  write_grid(grid, Layout{}, path);
+  write_grid(grid, {.compressor = vtkXMLWriter::ZLIB}, path);
 }
 
 }  // namespace cadmorph

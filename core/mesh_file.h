@@ -42,7 +42,7 @@ class MeshFile {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Writes `mesh` as a new .vtu (appended raw binary): for generators and tests.
+/// Writes `mesh` as a new .vtu (appended binary, zlib-compressed): for generators and tests.
 void write_mesh(const std::filesystem::path& path, const Mesh& mesh, const ExtraArrays& extra = {});
 
 }  // namespace cadmorph
