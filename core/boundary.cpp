@@ -69,6 +69,11 @@ void normalise(std::vector<Index>& corners) {
   corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
 }
 
+void take_corners(std::span<const Index> cell, const LocalFace& face, std::vector<Index>& corners) {
+  corners.resize(corner_count(face.type, face.count));
+  for (std::size_t i = 0; i < corners.size(); ++i) corners[i] = cell[face.nodes[i]];
+}
+
 /// Calls visit(face, corners) for the faces of solid cell `c` that have an area; `corners` are
 /// ascending node ids, in `scratch`.
 template <class Visit>
@@ -91,9 +96,7 @@ void for_each_face(const Mesh& mesh, Index c, std::vector<Index>& scratch, Visit
   }
   const auto cell = mesh.cell(c);
   for (const LocalFace& face : local_faces(mesh.types[c])) {
-    const int corners = corner_count(face.type, face.count);
-    scratch.resize(corners);
-    for (int i = 0; i < corners; ++i) scratch[i] = cell[face.nodes[i]];
+    take_corners(cell, face, scratch);
     take();
   }
 }
@@ -131,12 +134,18 @@ Buckets make_buckets(const Mesh& mesh) {
   return buckets;
 }
 
-std::vector<Index> corners_of(const Mesh& mesh, FaceId wanted) {
-  std::vector<Index> scratch, result;
-  for_each_face(mesh, wanted.cell(), scratch, [&](FaceId face, const std::vector<Index>& corners) {
-    if (face == wanted) result = corners;
-  });
-  return result;
+/// Sorted corners of one face.
+void find_corners(const Mesh& mesh, FaceId wanted, std::vector<Index>& corners) {
+  if (mesh.types[wanted.cell()] == CellType::Polyhedron) {
+    Index local = 0;
+    for_each_polyhedron_face(mesh, wanted.cell(), [&](std::span<const Index> nodes) {
+      if (local++ == wanted.local()) corners.assign(nodes.begin(), nodes.end());
+    });
+  } else {
+    take_corners(mesh.cell(wanted.cell()), local_faces(mesh.types[wanted.cell()])[wanted.local()],
+                 corners);
+  }
+  normalise(corners);
 }
 
 std::string joined(const std::vector<Index>& ids) {
@@ -146,10 +155,11 @@ std::string joined(const std::vector<Index>& ids) {
 }
 
 [[noreturn]] void fail_shared(const Mesh& mesh, std::span<const Record> group) {
-  std::vector<Index> cells;
+  std::vector<Index> cells, corners;
+  find_corners(mesh, group[0].face, corners);
   for (const Record& record : group) cells.push_back(record.face.cell());
-  throw InvalidInputError("more than two cells share the face of nodes" +
-                          joined(corners_of(mesh, group[0].face)) + ": cells" + joined(cells) +
+  throw InvalidInputError("more than two cells share the face of nodes" + joined(corners) +
+                          ": cells" + joined(cells) +
                           "; remove duplicate or overlapping cells from the mesh");
 }
 
@@ -167,42 +177,53 @@ void keep_face(const Mesh& mesh, std::span<const Record> group, std::vector<Kept
   kept.push_back({a, b.cell()});
 }
 
-/// Splits records of equal hash, should different corners collide, and decides on each part.
-void keep_faces(const Mesh& mesh, std::span<Record> group, std::vector<Kept>& kept) {
-  while (!group.empty()) {
-    auto end = group.begin() + 1;
-    if (group.size() > 1) {
-      const auto corners = corners_of(mesh, group[0].face);
-      end = std::stable_partition(end, group.end(), [&](const Record& other) {
-        return corners_of(mesh, other.face) == corners;
-      });
-    }
-    keep_face(mesh, {group.begin(), end}, kept);
-    group = {end, group.end()};
-  }
-}
+/// Goes through buckets of faces; its memory is reused from one to the next.
+class Scanner {
+ public:
+  Scanner(const Mesh& mesh, std::vector<Kept>& kept) : mesh_(mesh), kept_(kept) {}
 
-/// Decides on all faces of one bucket.
-void scan_bucket(const Mesh& mesh, std::span<Record> bucket, std::vector<Kept>& kept) {
-  std::sort(bucket.begin(), bucket.end());
-  for (auto begin = bucket.begin(); begin != bucket.end();) {
-    auto end = begin + 1;
-    while (end != bucket.end() && end->hash == begin->hash) ++end;
-    keep_faces(mesh, {begin, end}, kept);
-    begin = end;
+  /// Decides on all faces of one bucket.
+  void scan(std::span<Record> bucket) {
+    std::sort(bucket.begin(), bucket.end());
+    for (auto begin = bucket.begin(); begin != bucket.end();) {
+      auto end = begin + 1;
+      while (end != bucket.end() && end->hash == begin->hash) ++end;
+      split({begin, end});
+      begin = end;
+    }
   }
-}
+
+ private:
+  /// Splits records of equal hash, should different corners collide, and decides on each part.
+  void split(std::span<Record> group) {
+    while (!group.empty()) {
+      auto end = group.begin() + 1;
+      if (group.size() > 1) {
+        find_corners(mesh_, group[0].face, corners_);
+        end = std::partition(end, group.end(), [&](const Record& other) {
+          find_corners(mesh_, other.face, other_corners_);
+          return other_corners_ == corners_;
+        });
+      }
+      keep_face(mesh_, {group.begin(), end}, kept_);
+      group = {end, group.end()};
+    }
+  }
+
+  const Mesh& mesh_;
+  std::vector<Kept>& kept_;
+  std::vector<Index> corners_, other_corners_;
+};
 
 /// Faces used by one cell, and those between regions, in the order of their cells.
 std::vector<Kept> select_faces(const Mesh& mesh) {
   Buckets buckets = make_buckets(mesh);
   std::vector<std::vector<Kept>> parts((mesh.node_count() + kGrain - 1) / kGrain);
   parallel_for(mesh.node_count(), kGrain, [&](Index begin, Index end) {
+    Scanner scanner(mesh, parts[begin / kGrain]);
+    const auto records = buckets.records.begin();
     for (Index n = begin; n < end; ++n)
-      scan_bucket(mesh,
-                  {buckets.records.begin() + buckets.offsets[n],
-                   buckets.records.begin() + buckets.offsets[n + 1]},
-                  parts[begin / kGrain]);
+      scanner.scan({records + buckets.offsets[n], records + buckets.offsets[n + 1]});
   });
   std::vector<Kept> kept;
   for (const auto& part : parts) kept.insert(kept.end(), part.begin(), part.end());
