@@ -6,12 +6,13 @@
 #include <filesystem>
 #include <functional>
 
+#include "core/boundary.h"
 #include "core/errors.h"
 #include "core/mesh_file.h"
 #include "models/bore.h"
 #include "models/pipe.h"
 #include "models/shapes.h"
-#include "models/step_writer.h"
+#include "models/step_files.h"
 #include "models/tet_mesher.h"
 
 namespace cadmorph::models {
@@ -20,6 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int step_count = 20;
+constexpr double exact = 1e-12;          // mm; rounding of coordinates of 100 mm
+constexpr double gmsh_tolerance = 1e-6;  // mm; gmsh's nodes are on the curve, not the surface
 
 struct Family {
   std::string name;
@@ -38,6 +41,16 @@ void write_model_mesh(const fs::path& path, const Mesh& mesh) {
   write_mesh(path, mesh);
   std::printf("%s: %lld nodes, %lld cells\n", path.c_str(),
               static_cast<long long>(mesh.node_count()), static_cast<long long>(mesh.cell_count()));
+}
+
+/// Checks that the surface of `mesh` lies on the CAD it is meant for, and writes it.
+void write_checked(const fs::path& path, const Mesh& mesh, const fs::path& step, double tolerance) {
+  const std::vector<Index> nodes = extract_boundary(mesh).nodes;
+  const double distance = largest_distance(mesh.points(nodes, Eigen::all), read_step(step));
+  if (distance > tolerance) {
+    throw InvalidInputError(path.string() + " is off its CAD by " + std::to_string(distance));
+  }
+  write_model_mesh(path, mesh);
 }
 
 fs::path step_path(const fs::path& folder, int step) {
@@ -72,10 +85,11 @@ void write_family(const fs::path& out, const Family& family) {
   const fs::path folder = out / family.name;
   fs::create_directories(folder);
   write_steps(folder, family);
-  write_model_mesh(folder / "hex.vtu", family.make_hex());
   const fs::path base = step_path(folder, 0);
-  write_model_mesh(folder / "tet.vtu", mesh_with_tets(base, family.tets));
-  write_model_mesh(folder / "tet_quadratic.vtu", mesh_with_tets(base, family.quadratic_tets));
+  write_checked(folder / "hex.vtu", family.make_hex(), base, exact);
+  write_checked(folder / "tet.vtu", mesh_with_tets(base, family.tets), base, gmsh_tolerance);
+  write_checked(folder / "tet_quadratic.vtu", mesh_with_tets(base, family.quadratic_tets), base,
+                gmsh_tolerance);
 }
 
 void write_small_shapes(const fs::path& folder) {
@@ -85,7 +99,13 @@ void write_small_shapes(const fs::path& folder) {
     const fs::path step = folder / (small.name + ".step");
     write_step(step, small.shape, small.name);
     std::printf("%s: %s\n", step.c_str(), counts_text(count_entities(read_step(step))).c_str());
-    write_model_mesh(folder / (small.name + ".vtu"), mesh_with_tets(step, small.tets));
+    const fs::path path = folder / (small.name + ".vtu");
+    const Mesh mesh = mesh_with_tets(step, small.tets);
+    if (small.tets.far_field_width > 0) {
+      write_model_mesh(path, mesh);  // most of its surface is not in the CAD
+    } else {
+      write_checked(path, mesh, step, gmsh_tolerance);
+    }
   }
 }
 
@@ -94,7 +114,7 @@ void generate(const fs::path& out) {
                      make_bore,
                      make_bore_hex,
                      {.size = 4.6, .elements_per_turn = 30},
-                     {.size = 14, .elements_per_turn = 12, .order = 2}});
+                     {.size = 16, .minimum_size = 7, .elements_per_turn = 10, .order = 2}});
   write_family(
       out,
       {"pipe", make_pipe, [] { return make_pipe_hex(); }, {.size = 2.3}, {.size = 9, .order = 2}});

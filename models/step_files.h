@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <string>
 
+#include "core/types.h"
+
 namespace cadmorph::models {
 
 /// Numbers of distinct faces, edges and vertices of a shape.
@@ -24,6 +26,9 @@ void write_step(const std::filesystem::path& path, const TopoDS_Shape& shape,
 
 /// Reads a STEP file back, in millimetres. Throws IoError.
 TopoDS_Shape read_step(const std::filesystem::path& path);
+
+/// Returns the largest distance of a point (N x 3) to the surface of `shape`. About 1 ms a point.
+double largest_distance(const Points& points, const TopoDS_Shape& shape);
 
 /// Throws CadError, naming `name`, unless BRepCheck_Analyzer finds `shape` valid.
 void check_valid(const TopoDS_Shape& shape, const std::string& name);

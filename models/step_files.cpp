@@ -1,7 +1,10 @@
-#include "models/step_writer.h"
+#include "models/step_files.h"
 
 #include <APIHeaderSection_MakeHeader.hxx>
+#include <BRepBuilderAPI_MakeVertex.hxx>
 #include <BRepCheck_Analyzer.hxx>
+#include <BRepExtrema_DistShapeShape.hxx>
+#include <BRep_Builder.hxx>
 #include <Interface_Static.hxx>
 #include <STEPControl_Reader.hxx>
 #include <STEPControl_Writer.hxx>
@@ -9,7 +12,10 @@
 #include <StepData_StepModel.hxx>
 #include <TCollection_HAsciiString.hxx>
 #include <TopExp.hxx>
+#include <TopExp_Explorer.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
+#include <TopoDS_Compound.hxx>
+#include <algorithm>
 
 #include "core/errors.h"
 
@@ -77,6 +83,25 @@ TopoDS_Shape read_step(const std::filesystem::path& path) {
   }
   reader.TransferRoots();
   return reader.OneShape();
+}
+
+double largest_distance(const Points& points, const TopoDS_Shape& shape) {
+  TopoDS_Compound faces;
+  BRep_Builder builder;
+  builder.MakeCompound(faces);
+  for (TopExp_Explorer face(shape, TopAbs_FACE); face.More(); face.Next()) {
+    builder.Add(faces, face.Current());
+  }
+  BRepExtrema_DistShapeShape extrema;
+  extrema.LoadS2(faces);
+  double largest = 0;
+  for (Index i = 0; i < points.rows(); ++i) {
+    extrema.LoadS1(
+        BRepBuilderAPI_MakeVertex(gp_Pnt(points(i, 0), points(i, 1), points(i, 2))).Shape());
+    extrema.Perform();
+    largest = std::max(largest, extrema.Value());
+  }
+  return largest;
 }
 
 void check_valid(const TopoDS_Shape& shape, const std::string& name) {
