@@ -38,9 +38,9 @@ double regularised(double d, double epsilon) {
 }
 
 // Positions x cells -> cells at each node.
-class Incidence {
+class NodeCells {
  public:
-  explicit Incidence(const Mesh& mesh) : first_(mesh.node_count() + 1, 0) {
+  explicit NodeCells(const Mesh& mesh) : first_(mesh.node_count() + 1, 0) {
     for (const Index node : mesh.connectivity) ++first_[node + 1];
     for (std::size_t n = 1; n < first_.size(); ++n) first_[n] += first_[n - 1];
     cells_.resize(mesh.connectivity.size());
@@ -63,7 +63,7 @@ struct Neighbourhood {
   std::vector<Index> nodes;  ///< free ones, ascending
 };
 
-Neighbourhood grow(const Mesh& mesh, const Incidence& incidence, const std::vector<Index>& seeds,
+Neighbourhood grow(const Mesh& mesh, const NodeCells& incidence, const std::vector<Index>& seeds,
                    int rings, const std::vector<char>& is_fixed) {
   std::vector<char> has_cell(mesh.cell_count(), 0), has_node(mesh.node_count(), 0);
   std::vector<Index> front = seeds, nodes;
@@ -282,7 +282,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   std::vector<Index> seeds = report.validity.invalid_cells;
   seeds.insert(seeds.end(), options.poor_cells.begin(), options.poor_cells.end());
   if (!seeds.empty()) {
-    const Incidence incidence(mesh);
+    const NodeCells incidence(mesh);
     const auto fixed = immovable(mesh, is_fixed);
     for (int attempt = 0; attempt < options.attempts && !seeds.empty(); ++attempt) {
       if (options.progress) options.progress("untangle", 1.0 * attempt / options.attempts);
