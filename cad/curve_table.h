@@ -29,6 +29,7 @@ class CurveTable {
   EdgeFoot nearest(const Eigen::Vector3d& x) const;
 
   double length() const { return arc_.back(); }
+  const CadModel& model() const { return *model_; }
   bool is_closed() const { return is_closed_; }
 
  private:

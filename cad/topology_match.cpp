@@ -23,8 +23,10 @@ using Eigen::Vector3d;
 constexpr double kClearMargin = 0.5;
 constexpr int kMaxTries = 12;
 constexpr int kMaxNamed = 6;
-// Residuals that differ by less than this part of the diagonal are equally good.
+// Matches whose distances differ by less than this part of the diagonal, or this factor, are equally
+// good: symmetric parts have many.
 constexpr double kTie = 1e-6;
+constexpr double kSlack = 1.02;
 
 struct Side {
   const CadModel& model;
@@ -374,59 +376,66 @@ void apply_names(const Side& base, const Side& variant, ColourRefinement& colour
   if (is_any && trial.refine()) colours = std::move(trial);
 }
 
-std::optional<TopologyMatch> by_file_order(const Side& base, const Side& variant,
-                                           ColourRefinement colours) {
+std::optional<TopologyMatch> by_file_order(const Side& base, ColourRefinement colours) {
   for (int n = 0; n < base.graph.entity_count(); ++n) {
     if (colours.base_colours()[n] != colours.variant_colours()[n]) return std::nullopt;
   }
   for (int n = 0; n < base.graph.entity_count(); ++n) colours.individualise(n, n);
   if (!colours.refine()) return std::nullopt;
-  TopologyMatch match =
-      to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0));
+  TopologyMatch match = to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0));
   match.how = "file order, verified";
   return match;
 }
 
-std::optional<TopologyMatch> match_oriented(Side& base, Side& variant, const MatchOptions& options) {
+std::optional<TopologyMatch> by_alignment(const Side& base, const Side& variant,
+                                          ColourRefinement colours, const Candidate& candidate) {
+  std::vector<double> confidence(base.graph.entity_count(), 1.0);
+  if (!Matcher(base, variant, candidate.alignment).solve(colours, confidence)) return std::nullopt;
+  TopologyMatch match = to_match(base, colours, confidence);
+  match.how = candidate.how;
+  return match;
+}
+
+// Possible matches, the preferred first: nothing moved; the file's own order, which tells how a
+// symmetric part was turned as a whole; then by position under several alignments.
+std::vector<TopologyMatch> possible_matches(const Side& base, const Side& variant,
+                                            const ColourRefinement& colours) {
+  std::vector<TopologyMatch> all;
+  const auto candidates = candidate_alignments(base, variant, colours);
+  auto in_place = by_alignment(base, variant, colours, candidates.front());
+  const bool is_unmoved = in_place && quality(base, variant, *in_place, Similarity{}) < kTie;
+  if (is_unmoved) return {std::move(*in_place)};
+  if (auto match = by_file_order(base, colours)) all.push_back(std::move(*match));
+  if (in_place) all.push_back(std::move(*in_place));
+  for (std::size_t i = 1; i < candidates.size(); ++i)
+    if (auto match = by_alignment(base, variant, colours, candidates[i]))
+      all.push_back(std::move(*match));
+  return all;
+}
+
+std::optional<TopologyMatch> best_match(const Side& base, const Side& variant,
+                                        const MatchOptions& options) {
   ColourRefinement colours(base.graph, variant.graph);
   if (!colours.refine()) return std::nullopt;
   apply_given(base, variant, options, colours);
   apply_names(base, variant, colours);
-
-  std::optional<TopologyMatch> best;
-  double best_quality = 1e300;
-  const auto consider = [&](TopologyMatch match) {
-    match.alignment = align(base.model, variant.model, match);
-    const double q = quality(base, variant, match, match.alignment);
-    if (best && q > best_quality - kTie) return;
-    best_quality = q;
-    best = std::move(match);
-  };
-  // The order decides between equally good matches: nothing moved, then the file's own order (a
-  // symmetric part turned as a whole), then the rest.
-  const auto candidates = candidate_alignments(base, variant, colours);
-  bool is_identity_tried = false;
-  for (const Candidate& candidate : candidates) {
-    ColourRefinement trial = colours;
-    std::vector<double> confidence(base.graph.entity_count(), 1.0);
-    const bool is_decided = open_classes(colours, base.graph.entity_count()).empty();
-    if (Matcher(base, variant, candidate.alignment).solve(trial, confidence)) {
-      TopologyMatch match = to_match(base, trial, confidence);
-      match.how = is_decided ? "structure" : candidate.how;
-      const bool stays = !is_identity_tried &&
-                         quality(base, variant, match, Similarity{}) < kTie;
-      consider(std::move(match));
-      if (stays || is_decided) return best;
-    }
-    if (!is_identity_tried)
-      if (auto match = by_file_order(base, variant, colours)) {
-        best.reset();  // ties with "nothing moved" were settled above
-        std::optional<TopologyMatch> positioned;
-        consider(std::move(*match));
-      }
-    is_identity_tried = true;
+  std::vector<TopologyMatch> all;
+  if (open_classes(colours, base.graph.entity_count()).empty()) {
+    all.push_back(to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0)));
+    all.back().how = options.given_faces.empty() ? "structure" : "map file";
+  } else {
+    all = possible_matches(base, variant, colours);
   }
-  return best;
+  std::vector<double> distance;
+  for (TopologyMatch& match : all) {
+    match.alignment = align(base.model, variant.model, match);
+    distance.push_back(quality(base, variant, match, match.alignment));
+  }
+  if (all.empty()) return std::nullopt;
+  const double allowed = kSlack * *std::min_element(distance.begin(), distance.end()) + kTie;
+  const auto first = std::find_if(distance.begin(), distance.end(),
+                                  [&](double d) { return d <= allowed; });
+  return std::move(all[static_cast<std::size_t>(first - distance.begin())]);
 }
 
 }  // namespace
@@ -440,7 +449,7 @@ TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
     if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||
         b.graph.corners != v.graph.corners)
       refuse(b, v);
-    if (auto match = match_oriented(b, v, options)) return std::move(*match);
+    if (auto match = best_match(b, v, options)) return std::move(*match);
     if (!is_oriented) refuse(b, v);
   }
   return {};

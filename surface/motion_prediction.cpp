@@ -1,5 +1,6 @@
 #include "surface/motion_prediction.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "cad/alignment.h"

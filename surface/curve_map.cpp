@@ -1,0 +1,167 @@
+#include "surface/curve_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kProbes = 24;
+constexpr int kPhases = 96;
+// A closed curve's own start is trusted unless another phase fits the prediction better by this part of
+// its radius.
+constexpr double kPhaseDoubt = 0.25;
+constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
+constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
+
+std::size_t link_index(const CadCurve& curve, int edge) {
+  const auto it = std::find_if(curve.links.begin(), curve.links.end(),
+                               [&](const CurveLink& link) { return link.edge == edge; });
+  return static_cast<std::size_t>(it - curve.links.begin());
+}
+
+}  // namespace
+
+CurveMap::CurveMap(const ModelPair& pair, int base_curve)
+    : pair_(&pair),
+      alignment_(pair.match.alignment),
+      base_curve_(&pair.base.skeleton().curves[base_curve]),
+      variant_curve_(&pair.variant.skeleton().curves[pair.match.curves[base_curve]]),
+      base_(pair.base, base_curve),
+      variant_(pair.variant, pair.match.curves[base_curve]) {
+  Points at(kProbes, 3);
+  for (int i = 0; i < kProbes; ++i) {
+    probes_.push_back(base_.locate((i + 0.5) / kProbes));
+    at.row(i) = pair.base.evaluate_edge(probes_.back().edge, probes_.back().t).point;
+  }
+  const Points moved = pair.prediction(at);
+  for (int i = 0; i < kProbes; ++i) predicted_.push_back(moved.row(i));
+  way_ = choose();
+  pair_ = nullptr;
+}
+
+CurveLocation CurveMap::operator()(const CurveLocation& base) const { return apply(way_, base); }
+
+CurveLocation CurveMap::by_parameter(const Way& way, const CurveLocation& base) const {
+  const std::size_t i = link_index(*base_curve_, base.edge);
+  const CurveLink& from = base_curve_->links[i];
+  const std::size_t links = variant_curve_->links.size();
+  const std::size_t j = (way.is_reversed ? links - 1 - i : i) + way.shift;
+  const CurveLink& to = variant_curve_->links[j % links];
+  const CadEdge& a = base_.model().edges()[from.edge];
+  const CadEdge& b = variant_.model().edges()[to.edge];
+  const bool is_flipped = (from.is_reversed != to.is_reversed) != way.is_reversed;
+  if (!is_flipped && a.first == b.first && a.last == b.last) return {to.edge, base.t};
+  const double s = (base.t - a.first) / (a.last - a.first);
+  return {to.edge, is_flipped ? b.last - s * (b.last - b.first) : b.first + s * (b.last - b.first)};
+}
+
+CurveLocation CurveMap::apply(const Way& way, const CurveLocation& base) const {
+  switch (way.mode) {
+    case Mode::Parameter: return by_parameter(way, base);
+    case Mode::Length: {
+      const double fraction = base_.fraction(base);
+      return variant_.locate((way.is_reversed ? 1 - fraction : fraction) + way.phase);
+    }
+    case Mode::Nearest: break;
+  }
+  const Vector3d x = base_.model().evaluate_edge(base.edge, base.t).point;
+  const EdgeFoot foot = variant_.nearest(alignment_(x));
+  return {foot.edge, foot.t};
+}
+
+// Root mean square distance from the predicted positions.
+double CurveMap::deviation(const Way& way) const {
+  double sum = 0;
+  for (int i = 0; i < kProbes; ++i) {
+    const CurveLocation l = apply(way, probes_[i]);
+    sum += (variant_.model().evaluate_edge(l.edge, l.t).point - predicted_[i]).squaredNorm();
+  }
+  return std::sqrt(sum / kProbes);
+}
+
+CurveMap::Way CurveMap::best_phase(bool is_reversed) const {
+  Way best{Mode::Length, is_reversed, 0, 0};
+  double least = 1e300;
+  for (int i = 0; i < kPhases; ++i) {
+    const Way way{Mode::Length, is_reversed, 0, static_cast<double>(i) / kPhases};
+    const double d = deviation(way);
+    if (d < least) {
+      least = d;
+      best = way;
+    }
+  }
+  double step = 0.5 / kPhases;
+  for (int i = 0; i < 40; ++i, step *= 0.6)  // shrinking steps towards the minimum
+    for (const double sign : {-1.0, 1.0}) {
+      Way way = best;
+      way.phase += sign * step;
+      const double d = deviation(way);
+      if (d < least) {
+        least = d;
+        best = way;
+      }
+    }
+  return best;
+}
+
+bool CurveMap::is_same_under_alignment() const {
+  const double tolerance = kSame * variant_.model().diagonal();
+  return std::all_of(probes_.begin(), probes_.end(), [&](const CurveLocation& l) {
+    return variant_.nearest(alignment_(base_.model().evaluate_edge(l.edge, l.t).point)).distance <
+           tolerance;
+  });
+}
+
+CurveMap::Way CurveMap::best_shift() const {
+  Way best;
+  double least = 1e300;
+  for (std::size_t shift = 0; shift < base_curve_->links.size(); ++shift)
+    for (const bool is_reversed : {false, true}) {
+      const Way way{Mode::Parameter, is_reversed, shift, 0};
+      const double d = deviation(way);
+      if (d < least) {
+        least = d;
+        best = way;
+      }
+    }
+  return best;
+}
+
+CurveMap::Way CurveMap::choose_closed(bool has_equal_links) const {
+  Way phase = best_phase(false);
+  const Way back = best_phase(true);
+  if (deviation(back) < deviation(phase)) phase = back;
+  if (!has_equal_links) return phase;
+  const Way trusted = best_shift();
+  const double doubt = kPhaseDoubt * variant_.length() / (2 * std::numbers::pi);
+  return deviation(trusted) > deviation(phase) + doubt ? phase : trusted;
+}
+
+bool CurveMap::runs_backward() const {
+  const auto& corners = pair_->match.corners;
+  if (base_curve_->start != base_curve_->end)
+    return corners[base_curve_->start] != variant_curve_->start;
+  return deviation({Mode::Length, true, 0, 0}) < deviation({Mode::Length, false, 0, 0});
+}
+
+CurveMap::Way CurveMap::choose() const {
+  const bool has_equal_links = base_curve_->links.size() == variant_curve_->links.size();
+  Way way;
+  if (base_curve_->is_closed()) {
+    way = choose_closed(has_equal_links);
+  } else {
+    way.is_reversed = runs_backward();
+    way.mode = has_equal_links ? Mode::Parameter : Mode::Length;
+  }
+  const double different = kDifferent * variant_.model().diagonal();
+  const double found = deviation(way);
+  if (found < different || !is_same_under_alignment()) return way;
+  const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
+  return deviation(nearest) + different < found ? nearest : way;
+}
+
+}  // namespace cadmorph

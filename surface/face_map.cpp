@@ -1,0 +1,437 @@
+#include "surface/face_map.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "cad/face_sampler.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr Index kMaxSamples = 1500;
+constexpr int kMinSamplesPerCurve = 6;
+constexpr double kLinear = 1e-10;    // of the domain: values that a linear function explains
+constexpr double kSameSpot = 1e-9;   // of the domain: two samples at a corner
+constexpr double kSame = 1e-7;       // of the diagonal: one surface, whatever its parameters
+constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
+constexpr int kProbes = 24;
+// Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
+// correspond at all.
+constexpr double kLost = 0.5;
+
+Vector2d mean_derivatives(const CadModel& model, int face) {
+  auto uv = sample_domain(model, face, 6);
+  const CadFace& f = model.faces()[face];
+  if (uv.empty()) uv.push_back(0.5 * (f.lower + f.upper));
+  Vector2d sum = Vector2d::Zero();
+  for (const Vector2d& at : uv) {
+    const SurfacePoint s = model.evaluate(face, at);
+    sum += Vector2d(s.du.norm(), s.dv.norm());
+  }
+  return (sum / static_cast<double>(uv.size())).cwiseMax(1e-12);
+}
+
+// The variant's coedge that uses `edge` in `face`, the `occurrence`-th of them.
+int find_coedge(const CadModel& model, int face, int edge, int occurrence) {
+  int found = -1;
+  for (const int c : model.edges()[edge].coedges)
+    if (model.coedges()[c].face == face) {
+      found = c;
+      if (occurrence-- == 0) break;
+    }
+  return found;
+}
+
+// Positions of a coedge among those of the same edge and face.
+int occurrence_of(const CadModel& model, int coedge) {
+  const CadCoedge& c = model.coedges()[coedge];
+  int count = 0;
+  for (const int other : model.edges()[c.edge].coedges) {
+    if (other == coedge) break;
+    count += model.coedges()[other].face == c.face;
+  }
+  return count;
+}
+
+class ParameterWarp {
+ public:
+  ParameterWarp(const FaceDomain& domain, const ModelPair& pair,
+                const std::vector<CurveMap>& curve_maps)
+      : domain_(domain),
+        pair_(pair),
+        maps_(curve_maps),
+        base_(pair.base.faces()[domain.face()]),
+        variant_id_(pair.match.faces[domain.face()]),
+        variant_(pair.variant.faces()[variant_id_]) {}
+
+  // Displacement of the samples beyond the linear pre-map; empty when parameters don't correspond.
+  std::optional<Parameters> sample_values() {
+    for (int a = 0; a < 2; ++a)
+      if ((base_.period[a] > 0) != (variant_.period[a] > 0)) return std::nullopt;
+    if (!map_samples()) return std::nullopt;
+    find_linear_part();
+    if (!unwrap()) return std::nullopt;
+    return values_;
+  }
+
+  // u' = offset + stretch u before the displacement.
+  Vector2d linear(const Vector2d& uv) const { return offset_ + stretch_.cwiseProduct(uv); }
+
+ private:
+  bool map_samples() {
+    const auto& samples = domain_.samples();
+    image_.resize(static_cast<Index>(samples.size()), 2);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const CadCoedge& coedge = pair_.base.coedges()[samples[i].coedge];
+      if (pair_.base.edges()[coedge.edge].is_degenerate) {
+        if (!map_pole(static_cast<Index>(i))) return false;
+        continue;
+      }
+      const int curve = pair_.base.skeleton().curve_of_edge[coedge.edge];
+      const CurveLocation l = maps_[curve]({coedge.edge, samples[i].t});
+      const int c = find_coedge(pair_.variant, variant_id_, l.edge,
+                                occurrence_of(pair_.base, samples[i].coedge));
+      if (c < 0) return false;
+      image_.row(static_cast<Index>(i)) = pair_.variant.pcurve(c, l.t);
+    }
+    return true;
+  }
+
+  // A pole maps to the variant's pole nearest to the prediction, by relative parameter along it.
+  bool map_pole(Index i) {
+    const auto& sample = domain_.samples()[static_cast<std::size_t>(i)];
+    const CadEdge& from = pair_.base.edges()[pair_.base.coedges()[sample.coedge].edge];
+    const double s = (sample.t - from.first) / (from.last - from.first);
+    const Vector3d at = pair_.prediction(pair_.base.evaluate(domain_.face(), sample.uv).point);
+    double least = 1e300;
+    for (const auto& wire : variant_.wires)
+      for (const int c : wire) {
+        const CadEdge& e = pair_.variant.edges()[pair_.variant.coedges()[c].edge];
+        if (!e.is_degenerate) continue;
+        const Vector2d uv = pair_.variant.pcurve(c, e.first + s * (e.last - e.first));
+        const double d = (pair_.variant.evaluate(variant_id_, uv).point - at).squaredNorm();
+        if (d < least) {
+          least = d;
+          image_.row(i) = uv;
+        }
+      }
+    return least < 1e300;
+  }
+
+  bool is_pole(std::size_t i) const {
+    return pair_.base.edges()[pair_.base.coedges()[domain_.samples()[i].coedge].edge].is_degenerate;
+  }
+
+  // Along a closed direction the RBF has no linear part: period and sense are taken out before.
+  void find_linear_part() {
+    stretch_.setOnes();
+    offset_.setZero();
+    for (int a = 0; a < 2; ++a) {
+      if (base_.period[a] <= 0) continue;
+      const double ratio = variant_.period[a] / base_.period[a];
+      stretch_[a] = sense(a) * (std::abs(ratio - 1) < 1e-12 ? 1 : ratio);
+    }
+    bool has_curves = false;
+    for (std::size_t i = 0; i < domain_.samples().size(); ++i) has_curves |= !is_pole(i);
+    if (has_curves) return;
+    // No curve tells about the other direction either: carry the whole range.
+    for (int a = 0; a < 2; ++a)
+      if (base_.period[a] <= 0) {
+        const double ratio =
+            (variant_.upper[a] - variant_.lower[a]) / (base_.upper[a] - base_.lower[a]);
+        stretch_[a] = std::abs(ratio - 1) < 1e-12 ? 1 : ratio;
+        if (base_.lower[a] != variant_.lower[a] || stretch_[a] != 1)
+          offset_[a] = variant_.lower[a] - stretch_[a] * base_.lower[a];
+      }
+  }
+
+  // Whether u' runs with u or against it, by the curves that go round; else by the surfaces' tangents.
+  double sense(int a) const {
+    double with = 0;
+    const auto& samples = domain_.samples();
+    for (std::size_t i = 1; i < samples.size(); ++i) {
+      if (samples[i].coedge != samples[i - 1].coedge || is_pole(i)) continue;
+      const double d = samples[i].uv[a] - samples[i - 1].uv[a];
+      double moved = image_(static_cast<Index>(i), a) - image_(static_cast<Index>(i) - 1, a);
+      moved -= variant_.period[a] * std::round(moved / variant_.period[a]);
+      with += d * moved;
+    }
+    if (std::abs(with) > 1e-6 * base_.period[a] * variant_.period[a] / 100) return with > 0 ? 1 : -1;
+    const Vector2d middle = 0.5 * (base_.lower + base_.upper);
+    const SurfacePoint s = pair_.base.evaluate(domain_.face(), middle);
+    const FaceFoot foot = project_globally(pair_.variant, variant_id_, pair_.prediction(s.point));
+    const SurfacePoint t = pair_.variant.evaluate(variant_id_, foot.uv);
+    const Vector3d along = pair_.match.alignment.rotation * (a == 0 ? s.du : s.dv);
+    return along.dot(a == 0 ? t.du : t.dv) < 0 ? -1 : 1;
+  }
+
+  // Displacements, in closed directions by the representative nearest to the first one's.
+  bool unwrap() {
+    const auto& samples = domain_.samples();
+    values_.resize(image_.rows(), 2);
+    for (Index i = 0; i < image_.rows(); ++i)
+      values_.row(i) = image_.row(i) - linear(samples[static_cast<std::size_t>(i)].uv).transpose();
+    for (int a = 0; a < 2; ++a)
+      if (variant_.period[a] > 0 && !unwrap_direction(a)) return false;
+    return true;
+  }
+
+  // At a pole the closed direction has no meaning: it takes the phase of the rest.
+  bool unwrap_direction(int a) {
+    const double period = variant_.period[a];
+    std::optional<double> reference;
+    for (Index i = 0; i < values_.rows(); ++i) {
+      if (is_pole(static_cast<std::size_t>(i))) continue;
+      if (!reference) reference = values_(i, a) - period * std::round(values_(i, a) / period);
+      values_(i, a) -= period * std::round((values_(i, a) - *reference) / period);
+    }
+    if (!reference) reference = phase_by_prediction(a);
+    if (!reference) return false;
+    for (Index i = 0; i < values_.rows(); ++i)
+      if (is_pole(static_cast<std::size_t>(i))) values_(i, a) = *reference;
+    if (values_.rows() == 0) offset_[a] += *reference;
+    return true;
+  }
+
+  // Phase of a face without curves: that of the projected prediction, where it is one.
+  std::optional<double> phase_by_prediction(int a) const {
+    const double period = variant_.period[a];
+    std::optional<double> reference;
+    double sum = 0, spread = 0;
+    int count = 0;
+    constexpr int n = 4;
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        const Vector2d uv =
+            base_.lower + Vector2d((i + 0.5) / n, (j + 0.5) / n).cwiseProduct(base_.upper - base_.lower);
+        const Vector3d x = pair_.prediction(pair_.base.evaluate(domain_.face(), uv).point);
+        double d = project_globally(pair_.variant, variant_id_, x).uv[a] - linear(uv)[a];
+        if (!reference) reference = d - period * std::round(d / period);
+        d -= period * std::round((d - *reference) / period);
+        sum += d;
+        spread = std::max(spread, std::abs(d - *reference));
+        ++count;
+      }
+    if (spread > 1e-3 * period) return std::nullopt;
+    const double mean = sum / count;
+    return std::abs(mean) < 1e-9 * period ? 0 : mean;
+  }
+
+  const FaceDomain& domain_;
+  const ModelPair& pair_;
+  const std::vector<CurveMap>& maps_;
+  const CadFace& base_;
+  int variant_id_;
+  const CadFace& variant_;
+  Vector2d stretch_ = Vector2d::Ones(), offset_ = Vector2d::Zero();
+  Parameters image_, values_;
+};
+
+Vector2d wrap(const CadFace& face, Vector2d uv) {
+  for (int a = 0; a < 2; ++a)
+    if (face.period[a] > 0 && (uv[a] < face.lower[a] || uv[a] > face.upper[a]))
+      uv[a] -= face.period[a] * std::floor((uv[a] - face.lower[a]) / face.period[a]);
+  return uv;
+}
+
+std::vector<Index> probe_rows(Index rows) {
+  std::vector<Index> probes;
+  const Index stride = std::max<Index>(1, rows / kProbes);
+  for (Index i = 0; i < rows; i += stride) probes.push_back(i);
+  return probes;
+}
+
+struct Deviation {
+  double mapped = 0, aligned = 0;  // root mean square from the prediction
+  double off_surface = 0;          // largest distance of aligned points from the variant face
+};
+
+Deviation judge(const FaceDomain& domain, const ModelPair& pair, const Parameters& mapped,
+                const Points& points) {
+  const int variant = pair.match.faces[domain.face()];
+  Deviation deviation;
+  const auto probes = probe_rows(points.rows());
+  Points at(static_cast<Index>(probes.size()), 3);
+  for (Index i = 0; i < at.rows(); ++i) at.row(i) = points.row(probes[static_cast<std::size_t>(i)]);
+  const Points predicted = pair.prediction(at);
+  for (Index i = 0; i < at.rows(); ++i) {
+    const Vector3d p = predicted.row(i), aligned = pair.match.alignment(at.row(i).transpose());
+    const Vector2d uv = mapped.row(probes[static_cast<std::size_t>(i)]);
+    deviation.mapped += (pair.variant.evaluate(variant, uv).point - p).squaredNorm();
+    deviation.aligned += (aligned - p).squaredNorm();
+  }
+  deviation.mapped = std::sqrt(deviation.mapped / static_cast<double>(at.rows()));
+  deviation.aligned = std::sqrt(deviation.aligned / static_cast<double>(at.rows()));
+  if (deviation.mapped > deviation.aligned + kDifferent * pair.variant.diagonal())
+    for (Index i = 0; i < at.rows() && deviation.off_surface < kSame * pair.variant.diagonal(); ++i)
+      deviation.off_surface = std::max(
+          deviation.off_surface,
+          project_globally(pair.variant, variant, pair.match.alignment(at.row(i).transpose()))
+              .distance);
+  return deviation;
+}
+
+double face_size(const CadModel& model, int face) {
+  const CadFace& f = model.faces()[face];
+  const Vector2d lengths = mean_derivatives(model, face).cwiseProduct(f.upper - f.lower);
+  return lengths.minCoeff();
+}
+
+FaceMapResult project_points(const ModelPair& pair, int variant, const Points& targets) {
+  const auto seeds = sample_domain(pair.variant, variant, 24);
+  RowMatrix at(std::max<Index>(1, static_cast<Index>(seeds.size())), 3);
+  for (Index i = 0; i < static_cast<Index>(seeds.size()); ++i)
+    at.row(i) = pair.variant.evaluate(variant, seeds[static_cast<std::size_t>(i)]).point;
+  if (seeds.empty()) at.setZero();
+  const KdTree tree(at);
+  FaceMapResult result;
+  result.is_projected = true;
+  result.uv.resize(targets.rows(), 2);
+  for (Index i = 0; i < targets.rows(); ++i) {
+    const Vector3d x = targets.row(i);
+    const Index seed = tree.nearest(x.data(), 1)[0].index;
+    result.uv.row(i) = seeds.empty() ? project_globally(pair.variant, variant, x).uv
+                                     : project_on_face(pair.variant, variant, x,
+                                                       seeds[static_cast<std::size_t>(seed)])
+                                           .uv;
+  }
+  return result;
+}
+
+}  // namespace
+
+FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
+    : face_(face), scale_(mean_derivatives(base, face)), period_(base.faces()[face].period) {
+  const CadFace& f = base.faces()[face];
+  size_ = f.upper - f.lower;
+  Index coedges = 0;
+  for (const auto& wire : f.wires) coedges += static_cast<Index>(wire.size());
+  const int count = std::max<int>(
+      kMinSamplesPerCurve,
+      std::min<int>(samples_per_curve, static_cast<int>(kMaxSamples / std::max<Index>(coedges, 1))));
+  const auto is_taken = [&](const Vector2d& uv) {
+    return std::any_of(samples_.begin(), samples_.end(), [&](const Sample& s) {
+      return ((s.uv - uv).array().abs() <= kSameSpot * size_.array()).all();
+    });
+  };
+  for (const auto& wire : f.wires)
+    for (const int c : wire) {
+      const CadEdge& edge = base.edges()[base.coedges()[c].edge];
+      if (edge.is_seam) continue;
+      for (int i = 0; i <= count; ++i) {
+        const double t = edge.first + (edge.last - edge.first) * i / count;
+        const Vector2d uv = base.pcurve(c, t);
+        const bool is_end = i == 0 || i == count;
+        if (!is_end || !is_taken(uv)) samples_.push_back({c, t, uv});
+      }
+    }
+  sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
+  for (std::size_t i = 0; i < samples_.size(); ++i)
+    sample_uv_.row(static_cast<Index>(i)) = samples_[i].uv;
+}
+
+// Scaled coordinates; a closed direction becomes a circle of its own length.
+RowMatrix FaceDomain::embed(const Parameters& uv) const {
+  const int columns = 2 + (period_[0] > 0) + (period_[1] > 0);
+  RowMatrix x(uv.rows(), columns);
+  int column = 0;
+  for (int a = 0; a < 2; ++a) {
+    if (period_[a] <= 0) {
+      x.col(column++) = scale_[a] * uv.col(a);
+      continue;
+    }
+    const double turn = 2 * std::numbers::pi / period_[a], radius = scale_[a] / turn;
+    x.col(column++) = radius * (turn * uv.col(a)).array().cos();
+    x.col(column++) = radius * (turn * uv.col(a)).array().sin();
+  }
+  return x;
+}
+
+Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& at) const {
+  if (values.rows() == 0 || values.isZero(0)) return Parameters::Zero(at.rows(), 2);
+  const auto basis = [&](const Parameters& uv) {
+    Eigen::MatrixXd p = Eigen::MatrixXd::Ones(uv.rows(), 3);
+    for (int a = 0; a < 2; ++a)
+      p.col(1 + a) = period_[a] > 0 ? Eigen::VectorXd(Eigen::VectorXd::Zero(uv.rows()))
+                                    : Eigen::VectorXd((uv.col(a).array() - sample_uv_(0, a)) / size_[a]);
+    return p;
+  };
+  const Eigen::MatrixXd p = basis(sample_uv_);
+  const Eigen::MatrixXd c = p.colPivHouseholderQr().solve(values);
+  const auto misfit = (values - p * c).cwiseAbs().colwise().maxCoeff();
+  if ((misfit.transpose().array() <= kLinear * size_.array()).all()) return basis(at) * c;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());
+  }
+  return system_->solve(values).evaluate(embed(at));
+}
+
+FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
+                       const std::vector<CurveMap>& curve_maps, const Parameters& uv,
+                       const Points& points) {
+  ParameterWarp warp(domain, pair, curve_maps);
+  const auto values = warp.sample_values();
+  if (!values) {
+    FaceMapResult result = project_face(domain, pair, curve_maps, points);
+    result.note = "its parametrisation differs";
+    return result;
+  }
+  const CadFace& variant = pair.variant.faces()[pair.match.faces[domain.face()]];
+  FaceMapResult result;
+  result.uv = domain.interpolate(*values, uv);
+  for (Index i = 0; i < uv.rows(); ++i)
+    result.uv.row(i) = wrap(variant, warp.linear(uv.row(i)) + result.uv.row(i).transpose());
+  if (uv.rows() == 0) return result;
+  const Deviation d = judge(domain, pair, result.uv, points);
+  const double diagonal = pair.variant.diagonal();
+  if (d.mapped > d.aligned + kDifferent * diagonal && d.off_surface < kSame * diagonal) {
+    Points aligned(points.rows(), 3);
+    for (Index i = 0; i < points.rows(); ++i)
+      aligned.row(i) = pair.match.alignment(points.row(i).transpose());
+    return project_points(pair, pair.match.faces[domain.face()], aligned);
+  }
+  if (d.mapped > kLost * face_size(pair.variant, pair.match.faces[domain.face()])) {
+    FaceMapResult projected = project_face(domain, pair, curve_maps, points);
+    if (judge(domain, pair, projected.uv, points).mapped < 0.5 * d.mapped) {
+      projected.note = "its warped parameters lie far from where the part moved";
+      return projected;
+    }
+  }
+  return result;
+}
+
+FaceMapResult project_face(const FaceDomain& domain, const ModelPair& pair,
+                           const std::vector<CurveMap>& curve_maps, const Points& points) {
+  Points targets = pair.prediction(points);
+  std::vector<std::pair<Vector3d, Vector3d>> marks;
+  for (const auto& sample : domain.samples()) {
+    const int edge = pair.base.coedges()[sample.coedge].edge;
+    if (pair.base.edges()[edge].is_degenerate) continue;
+    const CurveLocation l =
+        curve_maps[pair.base.skeleton().curve_of_edge[edge]]({edge, sample.t});
+    const Vector3d from = pair.base.evaluate_edge(edge, sample.t).point;
+    const bool is_new = std::none_of(marks.begin(), marks.end(), [&](const auto& m) {
+      return (m.first - from).norm() < kDifferent * pair.base.diagonal();
+    });
+    if (is_new) marks.emplace_back(from, pair.variant.evaluate_edge(l.edge, l.t).point);
+  }
+  if (!marks.empty()) {
+    Points from(static_cast<Index>(marks.size()), 3), to(from.rows(), 3);
+    for (Index i = 0; i < from.rows(); ++i) {
+      from.row(i) = marks[static_cast<std::size_t>(i)].first;
+      to.row(i) = marks[static_cast<std::size_t>(i)].second;
+    }
+    const RowMatrix missed = to - pair.prediction(from);
+    targets += RbfSystem(from, Kernel::biharmonic_3d()).solve(missed).evaluate(points);
+  }
+  return project_points(pair, pair.match.faces[domain.face()], targets);
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,304 @@
+#include "surface/surface_morph.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <sstream>
+
+#include "core/errors.h"
+#include "core/parallel.h"
+#include "surface/face_map.h"
+#include "surface/free_patches.h"
+#include "surface/surface_mesh.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr int kMinSamples = 16, kMaxSamples = 200, kRefinement = 4;
+
+// Orthonormal frame of a surface: tangent, bitangent, normal. Identity at a pole.
+Matrix3d frame(const SurfacePoint& s) {
+  const Vector3d cross = s.du.cross(s.dv);
+  Matrix3d f = Matrix3d::Identity();
+  if (cross.norm() <= 1e-12 * s.du.norm() * s.dv.norm() || cross.norm() == 0) return f;
+  f.col(0) = s.du.normalized();
+  f.col(2) = cross.normalized();
+  f.col(1) = f.col(2).cross(f.col(0));
+  return f;
+}
+
+// Nodes of one face.
+struct FaceNodes {
+  std::vector<int> rows;
+  std::vector<int> facets;
+  std::unique_ptr<FaceDomain> domain;
+  Parameters uv;
+  Points points;  // S(uv)
+};
+
+}  // namespace
+
+struct SurfaceMorph::Impl {
+  std::shared_ptr<const CadModel> base;
+  SurfaceMorphOptions options;
+  SurfaceMesh surface;
+  Association association;
+  std::vector<FreePatch> patches;
+  std::vector<FaceNodes> faces;
+  Points feet;  // of all nodes on the base CAD, millimetres
+
+  void collect_faces(const Boundary& boundary);
+  int samples_per_curve(int face, const std::vector<int>& nodes_on_edge) const;
+  void find_feet();
+  void check_policy() const;
+
+  std::vector<CurveMap> map_curves(const ModelPair& pair) const;
+  void move_corners(const ModelPair& pair, Points& moved) const;
+  void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps, Points& moved) const;
+  std::string move_face(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
+                        Points& moved) const;
+  void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Points& moved) const;
+  Index count_folds(const CadModel& variant, int face, int variant_face, const Parameters& uv,
+                    const Points& moved) const;
+  Vector3d offset(int row) const {
+    return options.snap ? Vector3d::Zero()
+                        : Vector3d(surface.points.row(row) - feet.row(row));
+  }
+  std::vector<std::string> slide(Points& moved) const;
+};
+
+void SurfaceMorph::Impl::find_feet() {
+  feet = surface.points;
+  parallel_for(feet.rows(), 1024, [&](Index begin, Index end) {
+    for (Index n = begin; n < end; ++n) {
+      const int entity = association.entity[n];
+      const Vector2d uv = association.uv.row(n);
+      switch (association.dimension[n]) {
+        case CadDimension::Vertex: feet.row(n) = base->vertices()[entity].point; break;
+        case CadDimension::Edge: feet.row(n) = base->evaluate_edge(entity, uv[0]).point; break;
+        case CadDimension::Face: feet.row(n) = base->evaluate(entity, uv).point; break;
+        case CadDimension::None: break;
+      }
+    }
+  });
+}
+
+int SurfaceMorph::Impl::samples_per_curve(int face, const std::vector<int>& nodes_on_edge) const {
+  int most = 0;
+  for (const auto& wire : base->faces()[face].wires)
+    for (const int c : wire) most = std::max(most, nodes_on_edge[base->coedges()[c].edge]);
+  return std::clamp(2 * most, kMinSamples, kMaxSamples);
+}
+
+void SurfaceMorph::Impl::collect_faces(const Boundary&) {
+  faces.resize(base->faces().size());
+  std::vector<int> nodes_on_edge(base->edges().size(), 0);
+  for (int n = 0; n < static_cast<int>(association.entity.size()); ++n) {
+    if (association.dimension[n] == CadDimension::Face) faces[association.entity[n]].rows.push_back(n);
+    if (association.dimension[n] == CadDimension::Edge) ++nodes_on_edge[association.entity[n]];
+  }
+  for (int f = 0; f < static_cast<int>(association.facet_face.size()); ++f)
+    if (association.facet_face[f] >= 0) faces[association.facet_face[f]].facets.push_back(f);
+  for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
+    FaceNodes& nodes = faces[f];
+    if (nodes.rows.empty()) continue;
+    nodes.domain = std::make_unique<FaceDomain>(*base, f, samples_per_curve(f, nodes_on_edge));
+    nodes.uv.resize(static_cast<Index>(nodes.rows.size()), 2);
+    nodes.points.resize(nodes.uv.rows(), 3);
+    for (std::size_t i = 0; i < nodes.rows.size(); ++i) {
+      nodes.uv.row(static_cast<Index>(i)) = association.uv.row(nodes.rows[i]);
+      nodes.points.row(static_cast<Index>(i)) = feet.row(nodes.rows[i]);
+    }
+  }
+}
+
+void SurfaceMorph::Impl::check_policy() const {
+  const bool is_refused =
+      !patches.empty() &&
+      (options.unmatched == UnmatchedPolicy::Error ||
+       (options.unmatched == UnmatchedPolicy::Slide &&
+        std::any_of(patches.begin(), patches.end(), [](const auto& p) { return !p.is_planar; })));
+  if (!is_refused) return;
+  const FreePatch& patch = patches.front();
+  std::ostringstream text;
+  text << "the mesh has " << patches.size() << " boundary patches that lie on no face of "
+       << base->file_name() << ", the first (" << patch.facets.size() << " facets) near "
+       << patch.origin.transpose() << " mm. --unmatched asks to refuse "
+       << (options.unmatched == UnmatchedPolicy::Slide ? "patches that are not planar" : "them")
+       << "; --unmatched auto or fix keeps them.";
+  throw AssociationError(text.str());
+}
+
+std::vector<CurveMap> SurfaceMorph::Impl::map_curves(const ModelPair& pair) const {
+  const auto count = static_cast<Index>(base->skeleton().curves.size());
+  std::vector<std::unique_ptr<CurveMap>> made(static_cast<std::size_t>(count));
+  parallel_for(count, 1, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c)
+      made[c] = std::make_unique<CurveMap>(pair, static_cast<int>(c));
+  });
+  std::vector<CurveMap> maps;
+  for (auto& map : made) maps.push_back(std::move(*map));
+  return maps;
+}
+
+void SurfaceMorph::Impl::move_corners(const ModelPair& pair, Points& moved) const {
+  const Similarity& a = pair.match.alignment;
+  for (int n = 0; n < static_cast<int>(moved.rows()); ++n) {
+    if (association.dimension[n] != CadDimension::Vertex) continue;
+    const int corner = base->skeleton().corner_of_vertex[association.entity[n]];
+    const int vertex = pair.variant.skeleton().corners[pair.match.corners[corner]];
+    moved.row(n) =
+        pair.variant.vertices()[vertex].point + a.scale * (a.rotation * offset(n));
+  }
+}
+
+void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                                    Points& moved) const {
+  const Similarity& a = pair.match.alignment;
+  parallel_for(moved.rows(), 256, [&](Index begin, Index end) {
+    for (Index n = begin; n < end; ++n) {
+      if (association.dimension[n] != CadDimension::Edge) continue;
+      const int edge = association.entity[n];
+      const CurveLocation l =
+          maps[base->skeleton().curve_of_edge[edge]]({edge, association.uv(n, 0)});
+      moved.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point +
+                     a.scale * (a.rotation * offset(static_cast<int>(n)));
+    }
+  });
+}
+
+void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapResult& mapped,
+                               Points& moved) const {
+  const FaceNodes& nodes = faces[face];
+  const int variant = pair.match.faces[face];
+  parallel_for(nodes.uv.rows(), 256, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      const int n = nodes.rows[static_cast<std::size_t>(i)];
+      const SurfacePoint from = base->evaluate(face, nodes.uv.row(i));
+      const SurfacePoint to = pair.variant.evaluate(variant, mapped.uv.row(i));
+      Matrix3d turn = frame(to) * frame(from).transpose();
+      const bool is_turned_over =
+          base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed;
+      if (is_turned_over) turn = frame(to) * Vector3d(1, -1, -1).asDiagonal() * frame(from).transpose();
+      moved.row(n) = to.point + pair.match.alignment.scale * (turn * offset(n));
+    }
+  });
+}
+
+// Facets of a face that look to the wrong side of the variant's surface although they did not on the
+// base.
+Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int variant_face,
+                                      const Parameters& uv, const Points& moved) const {
+  const FaceNodes& nodes = faces[face];
+  Index folds = 0;
+  for (const int f : nodes.facets)
+    for (const int n : surface.facets[f]) {
+      const auto it = std::lower_bound(nodes.rows.begin(), nodes.rows.end(), n);
+      if (it == nodes.rows.end() || *it != n) continue;
+      const Index i = it - nodes.rows.begin();
+      const double before =
+          area_vector(surface, surface.points, f).dot(base->normal(face, nodes.uv.row(i)));
+      const double after = area_vector(surface, moved, f).dot(variant.normal(variant_face, uv.row(i)));
+      if (before == 0 || after == 0) continue;
+      folds += (before > 0) != (after > 0);
+      break;
+    }
+  // The mesh's own orientation may be that of the complement: what counts is a mixed sign.
+  return std::min(folds, static_cast<Index>(nodes.facets.size()) - folds);
+}
+
+std::string SurfaceMorph::Impl::move_face(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                                          int face, Points& moved) const {
+  const FaceNodes& nodes = faces[face];
+  if (nodes.rows.empty()) return {};
+  const int variant = pair.match.faces[face];
+  FaceMapResult mapped = map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points);
+  std::string note = mapped.note;
+  place(pair, face, mapped, moved);
+  Index folds = count_folds(pair.variant, face, variant, mapped.uv, moved);
+  const auto improve = [&](const FaceMapResult& other, const char* how) {
+    Points trial = moved;
+    place(pair, face, other, trial);
+    const Index remaining = count_folds(pair.variant, face, variant, other.uv, trial);
+    if (remaining >= folds) return;
+    folds = remaining;
+    moved = std::move(trial);
+    note = how;
+  };
+  if (folds > 0) {
+    const FaceDomain fine(*base, face, kRefinement * kMaxSamples);
+    improve(map_face(fine, pair, maps, nodes.uv, nodes.points), "its wires had to be sampled finer");
+  }
+  if (folds > 0 && !mapped.is_projected)
+    improve(project_face(*nodes.domain, pair, maps, nodes.points),
+            "its parameter warp folded; predicted positions were projected instead");
+  if (folds > 0) note = std::to_string(folds) + " of its facets are folded";
+  if (note.empty()) return {};
+  return "face " + std::to_string(face + 1) + " (" + to_string(base->faces()[face].type) + ", variant face " +
+         std::to_string(variant + 1) + "): " + note;
+}
+
+std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
+  Index slid = 0, fixed = 0;
+  for (const FreePatch& patch : patches) {
+    const bool slides = patch.is_planar && options.unmatched != UnmatchedPolicy::Fix &&
+                        !patch.touched.empty();
+    if (slides) slide_patch(surface, patch, moved);
+    ++(slides ? slid : fixed);
+  }
+  if (patches.empty()) return {};
+  return {std::to_string(association.unmatched_nodes) + " surface nodes lie on no CAD face: " +
+          std::to_string(fixed) + " patches stay fixed, " + std::to_string(slid) +
+          " slide in their plane (--unmatched)"};
+}
+
+SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
+                           const Boundary& boundary, SurfaceMorphOptions options)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->base = std::move(base);
+  impl_->options = std::move(options);
+  impl_->association = associate(*impl_->base, mesh, boundary, impl_->options.association);
+  impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
+  impl_->patches = find_free_patches(impl_->surface, boundary, impl_->association);
+  impl_->check_policy();
+  impl_->find_feet();
+  impl_->collect_faces(boundary);
+}
+
+SurfaceMorph::~SurfaceMorph() = default;
+SurfaceMorph::SurfaceMorph(SurfaceMorph&&) noexcept = default;
+
+const Association& SurfaceMorph::association() const { return impl_->association; }
+
+SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMatch& match) const {
+  const Impl& self = *impl_;
+  const MotionPrediction prediction(*self.base, variant, match);
+  const ModelPair pair{*self.base, variant, match, prediction};
+  const std::vector<CurveMap> maps = self.map_curves(pair);
+  Points moved = self.surface.points;
+  self.move_corners(pair, moved);
+  self.move_edges(pair, maps, moved);
+  SurfaceMorphResult result;
+  for (int f = 0; f < static_cast<int>(self.faces.size()); ++f)
+    if (std::string note = self.move_face(pair, maps, f, moved); !note.empty())
+      result.warnings.push_back(std::move(note));
+  for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
+  result.positions = moved / self.association.mesh_unit_mm;
+  Index matched = 0;
+  for (int n = 0; n < static_cast<int>(moved.rows()); ++n) {
+    if (self.association.dimension[n] == CadDimension::None) continue;
+    const double d = match.alignment.scale * self.offset(n).norm();
+    result.max_distance = std::max(result.max_distance, d);
+    result.mean_distance += d;
+    ++matched;
+  }
+  if (matched > 0) result.mean_distance /= static_cast<double>(matched);
+  return result;
+}
+
+}  // namespace cadmorph
