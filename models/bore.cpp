@@ -30,7 +30,7 @@ constexpr double bore_x = 42, bore_y = 40;
 constexpr double bore_radius = 15, key_half_width = 4, key_reach = 20;
 
 // The full change.
-constexpr double full_scale = 1.35, full_turn_deg = 30, full_tilt_deg = 10;
+constexpr double full_scale = 1.3, full_turn_deg = 25, full_tilt_deg = 8;
 
 TopoDS_Shape make_block() {
   BRepBuilderAPI_MakePolygon profile;

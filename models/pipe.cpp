@@ -30,7 +30,7 @@ struct PipeParameters {
 
 PipeParameters pipe_parameters(double change) {
   constexpr PipeParameters base{60, 45, 12, 18, 40, 90};
-  constexpr PipeParameters full{80, 70, 12, 20, 50, 60};
+  constexpr PipeParameters full{40, 90, 13, 22, 55, 60};
   const auto at = [&](double PipeParameters::*field) {
     return base.*field + change * (full.*field - base.*field);
   };
