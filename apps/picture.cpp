@@ -13,6 +13,7 @@
 #include <vtkLightKit.h>
 #include <vtkLookupTable.h>
 #include <vtkNew.h>
+#include <vtkObject.h>
 #include <vtkPNGWriter.h>
 #include <vtkPointData.h>
 #include <vtkPolyData.h>
@@ -460,6 +461,7 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Draws a mesh before and after morphing: both surfaces, and both cut open with the "
       "worst elements in red."};
+  vtkObject::GlobalWarningDisplayOff();  // failures are told once, by us
   try {
     cadmorph::draw(cadmorph::parse(app, argc, argv));
     return 0;
