@@ -60,6 +60,8 @@ constexpr int side_cells = 16;                  // of either O-grid block's side
 constexpr int bolt_side_cells = 8;              // of the square around the bolt hole
 constexpr int key_cells = 6;                    // across the keyway
 constexpr int key_layers = 2, ring_layers = 7;  // along the keyway's depth; from bore to outside
+constexpr int beside_key = (side_cells - key_cells) / 2;
+constexpr int first_key_column = side_cells + beside_key;
 constexpr int bolt_layers = 4;
 constexpr int lower_layers = 14, upper_layers = 6;  // below and above the shoulder
 
@@ -69,8 +71,6 @@ using QuadSink = std::function<void(const std::array<Point2, 4>&)>;
 Point2 polar(const Point2& centre, double radius, double angle) {
   return centre + radius * Point2(std::cos(angle), std::sin(angle));
 }
-
-double blend(double a, double b, double t) { return a + (b - a) * t; }
 
 /// Emits the quads of a grid of (ni + 1) x (nj + 1) points, counter-clockwise when i, j are
 /// right-handed.
@@ -87,46 +87,48 @@ Point2 on_rectangle(const Point2& low, const Point2& high, int cells, int j) {
   const double t = static_cast<double>(j % cells) / cells;
   switch (j / cells % 4) {
     case 0:
-      return {high[0], blend(low[1], high[1], t)};
+      return {high[0], std::lerp(low[1], high[1], t)};
     case 1:
-      return {blend(high[0], low[0], t), high[1]};
+      return {std::lerp(high[0], low[0], t), high[1]};
     case 2:
-      return {low[0], blend(high[1], low[1], t)};
+      return {low[0], std::lerp(high[1], low[1], t)};
     default:
-      return {blend(low[0], high[0], t), low[1]};
+      return {std::lerp(low[0], high[0], t), low[1]};
   }
 }
 
-/// Angle of column `j` around the bore: even, but for the upper quarter, where the columns at the
-/// keyway's sides meet its corners.
+bool is_key_column(int j) { return j >= first_key_column && j <= first_key_column + key_cells; }
+
+/// Angle of column `j` around the bore, outside the keyway: even, but for the quarter with the
+/// keyway, where the columns share the room on either side of it.
 double bore_angle(int j) {
-  constexpr int beside = (side_cells - key_cells) / 2;
   const double key_angle = std::asin(key_half_width / bore_radius);
   const int in_quarter = j - side_cells;
   if (in_quarter < 0 || in_quarter > side_cells) return -pi / 4 + j * (pi / 2) / side_cells;
-  if (in_quarter < beside) return blend(pi / 4, pi / 2 - key_angle, double(in_quarter) / beside);
-  if (in_quarter > beside + key_cells) {
-    return blend(pi / 2 + key_angle, 3 * pi / 4, double(in_quarter - beside - key_cells) / beside);
+  if (in_quarter < beside_key) {
+    return std::lerp(pi / 4, pi / 2 - key_angle, double(in_quarter) / beside_key);
   }
-  return blend(pi / 2 - key_angle, pi / 2 + key_angle, double(in_quarter - beside) / key_cells);
+  const int beyond_key = in_quarter - beside_key - key_cells;
+  return std::lerp(pi / 2 + key_angle, 3 * pi / 4, double(beyond_key) / beside_key);
 }
 
-bool is_key_column(int j) {
-  constexpr int first = side_cells + (side_cells - key_cells) / 2;
-  return j >= first && j <= first + key_cells;
+/// Where column `j` meets the bore's wall, as if there were no keyway.
+Point2 on_bore(int j) {
+  if (!is_key_column(j)) return polar({bore_x, bore_y}, bore_radius, bore_angle(j));
+  const double across = key_half_width * (1 - 2. * (j - first_key_column) / key_cells);
+  return {bore_x + across, bore_y + std::sqrt(bore_radius * bore_radius - across * across)};
+}
+
+/// Where column `j` meets the keyway's ground, or the circle through its corners.
+Point2 on_key_reach(int j) {
+  if (!is_key_column(j)) {
+    return polar({bore_x, bore_y}, std::hypot(key_reach, key_half_width), bore_angle(j));
+  }
+  return {on_bore(j)[0], bore_y + key_reach};
 }
 
 Point2 bore_grid_point(int layer, int j) {
-  const Point2 centre(bore_x, bore_y);
-  const double corner_reach = std::hypot(key_reach, key_half_width);
-  Point2 inner = polar(centre, bore_radius, bore_angle(j));
-  Point2 middle = polar(centre, corner_reach, bore_angle(j));
-  if (is_key_column(j)) {
-    constexpr int first = side_cells + (side_cells - key_cells) / 2;
-    const double across = key_half_width * (1 - 2. * (j - first) / key_cells);
-    inner = {bore_x + across, bore_y + std::sqrt(bore_radius * bore_radius - across * across)};
-    middle = {bore_x + across, bore_y + key_reach};
-  }
+  const Point2 inner = on_bore(j), middle = on_key_reach(j);
   const Point2 outer = on_rectangle({0, 0}, {shoulder_x, width}, side_cells, j);
   if (layer <= key_layers) return inner + (middle - inner) * layer / key_layers;
   return middle + (outer - middle) * (layer - key_layers) / (ring_layers - key_layers);
@@ -174,7 +176,7 @@ void extrude(const std::array<Point2, 4>& quad, double bottom, double top, int l
   for (int layer = 0; layer < layers; ++layer) {
     std::array<Eigen::Vector3d, 8> corners;
     for (int side = 0; side < 2; ++side) {
-      const double z = blend(bottom, top, double(layer + side) / layers);
+      const double z = std::lerp(bottom, top, double(layer + side) / layers);
       for (int i = 0; i < 4; ++i) corners[4 * side + i] = {quad[i][0], quad[i][1], z};
     }
     builder.add(corners);
@@ -184,7 +186,7 @@ void extrude(const std::array<Point2, 4>& quad, double bottom, double top, int l
 }  // namespace
 
 TopoDS_Shape make_bore(double change) {
-  const double scale = 1 + change * (full_scale - 1);
+  const double scale = std::lerp(1., full_scale, change);
   const double reach = height;  // of the tools beyond the bore's middle: outside the block
   gp_Ax2 frame = bore_frame(change);
   frame.Translate(gp_Vec(frame.Direction()) * -reach);

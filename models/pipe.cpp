@@ -29,14 +29,13 @@ struct PipeParameters {
 };
 
 PipeParameters pipe_parameters(double change) {
-  constexpr PipeParameters base{60, 45, 12, 18, 40, 90};
-  constexpr PipeParameters full{40, 90, 13, 22, 55, 60};
-  const auto at = [&](double PipeParameters::*field) {
-    return base.*field + change * (full.*field - base.*field);
-  };
-  return {at(&PipeParameters::first_length), at(&PipeParameters::second_length),
-          at(&PipeParameters::inner_radius), at(&PipeParameters::outer_radius),
-          at(&PipeParameters::bend_radius),  at(&PipeParameters::bend_angle_deg)};
+  const auto from_to = [change](double base, double full) { return std::lerp(base, full, change); };
+  return {.first_length = from_to(60, 40),
+          .second_length = from_to(45, 90),
+          .inner_radius = from_to(12, 13),
+          .outer_radius = from_to(18, 22),
+          .bend_radius = from_to(40, 55),
+          .bend_angle_deg = from_to(90, 60)};
 }
 
 TopoDS_Wire circle(double radius) {
