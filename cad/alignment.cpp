@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 
 constexpr int kFaceGrid = 12;
 constexpr int kCurveSamples = 64;
-// Of the diagonal: above the tolerance of exchanged B-Reps (1e-7 of a part's size), far below a design
-// change.
+// Of the diagonal: above the tolerance of exchanged B-Reps (1e-7 of a part's size), far below a
+// design change.
 constexpr double kCoincident = 1e-6;
 constexpr double kExactFit = 1e-7;
 
@@ -82,23 +82,22 @@ void landmarks(const CadModel& base, const CadModel& variant, const TopologyMatc
   }
 }
 
-bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
-  const double tolerance = kCoincident * base.diagonal();
-  if ((base.lower() - variant.lower()).norm() > 0.1 * base.diagonal() ||
-      (base.upper() - variant.upper()).norm() > 0.1 * base.diagonal())
+// Whether t carries one shape onto the other as point sets.
+bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+              const Similarity& t) {
+  const double tolerance = kCoincident * variant.diagonal();
+  if (std::abs(t.scale * base.diagonal() - variant.diagonal()) > 0.5 * variant.diagonal())
     return false;
   for (std::size_t c = 0; c < match.corners.size(); ++c)
-    if ((base.vertices()[base.skeleton().corners[c]].point -
+    if ((t(base.vertices()[base.skeleton().corners[c]].point) -
          variant.vertices()[variant.skeleton().corners[match.corners[c]]].point)
             .norm() > tolerance)
       return false;
-  for (std::size_t f = 0; f < match.faces.size(); ++f) {
-    const auto uv = sample_domain(base, static_cast<int>(f), 3);
-    for (const Vector2d& at : uv)
-      if (project_globally(variant, match.faces[f], base.evaluate(static_cast<int>(f), at).point)
+  for (std::size_t f = 0; f < match.faces.size(); ++f)
+    for (const Vector2d& at : sample_domain(base, static_cast<int>(f), 3))
+      if (project_globally(variant, match.faces[f], t(base.evaluate(static_cast<int>(f), at).point))
               .distance > tolerance)
         return false;
-  }
   return true;
 }
 
@@ -175,21 +174,25 @@ double residual(const Similarity& s, const std::vector<Vector3d>& from,
   return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(from.size(), 1)));
 }
 
-Similarity align(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
-  if (coincide(base, variant, match)) return {};
+void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) {
+  match.alignment = {};
+  match.is_congruent = coincide(base, variant, match, match.alignment);
+  if (match.is_congruent) return;
   std::vector<Vector3d> from, to;
   equal_parameters(base, variant, match, from, to);
-  const Similarity by_parameters = fit_similarity(from, to);
-  if (residual(by_parameters, from, to) < kExactFit * variant.diagonal()) return by_parameters;
+  match.alignment = fit_similarity(from, to);
+  match.is_congruent = residual(match.alignment, from, to) < kExactFit * variant.diagonal();
+  if (match.is_congruent) return;
   from.clear();
   to.clear();
   landmarks(base, variant, match, from, to);
-  Similarity fit = fit_similarity(from, to);
+  match.alignment = fit_similarity(from, to);
   if (!spans_a_plane(from) && from.size() < 3) {
-    fit.scale = variant.diagonal() / base.diagonal();
-    fit.translation = mean_of(to) - fit.scale * (fit.rotation * mean_of(from));
+    match.alignment.scale = variant.diagonal() / base.diagonal();
+    match.alignment.translation =
+        mean_of(to) - match.alignment.scale * (match.alignment.rotation * mean_of(from));
   }
-  return fit;
+  match.is_congruent = coincide(base, variant, match, match.alignment);
 }
 
 }  // namespace cadmorph

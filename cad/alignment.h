@@ -13,8 +13,8 @@ struct EntityFeature {
 /// Features of all faces, curves and corners, in the order of EntityGraph.
 std::vector<EntityFeature> entity_features(const CadModel& model);
 
-/// Least-squares similarity of paired points, rotation proper (Umeyama 1991). Where the points leave a
-/// rotation open (fewer than three, or on a line) the smallest one is taken.
+/// Least-squares similarity of paired points, rotation proper (Umeyama 1991). Where the points
+/// leave a rotation open (fewer than three, or on a line) the smallest one is taken.
 Similarity fit_similarity(const std::vector<Eigen::Vector3d>& from,
                           const std::vector<Eigen::Vector3d>& to);
 
@@ -22,9 +22,9 @@ Similarity fit_similarity(const std::vector<Eigen::Vector3d>& from,
 double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
                 const std::vector<Eigen::Vector3d>& to);
 
-/// Best similarity from base to variant for a match: the identity where the two models coincide as
-/// point sets; else the one that carries equal surface parameters onto each other, where it does so
+/// Sets match.alignment and is_congruent: the identity where the two models coincide as point sets;
+/// else the similarity that carries equal surface parameters onto each other, where it does so
 /// exactly; else the fit of corners, then of curve and face centroids.
-Similarity align(const CadModel& base, const CadModel& variant, const TopologyMatch& match);
+void align(const CadModel& base, const CadModel& variant, TopologyMatch& match);
 
 }  // namespace cadmorph

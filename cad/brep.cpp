@@ -61,14 +61,21 @@ struct Segment {
 
 SurfaceType surface_type(GeomAbs_SurfaceType type) {
   switch (type) {
-    case GeomAbs_Plane: return SurfaceType::Plane;
-    case GeomAbs_Cylinder: return SurfaceType::Cylinder;
-    case GeomAbs_Cone: return SurfaceType::Cone;
-    case GeomAbs_Sphere: return SurfaceType::Sphere;
-    case GeomAbs_Torus: return SurfaceType::Torus;
+    case GeomAbs_Plane:
+      return SurfaceType::Plane;
+    case GeomAbs_Cylinder:
+      return SurfaceType::Cylinder;
+    case GeomAbs_Cone:
+      return SurfaceType::Cone;
+    case GeomAbs_Sphere:
+      return SurfaceType::Sphere;
+    case GeomAbs_Torus:
+      return SurfaceType::Torus;
     case GeomAbs_BezierSurface:
-    case GeomAbs_BSplineSurface: return SurfaceType::BSpline;
-    default: return SurfaceType::Other;
+    case GeomAbs_BSplineSurface:
+      return SurfaceType::BSpline;
+    default:
+      return SurfaceType::Other;
   }
 }
 
@@ -82,8 +89,8 @@ int polygon_segments(const Pcurve& pcurve) {
   return 64;
 }
 
-// Angle that the wires wind round a point: 2 pi inside, 0 outside. Unlike ray crossings it bears the
-// small gaps that pcurves leave at vertices.
+// Angle that the wires wind round a point: 2 pi inside, 0 outside. Unlike ray crossings it bears
+// the small gaps that pcurves leave at vertices.
 double winding_angle(const std::vector<Segment>& polygon, const Vector2d& at) {
   double winding = 0;
   for (const Segment& s : polygon) {
@@ -97,13 +104,20 @@ double winding_angle(const std::vector<Segment>& polygon, const Vector2d& at) {
 
 const char* to_string(SurfaceType type) {
   switch (type) {
-    case SurfaceType::Plane: return "plane";
-    case SurfaceType::Cylinder: return "cylinder";
-    case SurfaceType::Cone: return "cone";
-    case SurfaceType::Sphere: return "sphere";
-    case SurfaceType::Torus: return "torus";
-    case SurfaceType::BSpline: return "B-spline";
-    case SurfaceType::Other: break;
+    case SurfaceType::Plane:
+      return "plane";
+    case SurfaceType::Cylinder:
+      return "cylinder";
+    case SurfaceType::Cone:
+      return "cone";
+    case SurfaceType::Sphere:
+      return "sphere";
+    case SurfaceType::Torus:
+      return "torus";
+    case SurfaceType::BSpline:
+      return "B-spline";
+    case SurfaceType::Other:
+      break;
   }
   return "surface";
 }
@@ -119,8 +133,8 @@ struct CadModel::Impl {
   Vector3d lower = Vector3d::Constant(1e300), upper = Vector3d::Constant(-1e300);
 
   std::vector<Handle(Geom_Surface)> surfaces;
-  std::vector<Handle(Geom_Curve)> curves;  // null for degenerate edges
-  std::vector<Pcurve> pcurves;             // a coedge
+  std::vector<Handle(Geom_Curve)> curves;      // null for degenerate edges
+  std::vector<Pcurve> pcurves;                 // a coedge
   std::vector<std::vector<Segment>> polygons;  // a face, oriented: material to the left
   std::vector<Vector2d> natural_period;        // of the untrimmed surface
 
@@ -200,7 +214,8 @@ std::vector<double> CadModel::crossings(int face, double v) const {
   std::vector<double> u;
   for (const Segment& s : impl_->polygons[face])
     if ((s.from.y() <= v) != (s.to.y() <= v))
-      u.push_back(s.from.x() + (v - s.from.y()) / (s.to.y() - s.from.y()) * (s.to.x() - s.from.x()));
+      u.push_back(s.from.x() +
+                  (v - s.from.y()) / (s.to.y() - s.from.y()) * (s.to.x() - s.from.x()));
   std::sort(u.begin(), u.end());
   return u;
 }
@@ -229,8 +244,9 @@ class ModelBuilder {
     for (int i = 1; i <= all.Extent(); ++i)
       if (!BRep_Tool::Surface(TopoDS::Face(all(i))).IsNull()) faces_.Add(all(i));
     if (faces_.IsEmpty())
-      throw CadError(source_.file_name + ": holds no face. Export the solid or its surfaces, not "
-                                         "curves or a drawing.");
+      throw CadError(source_.file_name +
+                     ": holds no face. Export the solid or its surfaces, not "
+                     "curves or a drawing.");
     for (int i = 1; i <= faces_.Extent(); ++i) {
       TopExp::MapShapes(faces_(i), TopAbs_EDGE, edges_);
       TopExp::MapShapes(faces_(i), TopAbs_VERTEX, vertices_);
@@ -324,8 +340,8 @@ class ModelBuilder {
     const int count = polygon_segments(pcurve);
     Vector2d previous = pcurve(pcurve.edge_first);
     for (int i = 1; i <= count; ++i) {
-      const double t =
-          pcurve.edge_first + (pcurve.edge_last - pcurve.edge_first) * i / static_cast<double>(count);
+      const double t = pcurve.edge_first +
+                       (pcurve.edge_last - pcurve.edge_first) * i / static_cast<double>(count);
       const Vector2d p = pcurve(t);
       model_.polygons[id].push_back(is_reversed ? Segment{p, previous} : Segment{previous, p});
       previous = p;

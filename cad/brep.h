@@ -32,7 +32,8 @@ struct CadEdge {
   bool is_physical() const { return !is_degenerate && !is_seam; }
 };
 
-/// The use of an edge by a face: its curve in the face's parameter domain (pcurve), by wire occurrence.
+/// The use of an edge by a face: its curve in the face's parameter domain (pcurve), by wire
+/// occurrence.
 struct CadCoedge {
   int edge;
   int face;
@@ -43,9 +44,9 @@ struct CadCoedge {
 /// A B-Rep face: a trimmed surface S(u, v).
 struct CadFace {
   SurfaceType type;
-  bool is_reversed;      ///< the outward normal is -(S_u x S_v)
+  bool is_reversed;              ///< the outward normal is -(S_u x S_v)
   Eigen::Vector2d lower, upper;  ///< bounds of the trimmed parameter domain
-  Eigen::Vector2d period;  ///< period in u and v where the face closes on itself, else 0
+  Eigen::Vector2d period;        ///< period in u and v where the face closes on itself, else 0
   double tolerance;
   int solid;                            ///< of the file, -1 for a face of no solid
   std::vector<std::vector<int>> wires;  ///< coedges in the order of the file
@@ -61,19 +62,19 @@ struct CurveLink {
 /// A physical curve: a chain of edges between corners, or closed.
 struct CadCurve {
   std::vector<CurveLink> links;
-  int start, end;  ///< corners; -1 for a closed curve without one
+  int start, end;          ///< corners; -1 for a closed curve without one
   std::vector<int> faces;  ///< adjacent faces, ascending, once a use
   double length;
   bool is_closed() const { return start < 0; }
 };
 
-/// The entities that exist physically. Seam edges, degenerate edges, and vertices that exist only to
-/// end a seam or to cut a smooth curve between the same two faces are left out.
+/// The entities that exist physically. Seam edges, degenerate edges, and vertices that exist only
+/// to end a seam or to cut a smooth curve between the same two faces are left out.
 struct CadSkeleton {
   std::vector<CadCurve> curves;
-  std::vector<int> corners;          ///< vertex ids
-  std::vector<int> corner_of_vertex; ///< -1: not physical
-  std::vector<int> curve_of_edge;    ///< -1: not physical
+  std::vector<int> corners;           ///< vertex ids
+  std::vector<int> corner_of_vertex;  ///< -1: not physical
+  std::vector<int> curve_of_edge;     ///< -1: not physical
 };
 
 /// S(u, v) with first derivatives, millimetres and millimetres per parameter.

@@ -27,9 +27,8 @@ CurveTable::CurveTable(const CadModel& model, int curve)
 }
 
 double CurveTable::fraction(const CurveLocation& location) const {
-  const auto begin = std::find_if(location_.begin(), location_.end(), [&](const CurveLocation& l) {
-    return l.edge == location.edge;
-  });
+  const auto begin = std::find_if(location_.begin(), location_.end(),
+                                  [&](const CurveLocation& l) { return l.edge == location.edge; });
   const auto first = static_cast<std::size_t>(begin - location_.begin());
   const double from = location_[first].t, to = location_[first + kSamplesPerLink].t;
   const double s = std::clamp((location.t - from) / (to - from), 0.0, 1.0) * kSamplesPerLink;
@@ -38,7 +37,8 @@ double CurveTable::fraction(const CurveLocation& location) const {
 }
 
 CurveLocation CurveTable::locate(double fraction) const {
-  const double wrapped = is_closed_ ? fraction - std::floor(fraction) : std::clamp(fraction, 0.0, 1.0);
+  const double wrapped =
+      is_closed_ ? fraction - std::floor(fraction) : std::clamp(fraction, 0.0, 1.0);
   const double arc = wrapped * length();
   auto upper = std::upper_bound(arc_.begin() + 1, arc_.end() - 1, arc);
   const auto i = static_cast<std::size_t>(upper - arc_.begin());

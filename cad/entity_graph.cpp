@@ -19,7 +19,8 @@ std::uint64_t mix(std::uint64_t x) {  // splitmix64 finaliser
 
 class GraphBuilder {
  public:
-  GraphBuilder(const CadModel& model, bool is_oriented) : model_(model), is_oriented_(is_oriented) {}
+  GraphBuilder(const CadModel& model, bool is_oriented)
+      : model_(model), is_oriented_(is_oriented) {}
 
   EntityGraph build() {
     const CadSkeleton& skeleton = model_.skeleton();
@@ -29,7 +30,8 @@ class GraphBuilder {
     const int first_solid = graph_.size();
     add_nodes(kSolid, static_cast<std::size_t>(model_.solid_count()));
     for (int f = 0; f < graph_.faces; ++f)
-      if (model_.faces()[f].solid >= 0) connect(first_solid + model_.faces()[f].solid, f, kSolidFace);
+      if (model_.faces()[f].solid >= 0)
+        connect(first_solid + model_.faces()[f].solid, f, kSolidFace);
     for (int c = 0; c < graph_.curves; ++c) add_uses(c, skeleton.curves[c]);
     return std::move(graph_);
   }

@@ -20,8 +20,8 @@ struct EntityGraph {
   int entity_count() const { return faces + curves + corners; }
 };
 
-/// Builds the graph. With `is_oriented`, the uses tell a curve's first corner from its last one as seen
-/// with the face to the left from outside: a mirrored copy then has another graph.
+/// Builds the graph. With `is_oriented`, the uses tell a curve's first corner from its last one as
+/// seen with the face to the left from outside: a mirrored copy then has another graph.
 EntityGraph build_graph(const CadModel& model, bool is_oriented);
 
 /// Joint colours of two graphs' nodes, refined until stable (Weisfeiler and Leman 1968): nodes of

@@ -13,8 +13,8 @@ struct FaceSamples {
   double spacing;  ///< millimetres between neighbours, at most
 };
 
-/// Samples every face inside its wires and along them, about `count` points in all, at least 5 x 5 a
-/// curved face (Sieger et al. 2013, sect. 4). Parallel over faces.
+/// Samples every face inside its wires and along them, about `count` points in all, at least 5 x 5
+/// a curved face (Sieger et al. 2013, sect. 4). Parallel over faces.
 FaceSamples sample_faces(const CadModel& model, Index count);
 
 /// Inside samples of one face alone, about n x n.

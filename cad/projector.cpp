@@ -37,8 +37,8 @@ Vector2d descent(const SurfaceCurvature& s, const Vector3d& r) {
   hessian(0, 1) += r.dot(s.duv);
   hessian(1, 0) = hessian(0, 1);
   hessian(1, 1) += r.dot(s.dvv);
-  const bool is_definite = hessian(0, 0) > 0 && hessian.determinant() >
-                                                    1e-12 * hessian(0, 0) * hessian(1, 1);
+  const bool is_definite =
+      hessian(0, 0) > 0 && hessian.determinant() > 1e-12 * hessian(0, 0) * hessian(1, 1);
   Matrix2d system = is_definite ? hessian : gauss;
   // At a pole one derivative vanishes: keep the other direction, leave this one alone.
   for (int a = 0; a < 2; ++a) system(a, a) += 1e-30 + 1e-15 * system.trace();
@@ -73,9 +73,9 @@ FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, con
       best = squared;
       s = at;
     }
-    if (!is_better || std::abs(moved.x()) * s.first.du.norm() +
-                              std::abs(moved.y()) * s.first.dv.norm() <
-                          tolerance)
+    if (!is_better ||
+        std::abs(moved.x()) * s.first.du.norm() + std::abs(moved.y()) * s.first.dv.norm() <
+            tolerance)
       break;
   }
   const Vector2d wrapped = model.into_domain(face, uv);

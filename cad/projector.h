@@ -19,9 +19,9 @@ struct EdgeFoot {
   double distance;
 };
 
-/// Projects x on the surface of `face` by a damped Newton iteration from `seed`, on the trimmed domain
-/// widened by a tenth. About 1 us on analytic surfaces, 5 us on B-splines. The foot is a local minimum:
-/// judge its distance.
+/// Projects x on the surface of `face` by a damped Newton iteration from `seed`, on the trimmed
+/// domain widened by a tenth. About 1 us on analytic surfaces, 5 us on B-splines. The foot is a
+/// local minimum: judge its distance.
 FaceFoot project_on_face(const CadModel& model, int face, const Eigen::Vector3d& x,
                          const Eigen::Vector2d& seed);
 

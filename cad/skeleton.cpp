@@ -87,9 +87,10 @@ class Chainer {
 
   void chain(int seed) {
     CurveLink first{seed, false};
-    for (CurveLink back = next({seed, true}); back.edge >= 0 && back.edge != seed; back = next(back))
+    for (CurveLink back = next({seed, true}); back.edge >= 0 && back.edge != seed;
+         back = next(back))
       first = {back.edge, !back.is_reversed};
-    CadCurve curve;
+    CadCurve curve{};
     for (CurveLink link = first;;) {
       curve.links.push_back(link);
       curve.length += model_.edges()[link.edge].length;

@@ -44,18 +44,21 @@ void check_frame(const std::filesystem::path& path) {
   const std::streamoff size = in.tellg();
   const auto piece = std::min<std::streamoff>(size, kEndSearch);
   if (read_part(in, 0, piece).find(kStart) == std::string::npos)
-    throw CadError(name + ": not a STEP file (no ISO-10303-21 header). Export the part as STEP "
-                          "AP203, AP214 or AP242.");
+    throw CadError(name +
+                   ": not a STEP file (no ISO-10303-21 header). Export the part as STEP "
+                   "AP203, AP214 or AP242.");
   if (read_part(in, size - piece, piece).find(kEnd) == std::string::npos)
-    throw CadError(name + ": truncated (no END-ISO-10303-21 at its end). The export or the copy was "
-                          "interrupted; write the file again.");
+    throw CadError(name +
+                   ": truncated (no END-ISO-10303-21 at its end). The export or the copy was "
+                   "interrupted; write the file again.");
 }
 
 std::string length_units(STEPControl_Reader& reader) {
   TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
   reader.FileUnits(lengths, angles, solid_angles);
   std::string units;
-  for (const auto& unit : lengths) units += (units.empty() ? "" : ", ") + std::string(unit.ToCString());
+  for (const auto& unit : lengths)
+    units += (units.empty() ? "" : ", ") + std::string(unit.ToCString());
   return units.empty() ? "unknown" : units;
 }
 
@@ -69,18 +72,20 @@ CadModel read_step(const std::filesystem::path& path) {
     STEPControl_Reader reader;
     Interface_Static::SetCVal("xstep.cascade.unit", "MM");
     if (reader.ReadFile(name.c_str()) != IFSelect_RetDone)
-      throw CadError(name + ": the STEP reader rejects it (syntax error or damaged data). Export the "
-                            "part again.");
+      throw CadError(name +
+                     ": the STEP reader rejects it (syntax error or damaged data). Export the "
+                     "part again.");
     const std::string unit = length_units(reader);
     reader.TransferRoots();
     const TopoDS_Shape shape = reader.OneShape();
     if (shape.IsNull())
-      throw CadError(name + ": holds no shape. The DATA section is empty or has only drawings; export "
-                            "the solid or the surfaces.");
+      throw CadError(name +
+                     ": holds no shape. The DATA section is empty or has only drawings; export "
+                     "the solid or the surfaces.");
     const auto transfer = reader.WS()->TransferReader();
     const auto names = [&](const TopoDS_Face& face) -> std::string {
-      const auto item = Handle(StepRepr_RepresentationItem)::DownCast(
-          transfer->EntityFromShapeResult(face, 1));
+      const auto item =
+          Handle(StepRepr_RepresentationItem)::DownCast(transfer->EntityFromShapeResult(face, 1));
       if (item.IsNull() || item->Name().IsNull()) return {};
       return item->Name()->ToCString();
     };

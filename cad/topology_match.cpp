@@ -18,13 +18,13 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A nearest candidate is taken with others of its class at once when it is this much nearer than the
-// second nearest.
+// A nearest candidate is taken with others of its class at once when it is this much nearer than
+// the second nearest.
 constexpr double kClearMargin = 0.5;
 constexpr int kMaxTries = 12;
 constexpr int kMaxNamed = 6;
-// Matches whose distances differ by less than this part of the diagonal, or this factor, are equally
-// good: symmetric parts have many.
+// Matches whose distances differ by less than this part of the diagonal, or this factor, are
+// equally good: symmetric parts have many.
 constexpr double kTie = 1e-6;
 constexpr double kSlack = 1.02;
 
@@ -40,9 +40,11 @@ std::string describe(const Side& side, int node) {
   const Vector3d& c = side.features[node].centre;
   if (node < side.graph.faces) {
     text << "face " << node + 1 << " (" << to_string(side.model.faces()[node].type);
-    if (!side.model.faces()[node].name.empty()) text << " '" << side.model.faces()[node].name << "'";
+    if (!side.model.faces()[node].name.empty())
+      text << " '" << side.model.faces()[node].name << "'";
   } else if (node < side.graph.faces + side.graph.curves) {
-    text << "edge " << node - side.graph.faces + 1 << " (length " << side.features[node].size << " mm";
+    text << "edge " << node - side.graph.faces + 1 << " (length " << side.features[node].size
+         << " mm";
   } else {
     text << "vertex " << node - side.graph.faces - side.graph.curves + 1 << " (point";
   }
@@ -99,8 +101,7 @@ class Matcher {
     for (;;) {
       const auto open = open_classes(colours, base_.graph.entity_count());
       if (open.empty()) return true;
-      if (!decide_clear_class(open, colours, confidence) &&
-          !decide_one(open, colours, confidence))
+      if (!decide_clear_class(open, colours, confidence) && !decide_one(open, colours, confidence))
         return false;
     }
   }
@@ -228,7 +229,8 @@ std::optional<Similarity> by_unique_entities(const Side& base, const Side& varia
     // A class with several members still has one centroid.
     Vector3d x = Vector3d::Zero(), y = Vector3d::Zero();
     for (const int n : nodes) x += base.features[n].centre / static_cast<double>(nodes.size());
-    for (const int n : v[colour]) y += variant.features[n].centre / static_cast<double>(nodes.size());
+    for (const int n : v[colour])
+      y += variant.features[n].centre / static_cast<double>(nodes.size());
     from.push_back(x);
     to.push_back(y);
   }
@@ -257,8 +259,8 @@ std::vector<Similarity> by_principal_axes(const Side& base, const Side& variant)
   Vector3d a, b;
   const Eigen::Matrix3d from = principal_axes(base, a), to = principal_axes(variant, b);
   std::vector<Similarity> all;
-  for (const auto& signs : {Vector3d(1, 1, 1), Vector3d(1, -1, -1), Vector3d(-1, 1, -1),
-                            Vector3d(-1, -1, 1)}) {
+  for (const auto& signs :
+       {Vector3d(1, 1, 1), Vector3d(1, -1, -1), Vector3d(-1, 1, -1), Vector3d(-1, -1, 1)}) {
     Similarity s;
     s.rotation = to * signs.asDiagonal() * from.transpose();
     s.scale = variant.model.diagonal() / base.model.diagonal();
@@ -280,7 +282,8 @@ std::vector<Candidate> candidate_alignments(const Side& base, const Side& varian
 
 std::string list(const std::vector<std::string>& items) {
   std::string text;
-  for (std::size_t i = 0; i < items.size() && i < kMaxNamed; ++i) text += (i ? "; " : "") + items[i];
+  for (std::size_t i = 0; i < items.size() && i < kMaxNamed; ++i)
+    text += (i ? "; " : "") + items[i];
   if (items.size() > kMaxNamed)
     text += "; and " + std::to_string(items.size() - kMaxNamed) + " more";
   return text;
@@ -300,7 +303,8 @@ void leftovers(const Side& base, const Side& variant, const Similarity& t, std::
       pairs.push_back({squared_distance(base.features[i], variant.features[j], t), i, j});
   std::sort(pairs.begin(), pairs.end(),
             [](const Pair& x, const Pair& y) { return x.distance < y.distance; });
-  std::vector<char> is_paired_base(base.features.size()), is_paired_variant(variant.features.size());
+  std::vector<char> is_paired_base(base.features.size()),
+      is_paired_variant(variant.features.size());
   for (const Pair& p : pairs)
     if (!is_paired_base[p.base] && !is_paired_variant[p.variant])
       is_paired_base[p.base] = is_paired_variant[p.variant] = 1;
@@ -348,8 +352,9 @@ void apply_given(const Side& base, const Side& variant, const MatchOptions& opti
     colours.individualise(b - 1, v - 1);
   }
   if (!options.given_faces.empty() && !colours.refine())
-    throw TopologyError("face map: the given pairs contradict the adjacency of the two models. "
-                        "Check them against 'cadmorph match'.");
+    throw TopologyError(
+        "face map: the given pairs contradict the adjacency of the two models. "
+        "Check them against 'cadmorph match'.");
 }
 
 // Names are a hint: they count where unique in both files and consistent with the adjacency.
@@ -382,7 +387,8 @@ std::optional<TopologyMatch> by_file_order(const Side& base, ColourRefinement co
   }
   for (int n = 0; n < base.graph.entity_count(); ++n) colours.individualise(n, n);
   if (!colours.refine()) return std::nullopt;
-  TopologyMatch match = to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0));
+  TopologyMatch match =
+      to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0));
   match.how = "file order, verified";
   return match;
 }
@@ -428,13 +434,13 @@ std::optional<TopologyMatch> best_match(const Side& base, const Side& variant,
   }
   std::vector<double> distance;
   for (TopologyMatch& match : all) {
-    match.alignment = align(base.model, variant.model, match);
+    align(base.model, variant.model, match);
     distance.push_back(quality(base, variant, match, match.alignment));
   }
   if (all.empty()) return std::nullopt;
   const double allowed = kSlack * *std::min_element(distance.begin(), distance.end()) + kTie;
-  const auto first = std::find_if(distance.begin(), distance.end(),
-                                  [&](double d) { return d <= allowed; });
+  const auto first =
+      std::find_if(distance.begin(), distance.end(), [&](double d) { return d <= allowed; });
   return std::move(all[static_cast<std::size_t>(first - distance.begin())]);
 }
 
@@ -443,7 +449,8 @@ std::optional<TopologyMatch> best_match(const Side& base, const Side& variant,
 TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
                              const MatchOptions& options) {
   for (const bool is_oriented : {true, false}) {
-    Side b{base, build_graph(base, is_oriented), {}}, v{variant, build_graph(variant, is_oriented), {}};
+    Side b{base, build_graph(base, is_oriented), {}},
+        v{variant, build_graph(variant, is_oriented), {}};
     b.features = entity_features(base);
     v.features = entity_features(variant);
     if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||

@@ -19,14 +19,16 @@ struct Similarity {
   }
 };
 
-/// The variant's counterpart of every base entity. Curves and corners are those of CadModel::skeleton.
+/// The variant's counterpart of every base entity. Curves and corners are those of
+/// CadModel::skeleton.
 struct TopologyMatch {
-  std::vector<int> faces;                 ///< base face -> variant face
-  std::vector<int> curves;                ///< base curve -> variant curve
-  std::vector<int> corners;               ///< base corner -> variant corner
-  std::vector<double> face_confidence;    ///< 1: the only possibility; less: decided by position
-  Similarity alignment;                   ///< base -> variant, best over all entities
-  std::string how;                        ///< what decided: "file order", "structure", "position", "map file"
+  std::vector<int> faces;               ///< base face -> variant face
+  std::vector<int> curves;              ///< base curve -> variant curve
+  std::vector<int> corners;             ///< base corner -> variant corner
+  std::vector<double> face_confidence;  ///< 1: the only possibility; less: decided by position
+  Similarity alignment;                 ///< base -> variant, best over all entities
+  bool is_congruent = false;            ///< the alignment carries one shape exactly onto the other
+  std::string how;  ///< what decided: "file order", "structure", "position", "map file"
 };
 
 struct MatchOptions {

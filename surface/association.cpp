@@ -23,8 +23,8 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode = 4;
-// A node belongs to a corner or curve when it is nearer than this part of its shortest mesh edge: far
-// above the digits that exchange formats cut, far below any mesh size.
+// A node belongs to a corner or curve when it is nearer than this part of its shortest mesh edge:
+// far above the digits that exchange formats cut, far below any mesh size.
 constexpr double kOnEntity = 1e-3;
 // A node off the CAD goes to the curve between the faces its facets vote for within this distance.
 constexpr double kVotedCurve = 0.5;
@@ -47,8 +47,8 @@ class Associator {
       : model_(model),
         surface_(surface),
         tolerance_(options.tolerance),
-        faces_(sample_faces(model, std::clamp(kSamplesPerNode * surface.points.rows(), kMinSamples,
-                                              kMaxSamples))),
+        faces_(sample_faces(
+            model, std::clamp(kSamplesPerNode * surface.points.rows(), kMinSamples, kMaxSamples))),
         face_tree_(faces_.points) {
     sample_edges();
   }
@@ -84,7 +84,8 @@ class Associator {
         const double t = edge.first + (edge.last - edge.first) * i / n;
         points.push_back(model_.evaluate_edge(e, t).point);
         edge_seeds_.push_back({e, t});
-        if (i > 0) edge_spacing_ = std::max(edge_spacing_, (points.back() - points.rbegin()[1]).norm());
+        if (i > 0)
+          edge_spacing_ = std::max(edge_spacing_, (points.back() - points.rbegin()[1]).norm());
       }
     }
     if (points.empty()) return;
@@ -111,7 +112,8 @@ class Associator {
     find_edge_feet(n, x, feet);
     const double nearest = std::sqrt(face_tree_.nearest(x.data(), 1)[0].squared_distance);
     std::vector<int> seen;
-    for (const Neighbour& near : face_tree_.within(x.data(), 1.5 * std::max(nearest, faces_.spacing))) {
+    for (const Neighbour& near :
+         face_tree_.within(x.data(), 1.5 * std::max(nearest, faces_.spacing))) {
       const int face = faces_.face[near.index];
       if (std::find(seen.begin(), seen.end(), face) != seen.end()) continue;
       seen.push_back(face);
@@ -136,7 +138,8 @@ class Associator {
 
   void find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) const {
     if (!edge_tree_) return;
-    const double radius = edge_spacing_ + std::max(reach(n), kVotedCurve * surface_.local_length[n]);
+    const double radius =
+        edge_spacing_ + std::max(reach(n), kVotedCurve * surface_.local_length[n]);
     std::vector<int> seen;
     for (const Neighbour& near : edge_tree_->within(x.data(), radius)) {
       const auto [edge, t] = edge_seeds_[near.index];
@@ -241,7 +244,8 @@ class Associator {
     return common;
   }
 
-  // CAD face of a facet: common to its corners; of several, the one that its centroid and normal fit.
+  // CAD face of a facet: common to its corners; of several, the one that its centroid and normal
+  // fit.
   int vote(Index f) const {
     const auto common = common_faces(f);
     if (common.empty()) return -1;
@@ -269,7 +273,8 @@ class Associator {
     for (const int n : surface_.facets[f])
       for (const Candidate& c : feet_[n].faces)
         if (c.face == face && result_.dimension[n] == CadDimension::Face) return c.uv;
-    for (const Neighbour& near : face_tree_.within(x.data(), 2 * faces_.spacing + surface_.local_length[surface_.facets[f][0]]))
+    for (const Neighbour& near : face_tree_.within(
+             x.data(), 2 * faces_.spacing + surface_.local_length[surface_.facets[f][0]]))
       if (faces_.face[near.index] == face) return faces_.uv[near.index];
     return project_globally(model_, face, x).uv;
   }
@@ -281,11 +286,12 @@ class Associator {
       ++votes[result_.facet_face[surface_.incident_facets[i]]];
     votes.erase(-1);
     if (votes.empty()) return;
-    const bool is_off = result_.distance[n] > on_entity(n, model_.faces()[result_.entity[n]].tolerance);
+    const bool is_off =
+        result_.distance[n] > on_entity(n, model_.faces()[result_.entity[n]].tolerance);
     if (votes.size() > 1 && is_off && take_voted_entity(n, votes)) return;
-    const auto most = std::max_element(votes.begin(), votes.end(), [](const auto& a, const auto& b) {
-      return a.second < b.second;
-    });
+    const auto most =
+        std::max_element(votes.begin(), votes.end(),
+                         [](const auto& a, const auto& b) { return a.second < b.second; });
     for (const Candidate& c : feet_[n].faces)
       if (c.face == most->first) assign(n, CadDimension::Face, c.face, c.uv, c.distance);
   }
@@ -304,7 +310,8 @@ class Associator {
       if (foot.distance > limit) break;
       std::size_t shared = 0;
       std::vector<int> faces;
-      for (const int c : model_.edges()[foot.edge].coedges) faces.push_back(model_.coedges()[c].face);
+      for (const int c : model_.edges()[foot.edge].coedges)
+        faces.push_back(model_.coedges()[c].face);
       for (const auto& [face, count] : votes)
         shared += std::find(faces.begin(), faces.end(), face) != faces.end();
       if (shared < 2) continue;
@@ -331,10 +338,18 @@ void count(Association& a) {
   double sum = 0;
   for (std::size_t n = 0; n < a.dimension.size(); ++n) {
     switch (a.dimension[n]) {
-      case CadDimension::Vertex: ++a.vertex_nodes; break;
-      case CadDimension::Edge: ++a.edge_nodes; break;
-      case CadDimension::Face: ++a.face_nodes; break;
-      case CadDimension::None: a.unmatched_nodes += !a.is_free[n]; continue;
+      case CadDimension::Vertex:
+        ++a.vertex_nodes;
+        break;
+      case CadDimension::Edge:
+        ++a.edge_nodes;
+        break;
+      case CadDimension::Face:
+        ++a.face_nodes;
+        break;
+      case CadDimension::None:
+        a.unmatched_nodes += !a.is_free[n];
+        continue;
     }
     ++matched;
     const double d = a.distance[static_cast<Index>(n)];
@@ -348,8 +363,8 @@ void count(Association& a) {
 
 Association associate(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
                       const AssociationOptions& options) {
-  const double unit = options.mesh_unit_mm > 0 ? options.mesh_unit_mm
-                                               : detect_mesh_unit(base, mesh, boundary);
+  const double unit =
+      options.mesh_unit_mm > 0 ? options.mesh_unit_mm : detect_mesh_unit(base, mesh, boundary);
   const SurfaceMesh surface = make_surface_mesh(mesh, boundary, unit);
   if (options.progress) options.progress("associating", 0);
   Association result = Associator(base, surface, options).run();

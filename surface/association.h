@@ -23,23 +23,23 @@ enum class CadDimension : std::int8_t { None = -1, Vertex = 0, Edge = 1, Face = 
 /// Where each surface node lies on the base CAD, and how well. Rows follow Boundary::nodes.
 struct Association {
   std::vector<CadDimension> dimension;
-  std::vector<int> entity;          ///< vertex, edge or face id of the base model; -1
+  std::vector<int> entity;  ///< vertex, edge or face id of the base model; -1
   Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> uv;  ///< face: (u, v); edge: (t, 0)
-  Eigen::VectorXd distance;         ///< to that entity, millimetres; 0 for unmatched nodes
-  std::vector<char> is_free;        ///< on an interface that is not in the CAD: follows the volume
-  std::vector<int> facet_face;      ///< CAD face of each boundary facet, -1
+  Eigen::VectorXd distance;     ///< to that entity, millimetres; 0 for unmatched nodes
+  std::vector<char> is_free;    ///< on an interface that is not in the CAD: follows the volume
+  std::vector<int> facet_face;  ///< CAD face of each boundary facet, -1
   Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0;
-  Index unmatched_nodes = 0;        ///< on the outside but on no CAD face
-  double max_distance = 0;          ///< millimetres
+  Index unmatched_nodes = 0;  ///< on the outside but on no CAD face
+  double max_distance = 0;    ///< millimetres
   double mean_distance = 0;
-  double mesh_unit_mm = 1;          ///< millimetres per mesh unit, given or detected
+  double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
 };
 
 /// Finds the CAD vertex, edge or face of each surface node and its parameters (Sieger et al. 2013,
 /// sect. 4): dense samples of the faces give seeds, Newton steps the foot; nodes on a corner or a
-/// curve to within its tolerance belong to it, facets vote for the rest. Throws AssociationError when
-/// more than half of the surface lies on no face, or when the deviating part is no boundary of its
-/// own (neither planar nor outside the CAD's bounds). Parallel; about 10 us a node and core.
+/// curve to within its tolerance belong to it, facets vote for the rest. Throws AssociationError
+/// when more than half of the surface lies on no face, or when the deviating part is no boundary of
+/// its own (neither planar nor outside the CAD's bounds). Parallel; about 10 us a node and core.
 Association associate(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
                       const AssociationOptions& options = {});
 

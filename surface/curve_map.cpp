@@ -11,9 +11,9 @@ using Eigen::Vector3d;
 
 constexpr int kProbes = 24;
 constexpr int kPhases = 96;
-// A closed curve's own start is trusted unless another phase fits the prediction better by this part of
-// its radius.
-constexpr double kPhaseDoubt = 0.25;
+// Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
+// another parametrisation; points that all slide one way tell of a turn.
+constexpr double kToAndFro = 0.2;
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
 
@@ -61,12 +61,14 @@ CurveLocation CurveMap::by_parameter(const Way& way, const CurveLocation& base) 
 
 CurveLocation CurveMap::apply(const Way& way, const CurveLocation& base) const {
   switch (way.mode) {
-    case Mode::Parameter: return by_parameter(way, base);
+    case Mode::Parameter:
+      return by_parameter(way, base);
     case Mode::Length: {
       const double fraction = base_.fraction(base);
       return variant_.locate((way.is_reversed ? 1 - fraction : fraction) + way.phase);
     }
-    case Mode::Nearest: break;
+    case Mode::Nearest:
+      break;
   }
   const Vector3d x = base_.model().evaluate_edge(base.edge, base.t).point;
   const EdgeFoot foot = variant_.nearest(alignment_(x));
@@ -131,14 +133,23 @@ CurveMap::Way CurveMap::best_shift() const {
   return best;
 }
 
-CurveMap::Way CurveMap::choose_closed(bool has_equal_links) const {
-  Way phase = best_phase(false);
+// Length fraction from one location to another along the variant, in (-1/2, 1/2].
+double CurveMap::shift_along(const CurveLocation& from, const CurveLocation& to) const {
+  const double shift = variant_.fraction(to) - variant_.fraction(from);
+  return shift - std::round(shift);
+}
+
+CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
+  least_motion_ = best_phase(false);
   const Way back = best_phase(true);
-  if (deviation(back) < deviation(phase)) phase = back;
-  if (!has_equal_links) return phase;
+  if (deviation(back) < deviation(least_motion_)) least_motion_ = back;
+  if (!has_equal_links) return least_motion_;
   const Way trusted = best_shift();
-  const double doubt = kPhaseDoubt * variant_.length() / (2 * std::numbers::pi);
-  return deviation(trusted) > deviation(phase) + doubt ? phase : trusted;
+  double shift = 0;
+  for (const CurveLocation& l : probes_)
+    shift += shift_along(apply(least_motion_, l), apply(trusted, l)) / kProbes;
+  phase_doubt_ = shift;
+  return trusted;
 }
 
 bool CurveMap::runs_backward() const {
@@ -148,7 +159,7 @@ bool CurveMap::runs_backward() const {
   return deviation({Mode::Length, true, 0, 0}) < deviation({Mode::Length, false, 0, 0});
 }
 
-CurveMap::Way CurveMap::choose() const {
+CurveMap::Way CurveMap::choose() {
   const bool has_equal_links = base_curve_->links.size() == variant_curve_->links.size();
   Way way;
   if (base_curve_->is_closed()) {
@@ -157,11 +168,23 @@ CurveMap::Way CurveMap::choose() const {
     way.is_reversed = runs_backward();
     way.mode = has_equal_links ? Mode::Parameter : Mode::Length;
   }
-  const double different = kDifferent * variant_.model().diagonal();
-  const double found = deviation(way);
-  if (found < different || !is_same_under_alignment()) return way;
+  if (!is_same_under_alignment()) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
-  return deviation(nearest) + different < found ? nearest : way;
+  const double different = kDifferent * variant_.model().diagonal();
+  if (deviation(nearest) + different >= deviation(way)) return way;
+  return pair_->match.is_congruent || !base_curve_->is_closed() || is_reparametrised(way) ? nearest
+                                                                                          : way;
+}
+
+bool CurveMap::is_reparametrised(const Way& way) const {
+  const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
+  double sum = 0, largest = 0;
+  for (const CurveLocation& l : probes_) {
+    const double shift = shift_along(apply(nearest, l), apply(way, l));
+    sum += shift;
+    largest = std::max(largest, std::abs(shift));
+  }
+  return std::abs(sum / kProbes) < kToAndFro * largest;
 }
 
 }  // namespace cadmorph

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "cad/curve_table.h"
 #include "cad/topology_match.h"
 #include "surface/motion_prediction.h"
@@ -14,15 +16,22 @@ struct ModelPair {
   const MotionPrediction& prediction;
 };
 
-/// Maps locations on a base curve to its variant: equal relative parameters (Sieger et al. 2013, sect.
-/// 4), the way the curve runs and the phase of a closed one taken from the prediction; equal length
-/// fractions where the chains of edges differ; nearest points where the curve is the same one under
-/// another parametrisation.
+/// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
+/// sect. 4); by equal length fractions where the chains of edges differ or set_phase() says so; by
+/// nearest points where the curve is the same one under another parametrisation. The sense of the
+/// curve comes from its corners, or the prediction where it has none.
 class CurveMap {
  public:
   CurveMap(const ModelPair& pair, int base_curve);
 
   CurveLocation operator()(const CurveLocation& base) const;
+
+  /// For a closed curve mapped by its parameters: the part of a turn by which this differs from the
+  /// phase of least motion, in (-1/2, 1/2]; nullopt for other curves.
+  std::optional<double> phase_doubt() const { return phase_doubt_; }
+
+  /// Takes the phase of least motion: the start of the parametrisation moved, not the part.
+  void take_least_motion() { way_ = least_motion_; }
 
  private:
   enum class Mode { Parameter, Length, Nearest };
@@ -37,9 +46,11 @@ class CurveMap {
   CurveLocation by_parameter(const Way& way, const CurveLocation& base) const;
   double deviation(const Way& way) const;
   Way best_phase(bool is_reversed) const;
-  Way choose() const;
+  Way choose();
   Way best_shift() const;
-  Way choose_closed(bool has_equal_links) const;
+  Way choose_closed(bool has_equal_links);
+  bool is_reparametrised(const Way& way) const;
+  double shift_along(const CurveLocation& from, const CurveLocation& to) const;
   bool runs_backward() const;
   bool is_same_under_alignment() const;
 
@@ -51,7 +62,8 @@ class CurveMap {
   CurveTable variant_;
   std::vector<CurveLocation> probes_;
   std::vector<Eigen::Vector3d> predicted_;  // of the probes
-  Way way_;
+  Way way_, least_motion_;
+  std::optional<double> phase_doubt_;
 };
 
 }  // namespace cadmorph

@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 constexpr Index kMaxSamples = 1500;
 constexpr int kMinSamplesPerCurve = 6;
 constexpr double kLinear = 1e-10;    // of the domain: values that a linear function explains
-constexpr double kSameSpot = 1e-9;   // of the domain: two samples at a corner
+constexpr double kSameJoint = 1e-2;  // of the domain: gaps that pcurves leave at a vertex
 constexpr double kSame = 1e-7;       // of the diagonal: one surface, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
 constexpr int kProbes = 24;
@@ -151,7 +151,8 @@ class ParameterWarp {
       }
   }
 
-  // Whether u' runs with u or against it, by the curves that go round; else by the surfaces' tangents.
+  // Whether u' runs with u or against it, by the curves that go round; else by the surfaces'
+  // tangents.
   double sense(int a) const {
     double with = 0;
     const auto& samples = domain_.samples();
@@ -162,7 +163,8 @@ class ParameterWarp {
       moved -= variant_.period[a] * std::round(moved / variant_.period[a]);
       with += d * moved;
     }
-    if (std::abs(with) > 1e-6 * base_.period[a] * variant_.period[a] / 100) return with > 0 ? 1 : -1;
+    if (std::abs(with) > 1e-6 * base_.period[a] * variant_.period[a] / 100)
+      return with > 0 ? 1 : -1;
     const Vector2d middle = 0.5 * (base_.lower + base_.upper);
     const SurfacePoint s = pair_.base.evaluate(domain_.face(), middle);
     const FaceFoot foot = project_globally(pair_.variant, variant_id_, pair_.prediction(s.point));
@@ -209,7 +211,8 @@ class ParameterWarp {
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
         const Vector2d uv =
-            base_.lower + Vector2d((i + 0.5) / n, (j + 0.5) / n).cwiseProduct(base_.upper - base_.lower);
+            base_.lower +
+            Vector2d((i + 0.5) / n, (j + 0.5) / n).cwiseProduct(base_.upper - base_.lower);
         const Vector3d x = pair_.prediction(pair_.base.evaluate(domain_.face(), uv).point);
         double d = project_globally(pair_.variant, variant_id_, x).uv[a] - linear(uv)[a];
         if (!reference) reference = d - period * std::round(d / period);
@@ -277,6 +280,22 @@ Deviation judge(const FaceDomain& domain, const ModelPair& pair, const Parameter
   return deviation;
 }
 
+bool wires_follow_alignment(const FaceDomain& domain, const ModelPair& pair,
+                            const std::vector<CurveMap>& curve_maps) {
+  const double tolerance = 2 * kDifferent * pair.variant.diagonal();
+  for (const auto& sample : domain.samples()) {
+    const int edge = pair.base.coedges()[sample.coedge].edge;
+    const int curve = pair.base.skeleton().curve_of_edge[edge];
+    if (curve < 0) continue;
+    const CurveLocation l = curve_maps[curve]({edge, sample.t});
+    const Vector3d to = pair.variant.evaluate_edge(l.edge, l.t).point;
+    if ((to - pair.match.alignment(pair.base.evaluate_edge(edge, sample.t).point)).norm() >
+        tolerance)
+      return false;
+  }
+  return true;
+}
+
 double face_size(const CadModel& model, int face) {
   const CadFace& f = model.faces()[face];
   const Vector2d lengths = mean_derivatives(model, face).cwiseProduct(f.upper - f.lower);
@@ -296,10 +315,10 @@ FaceMapResult project_points(const ModelPair& pair, int variant, const Points& t
   for (Index i = 0; i < targets.rows(); ++i) {
     const Vector3d x = targets.row(i);
     const Index seed = tree.nearest(x.data(), 1)[0].index;
-    result.uv.row(i) = seeds.empty() ? project_globally(pair.variant, variant, x).uv
-                                     : project_on_face(pair.variant, variant, x,
-                                                       seeds[static_cast<std::size_t>(seed)])
-                                           .uv;
+    result.uv.row(i) =
+        seeds.empty()
+            ? project_globally(pair.variant, variant, x).uv
+            : project_on_face(pair.variant, variant, x, seeds[static_cast<std::size_t>(seed)]).uv;
   }
   return result;
 }
@@ -312,13 +331,20 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
   size_ = f.upper - f.lower;
   Index coedges = 0;
   for (const auto& wire : f.wires) coedges += static_cast<Index>(wire.size());
-  const int count = std::max<int>(
-      kMinSamplesPerCurve,
-      std::min<int>(samples_per_curve, static_cast<int>(kMaxSamples / std::max<Index>(coedges, 1))));
-  const auto is_taken = [&](const Vector2d& uv) {
-    return std::any_of(samples_.begin(), samples_.end(), [&](const Sample& s) {
-      return ((s.uv - uv).array().abs() <= kSameSpot * size_.array()).all();
-    });
+  const int count =
+      std::max<int>(kMinSamplesPerCurve,
+                    std::min<int>(samples_per_curve,
+                                  static_cast<int>(kMaxSamples / std::max<Index>(coedges, 1))));
+  std::vector<std::pair<int, Vector2d>> ends;  // vertex and place of the wires' joints
+  const auto is_new_end = [&](int vertex, const Vector2d& uv) {
+    for (const auto& [other, at] : ends) {
+      Vector2d gap = at - uv;
+      for (int a = 0; a < 2; ++a)
+        if (period_[a] > 0) gap[a] -= period_[a] * std::round(gap[a] / period_[a]);
+      if (other == vertex && (gap.array().abs() <= kSameJoint * size_.array()).all()) return false;
+    }
+    ends.emplace_back(vertex, uv);
+    return true;
   };
   for (const auto& wire : f.wires)
     for (const int c : wire) {
@@ -328,7 +354,8 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
         const double t = edge.first + (edge.last - edge.first) * i / count;
         const Vector2d uv = base.pcurve(c, t);
         const bool is_end = i == 0 || i == count;
-        if (!is_end || !is_taken(uv)) samples_.push_back({c, t, uv});
+        if (!is_end || is_new_end(i == 0 ? edge.start : edge.end, uv))
+          samples_.push_back({c, t, uv});
       }
     }
   sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
@@ -358,8 +385,9 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
   const auto basis = [&](const Parameters& uv) {
     Eigen::MatrixXd p = Eigen::MatrixXd::Ones(uv.rows(), 3);
     for (int a = 0; a < 2; ++a)
-      p.col(1 + a) = period_[a] > 0 ? Eigen::VectorXd(Eigen::VectorXd::Zero(uv.rows()))
-                                    : Eigen::VectorXd((uv.col(a).array() - sample_uv_(0, a)) / size_[a]);
+      p.col(1 + a) = period_[a] > 0
+                         ? Eigen::VectorXd(Eigen::VectorXd::Zero(uv.rows()))
+                         : Eigen::VectorXd((uv.col(a).array() - sample_uv_(0, a)) / size_[a]);
     return p;
   };
   const Eigen::MatrixXd p = basis(sample_uv_);
@@ -391,7 +419,8 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
   if (uv.rows() == 0) return result;
   const Deviation d = judge(domain, pair, result.uv, points);
   const double diagonal = pair.variant.diagonal();
-  if (d.mapped > d.aligned + kDifferent * diagonal && d.off_surface < kSame * diagonal) {
+  if (d.mapped > d.aligned + kDifferent * diagonal && d.off_surface < kSame * diagonal &&
+      wires_follow_alignment(domain, pair, curve_maps)) {
     Points aligned(points.rows(), 3);
     for (Index i = 0; i < points.rows(); ++i)
       aligned.row(i) = pair.match.alignment(points.row(i).transpose());
@@ -414,8 +443,7 @@ FaceMapResult project_face(const FaceDomain& domain, const ModelPair& pair,
   for (const auto& sample : domain.samples()) {
     const int edge = pair.base.coedges()[sample.coedge].edge;
     if (pair.base.edges()[edge].is_degenerate) continue;
-    const CurveLocation l =
-        curve_maps[pair.base.skeleton().curve_of_edge[edge]]({edge, sample.t});
+    const CurveLocation l = curve_maps[pair.base.skeleton().curve_of_edge[edge]]({edge, sample.t});
     const Vector3d from = pair.base.evaluate_edge(edge, sample.t).point;
     const bool is_new = std::none_of(marks.begin(), marks.end(), [&](const auto& m) {
       return (m.first - from).norm() < kDifferent * pair.base.diagonal();

@@ -11,10 +11,11 @@ namespace cadmorph {
 
 using Parameters = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
-/// The part of a parameter warp that depends on the base face alone: its sampled wires in the scaled
-/// parameter domain, and the factorisation of the 2D RBF (r^2 log r + linear) over them (Sieger et al.
-/// 2013, sect. 4). A direction in which the face closes on itself is laid on a circle, so that the
-/// warp is periodic and the seam leaves no trace; r^2 log r stays conditionally positive definite there.
+/// The part of a parameter warp that depends on the base face alone: its sampled wires in the
+/// scaled parameter domain, and the factorisation of the 2D RBF (r^2 log r + linear) over them
+/// (Sieger et al. 2013, sect. 4). A direction in which the face closes on itself is laid on a
+/// circle, so that the warp is periodic and the seam leaves no trace; r^2 log r stays conditionally
+/// positive definite there.
 class FaceDomain {
  public:
   /// A sample of a wire: where it lies on the physical curve, or on a pole (edge is degenerate).
@@ -30,8 +31,8 @@ class FaceDomain {
   int face() const { return face_; }
   const std::vector<Sample>& samples() const { return samples_; }
 
-  /// Interpolates values (a row a sample, two columns) at parameters; exactly constant or linear values
-  /// are reproduced without the RBF.
+  /// Interpolates values (a row a sample, two columns) at parameters; exactly constant or linear
+  /// values are reproduced without the RBF.
   Parameters interpolate(const Parameters& values, const Parameters& at) const;
 
  private:
@@ -49,14 +50,14 @@ class FaceDomain {
 
 /// Maps parameters of a base face to its variant.
 struct FaceMapResult {
-  Parameters uv;                   ///< on the variant face
-  bool is_projected = false;       ///< predicted positions were projected, no warp was possible
-  std::string note;                ///< why; empty when all went well
+  Parameters uv;              ///< on the variant face
+  bool is_projected = false;  ///< predicted positions were projected, no warp was possible
+  std::string note;           ///< why; empty when all went well
 };
 
-/// Warps parameters `uv` of the domain's face with the images of its wires under `curve_maps` (indexed
-/// by base curve). `points` are the nodes' positions S(uv) on the base. Falls back to projecting the
-/// predicted positions where the parametrisations don't correspond.
+/// Warps parameters `uv` of the domain's face with the images of its wires under `curve_maps`
+/// (indexed by base curve). `points` are the nodes' positions S(uv) on the base. Falls back to
+/// projecting the predicted positions where the parametrisations don't correspond.
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
                        const std::vector<CurveMap>& curve_maps, const Parameters& uv,
                        const Points& points);

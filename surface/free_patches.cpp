@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSamePlane = 1e-6;      // of the surface's size
+constexpr double kSamePlane = 1e-6;  // of the surface's size
 constexpr double kSameNormal = 1 - 1e-8;
 // A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
 constexpr double kBeyondCad = 1.2;
@@ -23,10 +23,10 @@ std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& b
                                    const Association& association) {
   std::vector<char> is_unmatched(surface.facets.size(), 0);
   for (std::size_t f = 0; f < surface.facets.size(); ++f)
-    is_unmatched[f] =
-        boundary.neighbour[f] < 0 &&
-        std::any_of(surface.facets[f].begin(), surface.facets[f].end(),
-                    [&](int n) { return association.dimension[n] == CadDimension::None; });
+    is_unmatched[f] = boundary.neighbour[f] < 0 &&
+                      std::any_of(surface.facets[f].begin(), surface.facets[f].end(), [&](int n) {
+                        return association.dimension[n] == CadDimension::None;
+                      });
   return is_unmatched;
 }
 
@@ -35,8 +35,8 @@ double size_of(const SurfaceMesh& surface) {
 }
 
 // Grows a patch from `seed`, over facets of its plane if is_planar, else over all that are left.
-FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, const std::vector<char>& is_open,
-               std::vector<int>& patch_of, int id) {
+FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar,
+               const std::vector<char>& is_open, std::vector<int>& patch_of, int id) {
   FreePatch patch;
   patch.is_planar = is_planar;
   patch.origin = centroid(surface, surface.points, seed);
@@ -170,8 +170,7 @@ void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& mov
   }
   for (Index i = 0; i < targets.rows(); ++i)
     targets.row(i) = surface.points.row(patch.inner[static_cast<std::size_t>(i)]) * basis;
-  const RowMatrix d =
-      RbfSystem(at, Kernel::biharmonic_2d()).solve(values).evaluate(targets);
+  const RowMatrix d = RbfSystem(at, Kernel::biharmonic_2d()).solve(values).evaluate(targets);
   for (Index i = 0; i < targets.rows(); ++i)
     moved.row(patch.inner[static_cast<std::size_t>(i)]) += d.row(i) * basis.transpose();
 }

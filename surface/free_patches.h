@@ -7,8 +7,8 @@
 
 namespace cadmorph {
 
-/// A connected part of the mesh's outside that lies on no CAD face: a side of a far field, a symmetry
-/// plane.
+/// A connected part of the mesh's outside that lies on no CAD face: a side of a far field, a
+/// symmetry plane.
 struct FreePatch {
   std::vector<int> facets;
   std::vector<int> inner;    ///< unmatched nodes of this patch alone
@@ -22,15 +22,15 @@ struct FreePatch {
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
                                          const Association& association);
 
-/// Marks unmatched nodes on interfaces between regions as free, and throws AssociationError where the
-/// unmatched outside can't be a far field or a symmetry plane: more than half of the surface, or a mesh
-/// that does not reach beyond the CAD.
+/// Marks unmatched nodes on interfaces between regions as free, and throws AssociationError where
+/// the unmatched outside can't be a far field or a symmetry plane: more than half of the surface,
+/// or a mesh that does not reach beyond the CAD.
 void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                      Association& association);
 
 /// Moves the inner nodes of a planar patch in its plane with the nodes it touches, by a 2D RBF
-/// (r^2 log r) whose border stays fixed. `moved` holds all surface nodes' new positions (millimetres)
-/// and is updated.
+/// (r^2 log r) whose border stays fixed. `moved` holds all surface nodes' new positions
+/// (millimetres) and is updated.
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
 
 }  // namespace cadmorph

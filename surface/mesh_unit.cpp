@@ -14,7 +14,8 @@ struct Unit {
   const char* name;
 };
 
-constexpr std::array<Unit, 5> kUnits{{{1, "mm"}, {1000, "m"}, {10, "cm"}, {25.4, "inch"}, {304.8, "foot"}}};
+constexpr std::array<Unit, 5> kUnits{
+    {{1, "mm"}, {1000, "m"}, {10, "cm"}, {25.4, "inch"}, {304.8, "foot"}}};
 constexpr Index kProbes = 400;
 constexpr Index kSamples = 10'000;
 constexpr double kClearlyBetter = 1.1;

@@ -62,8 +62,8 @@ MotionPrediction::MotionPrediction(const CadModel& base, const CadModel& variant
     centres.row(i) = from[static_cast<std::size_t>(i)];
     values.row(i) = value[static_cast<std::size_t>(i)];
   }
-  remainder_ = std::make_unique<RbfField>(
-      RbfSystem(centres, Kernel::biharmonic_3d()).solve(values));
+  remainder_ =
+      std::make_unique<RbfField>(RbfSystem(centres, Kernel::biharmonic_3d()).solve(values));
 }
 
 Points MotionPrediction::operator()(const Points& points) const {

@@ -7,9 +7,9 @@
 
 namespace cadmorph {
 
-/// A rough map of space from base to variant, from matched corners, curves and faces alone: the match's
-/// alignment plus a biharmonic RBF of what it leaves. It owes nothing to surface parameters and so
-/// judges them: whether a seam moved or the part did, whether an edge was reparametrised.
+/// A rough map of space from base to variant, from matched corners, curves and faces alone: the
+/// match's alignment plus a biharmonic RBF of what it leaves. It owes nothing to surface parameters
+/// and so judges them: whether a seam moved or the part did, whether an edge was reparametrised.
 class MotionPrediction {
  public:
   MotionPrediction(const CadModel& base, const CadModel& variant, const TopologyMatch& match);

@@ -9,11 +9,11 @@ namespace cadmorph {
 
 /// The boundary with its own node numbering (rows of Boundary::nodes), in millimetres.
 struct SurfaceMesh {
-  Points points;                           ///< millimetres
-  std::vector<std::vector<int>> facets;    ///< rows, corners first
-  std::vector<int> corners;                ///< corner count of each facet
+  Points points;                                       ///< millimetres
+  std::vector<std::vector<int>> facets;                ///< rows, corners first
+  std::vector<int> corners;                            ///< corner count of each facet
   std::vector<int> incident_offsets, incident_facets;  ///< facets of each node
-  Eigen::VectorXd local_length;            ///< shortest incident facet edge of each node, millimetres
+  Eigen::VectorXd local_length;  ///< shortest incident facet edge of each node, millimetres
 };
 
 SurfaceMesh make_surface_mesh(const Mesh& mesh, const Boundary& boundary, double unit_mm);

@@ -19,6 +19,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+constexpr double kEqualTurn = 2e-3, kLeastTurn = 0.01;  // of a turn
 constexpr int kMinSamples = 16, kMaxSamples = 200, kRefinement = 4;
 
 // Orthonormal frame of a surface: tangent, bitangent, normal. Identity at a pole.
@@ -30,6 +31,30 @@ Matrix3d frame(const SurfacePoint& s) {
   f.col(2) = cross.normalized();
   f.col(1) = f.col(2).cross(f.col(0));
   return f;
+}
+
+// A seam that moved turns all closed curves of its face by one angle, to the digit; a twist of the
+// part turns them by different ones. Only the former is an artefact.
+void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
+  std::vector<char> has_moved(maps.size(), 0);
+  for (int f = 0; f < static_cast<int>(base.faces().size()); ++f) {
+    if (base.faces()[f].period.isZero(0)) continue;
+    std::vector<int> closed;
+    for (int c = 0; c < static_cast<int>(maps.size()); ++c) {
+      const auto& faces = base.skeleton().curves[c].faces;
+      if (maps[c].phase_doubt() && std::find(faces.begin(), faces.end(), f) != faces.end())
+        closed.push_back(c);
+    }
+    if (closed.size() < 2) continue;
+    const double turn = std::abs(*maps[closed.front()].phase_doubt());
+    const bool is_equal = std::all_of(closed.begin(), closed.end(), [&](int c) {
+      return std::abs(std::abs(*maps[c].phase_doubt()) - turn) < kEqualTurn * turn;
+    });
+    if (is_equal && turn > kLeastTurn)
+      for (const int c : closed) has_moved[c] = 1;
+  }
+  for (std::size_t c = 0; c < maps.size(); ++c)
+    if (has_moved[c]) maps[c].take_least_motion();
 }
 
 // Nodes of one face.
@@ -66,8 +91,7 @@ struct SurfaceMorph::Impl {
   Index count_folds(const CadModel& variant, int face, int variant_face, const Parameters& uv,
                     const Points& moved) const;
   Vector3d offset(int row) const {
-    return options.snap ? Vector3d::Zero()
-                        : Vector3d(surface.points.row(row) - feet.row(row));
+    return options.snap ? Vector3d::Zero() : Vector3d(surface.points.row(row) - feet.row(row));
   }
   std::vector<std::string> slide(Points& moved) const;
 };
@@ -79,10 +103,17 @@ void SurfaceMorph::Impl::find_feet() {
       const int entity = association.entity[n];
       const Vector2d uv = association.uv.row(n);
       switch (association.dimension[n]) {
-        case CadDimension::Vertex: feet.row(n) = base->vertices()[entity].point; break;
-        case CadDimension::Edge: feet.row(n) = base->evaluate_edge(entity, uv[0]).point; break;
-        case CadDimension::Face: feet.row(n) = base->evaluate(entity, uv).point; break;
-        case CadDimension::None: break;
+        case CadDimension::Vertex:
+          feet.row(n) = base->vertices()[entity].point;
+          break;
+        case CadDimension::Edge:
+          feet.row(n) = base->evaluate_edge(entity, uv[0]).point;
+          break;
+        case CadDimension::Face:
+          feet.row(n) = base->evaluate(entity, uv).point;
+          break;
+        case CadDimension::None:
+          break;
       }
     }
   });
@@ -99,7 +130,8 @@ void SurfaceMorph::Impl::collect_faces(const Boundary&) {
   faces.resize(base->faces().size());
   std::vector<int> nodes_on_edge(base->edges().size(), 0);
   for (int n = 0; n < static_cast<int>(association.entity.size()); ++n) {
-    if (association.dimension[n] == CadDimension::Face) faces[association.entity[n]].rows.push_back(n);
+    if (association.dimension[n] == CadDimension::Face)
+      faces[association.entity[n]].rows.push_back(n);
     if (association.dimension[n] == CadDimension::Edge) ++nodes_on_edge[association.entity[n]];
   }
   for (int f = 0; f < static_cast<int>(association.facet_face.size()); ++f)
@@ -143,6 +175,7 @@ std::vector<CurveMap> SurfaceMorph::Impl::map_curves(const ModelPair& pair) cons
   });
   std::vector<CurveMap> maps;
   for (auto& map : made) maps.push_back(std::move(*map));
+  undo_moved_seams(*base, maps);
   return maps;
 }
 
@@ -152,8 +185,7 @@ void SurfaceMorph::Impl::move_corners(const ModelPair& pair, Points& moved) cons
     if (association.dimension[n] != CadDimension::Vertex) continue;
     const int corner = base->skeleton().corner_of_vertex[association.entity[n]];
     const int vertex = pair.variant.skeleton().corners[pair.match.corners[corner]];
-    moved.row(n) =
-        pair.variant.vertices()[vertex].point + a.scale * (a.rotation * offset(n));
+    moved.row(n) = pair.variant.vertices()[vertex].point + a.scale * (a.rotation * offset(n));
   }
 }
 
@@ -184,14 +216,15 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
       Matrix3d turn = frame(to) * frame(from).transpose();
       const bool is_turned_over =
           base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed;
-      if (is_turned_over) turn = frame(to) * Vector3d(1, -1, -1).asDiagonal() * frame(from).transpose();
+      if (is_turned_over)
+        turn = frame(to) * Vector3d(1, -1, -1).asDiagonal() * frame(from).transpose();
       moved.row(n) = to.point + pair.match.alignment.scale * (turn * offset(n));
     }
   });
 }
 
-// Facets of a face that look to the wrong side of the variant's surface although they did not on the
-// base.
+// Facets of a face that look to the wrong side of the variant's surface although they did not on
+// the base.
 Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int variant_face,
                                       const Parameters& uv, const Points& moved) const {
   const FaceNodes& nodes = faces[face];
@@ -203,7 +236,8 @@ Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int var
       const Index i = it - nodes.rows.begin();
       const double before =
           area_vector(surface, surface.points, f).dot(base->normal(face, nodes.uv.row(i)));
-      const double after = area_vector(surface, moved, f).dot(variant.normal(variant_face, uv.row(i)));
+      const double after =
+          area_vector(surface, moved, f).dot(variant.normal(variant_face, uv.row(i)));
       if (before == 0 || after == 0) continue;
       folds += (before > 0) != (after > 0);
       break;
@@ -232,29 +266,30 @@ std::string SurfaceMorph::Impl::move_face(const ModelPair& pair, const std::vect
   };
   if (folds > 0) {
     const FaceDomain fine(*base, face, kRefinement * kMaxSamples);
-    improve(map_face(fine, pair, maps, nodes.uv, nodes.points), "its wires had to be sampled finer");
+    improve(map_face(fine, pair, maps, nodes.uv, nodes.points),
+            "its wires had to be sampled finer");
   }
   if (folds > 0 && !mapped.is_projected)
     improve(project_face(*nodes.domain, pair, maps, nodes.points),
             "its parameter warp folded; predicted positions were projected instead");
   if (folds > 0) note = std::to_string(folds) + " of its facets are folded";
   if (note.empty()) return {};
-  return "face " + std::to_string(face + 1) + " (" + to_string(base->faces()[face].type) + ", variant face " +
-         std::to_string(variant + 1) + "): " + note;
+  return "face " + std::to_string(face + 1) + " (" + to_string(base->faces()[face].type) +
+         ", variant face " + std::to_string(variant + 1) + "): " + note;
 }
 
 std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
   Index slid = 0, fixed = 0;
   for (const FreePatch& patch : patches) {
-    const bool slides = patch.is_planar && options.unmatched != UnmatchedPolicy::Fix &&
-                        !patch.touched.empty();
+    const bool slides =
+        patch.is_planar && options.unmatched != UnmatchedPolicy::Fix && !patch.touched.empty();
     if (slides) slide_patch(surface, patch, moved);
     ++(slides ? slid : fixed);
   }
   if (patches.empty()) return {};
-  return {std::to_string(association.unmatched_nodes) + " surface nodes lie on no CAD face: " +
-          std::to_string(fixed) + " patches stay fixed, " + std::to_string(slid) +
-          " slide in their plane (--unmatched)"};
+  return {std::to_string(association.unmatched_nodes) +
+          " surface nodes lie on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
+          std::to_string(slid) + " slide in their plane (--unmatched)"};
 }
 
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,

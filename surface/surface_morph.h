@@ -12,7 +12,8 @@
 
 namespace cadmorph {
 
-/// What to do with the part of the mesh's outside that lies on no CAD face (far field, symmetry plane).
+/// What to do with the part of the mesh's outside that lies on no CAD face (far field, symmetry
+/// plane).
 enum class UnmatchedPolicy {
   Auto,   ///< planar patches slide where they touch moved surface, all else stays fixed
   Error,  ///< refuse
@@ -29,8 +30,8 @@ struct SurfaceMorphOptions {
 
 /// The surface of one variant. Rows follow Boundary::nodes.
 struct SurfaceMorphResult {
-  Points positions;                   ///< new node positions, in the mesh's unit (free nodes: old)
-  double max_distance = 0;            ///< to the matched variant entity, millimetres
+  Points positions;         ///< new node positions, in the mesh's unit (free nodes: old)
+  double max_distance = 0;  ///< to the matched variant entity, millimetres
   double mean_distance = 0;
   std::vector<std::string> warnings;  ///< folded faces, fallbacks, sliding patches: one line each
 };
