@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/errors.h"
+
+namespace cadmorph {
+
+/// A result can't be written.
+class OutputError : public Error {
+ public:
+  using Error::Error;
+};
+
+/// Refuses an output that can't be written or is one of the inputs, before any work is done: its
+/// folder must exist and be writable, an existing file must be a regular one. Throws OutputError;
+/// InvalidInputError when it is an input.
+void check_output(const std::filesystem::path& output,
+                  const std::vector<std::filesystem::path>& inputs);
+
+/// `<stem>.failed.<ext>` beside `output`.
+std::filesystem::path failed_path(const std::filesystem::path& output);
+
+/// Writes a small text file whole or not at all: beside, then renamed. Throws OutputError.
+void write_text(const std::filesystem::path& path, const std::string& text);
+
+}  // namespace cadmorph

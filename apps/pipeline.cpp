@@ -1,0 +1,399 @@
+#include "apps/pipeline.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <future>
+#include <numeric>
+
+#include "cad/step_reader.h"
+#include "core/blas.h"
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+
+// `--untangle always` raises cells whose scaled Jacobian is below this and fell to less than this
+// share of what it was.
+constexpr double kPoor = 0.2;
+constexpr double kFallen = 0.5;
+
+double peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return 1024.0 * static_cast<double>(usage.ru_maxrss);
+}
+
+CadFigures figures_of(const CadModel& cad) {
+  return {.file = cad.file_name(),
+          .unit = cad.file_unit(),
+          .faces = static_cast<Index>(cad.faces().size()),
+          .edges = static_cast<Index>(cad.edges().size()),
+          .vertices = static_cast<Index>(cad.vertices().size()),
+          .solids = cad.solid_count(),
+          .diagonal = cad.diagonal()};
+}
+
+PipelineOptions with_progress_everywhere(PipelineOptions options) {
+  if (!options.surface.association.progress)
+    options.surface.association.progress = options.progress;
+  if (!options.volume.rbf.progress) options.volume.rbf.progress = options.progress;
+  return options;
+}
+
+// Rows of Boundary::nodes whose positions the surface morph prescribes.
+std::vector<Index> prescribed_rows(const Association& association) {
+  std::vector<Index> rows;
+  for (Index i = 0; i < static_cast<Index>(association.is_free.size()); ++i)
+    if (!association.is_free[i]) rows.push_back(i);
+  return rows;
+}
+
+std::vector<Index> sorted_union(const std::vector<Index>& a, const std::vector<Index>& b) {
+  std::vector<Index> result;
+  std::ranges::set_union(a, b, std::back_inserter(result));
+  return result;
+}
+
+std::vector<Index> sorted_difference(const std::vector<Index>& a, const std::vector<Index>& b) {
+  std::vector<Index> result;
+  std::ranges::set_difference(a, b, std::back_inserter(result));
+  return result;
+}
+
+void set_quality(MeshFigures& figures, const QualityReport& quality, const ValidityReport& validity,
+                 const QualityChecks& checks) {
+  figures.min_scaled_jacobian = quality.min;
+  figures.mean_scaled_jacobian = quality.mean;
+  figures.worst_cell = quality.worst_cell;
+  figures.inverted = quality.inverted;
+  figures.invalid = validity.invalid;
+  figures.checks = checks;
+}
+
+std::string percent(double share) {
+  return std::to_string(static_cast<int>(std::floor(100 * share))) + " %";
+}
+
+// Names the file in an error about the mesh, which knows no file.
+template <class Call>
+auto about_file(const fs::path& file, Call&& call) {
+  try {
+    return call();
+  } catch (const InvalidInputError& error) {
+    throw InvalidInputError(file.string() + ": " + error.what());
+  }
+}
+
+}  // namespace
+
+struct MorphJob::Impl {
+  Impl(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<const MeshFile> file,
+       PipelineOptions job_options)
+      : options(with_progress_everywhere(std::move(job_options))),
+        base(std::move(base_cad)),
+        mesh_file(std::move(file)) {
+    PhaseClock clock(options.progress);
+    clock.start("boundary");
+    boundary = about_file(mesh_file->path(), [&] { return extract_boundary(mesh()); });
+    clock.start("association");
+    surface.emplace(base, mesh(), boundary, options.surface);
+    clock.start("volume set-up");
+    set_up_volume();
+    clock.start("quality before");
+    measure_base();
+    fill_report();
+    report.phases = clock.phases();
+  }
+
+  const Mesh& mesh() const { return mesh_file->mesh(); }
+
+  void set_up_volume() {
+    rows = prescribed_rows(surface->association());
+    std::vector<Index> nodes;
+    for (const Index row : rows) nodes.push_back(boundary.nodes[row]);
+    volume.emplace(mesh(), std::move(nodes), options.volume);
+  }
+
+  void measure_base() {
+    orientation = detect_orientation(mesh());
+    cell_faces = find_cell_faces(mesh(), orientation);
+    quality = measure_quality(mesh(), mesh().points, orientation);
+    validity = check_validity(mesh(), mesh().points, orientation);
+    set_quality(report.before, quality, validity, check_quality(mesh(), mesh().points, cell_faces));
+  }
+
+  void fill_report() {
+    const Association& association = surface->association();
+    report.base_cad = figures_of(*base);
+    report.mesh_file = mesh_file->path();
+    report.nodes = mesh().node_count();
+    report.cells = mesh().cell_count();
+    report.vertex_nodes = association.vertex_nodes;
+    report.edge_nodes = association.edge_nodes;
+    report.face_nodes = association.face_nodes;
+    report.unmatched_nodes = association.unmatched_nodes;
+    report.interior_nodes = report.nodes - report.vertex_nodes - report.edge_nodes -
+                            report.face_nodes - report.unmatched_nodes;
+    report.mesh_unit_mm = association.mesh_unit_mm;
+    report.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
+    report.before.max_distance = association.max_distance;
+    report.before.mean_distance = association.mean_distance;
+    report.kernel = options.volume.kernel;
+    report.threads = thread_count();
+    report.blas_kernel = blas_info().kernel;
+    if (validity.invalid > 0)
+      report.warnings.push_back("the input mesh has " + std::to_string(validity.invalid) +
+                                " inverted cells already, the first is cell " +
+                                std::to_string(validity.invalid_cells.front()));
+  }
+
+  TopologyMatch match(const CadModel& variant, PipelineReport& figures) const {
+    TopologyMatch result = match_topology(*base, variant, {.given_faces = options.face_map});
+    figures.variant_cad = figures_of(variant);
+    figures.matched_by = result.how;
+    figures.alignment = result.alignment;
+    if (!result.face_confidence.empty())
+      figures.least_confidence = std::ranges::min(result.face_confidence);
+    return result;
+  }
+
+  // New positions of the prescribed nodes alone.
+  Points prescribed(const Points& surface_positions) const {
+    Points result(rows.size(), 3);
+    for (std::size_t i = 0; i < rows.size(); ++i) result.row(i) = surface_positions.row(rows[i]);
+    return result;
+  }
+
+  std::vector<char> fixed_nodes() const {
+    std::vector<char> is_fixed(mesh().node_count(), 0);
+    for (const Index row : rows) is_fixed[boundary.nodes[row]] = 1;
+    return is_fixed;
+  }
+
+  std::vector<Index> fallen_cells(const Points& positions) const {
+    const QualityReport now = measure_quality(mesh(), positions, orientation);
+    std::vector<Index> result;
+    for (Index c = 0; c < mesh().cell_count(); ++c)
+      if (now.values[c] < kPoor && now.values[c] < kFallen * quality.values[c]) result.push_back(c);
+    return result;
+  }
+
+  void untangle_result(MorphResult& result) const {
+    UntangleOptions how;
+    how.progress = options.progress;
+    if (options.untangle == UntangleMode::Always) how.poor_cells = fallen_cells(result.positions);
+    if (options.untangle == UntangleMode::Never) return;
+    if (result.validity.invalid == 0 && how.poor_cells.empty()) return;
+    UntangleResult repaired = untangle(mesh(), result.positions, fixed_nodes(), orientation, how);
+    result.report.untangling = repaired.report;
+    result.positions = std::move(repaired.positions);
+    result.validity = std::move(repaired.report.validity);
+  }
+
+  // Cells the result is refused for: invalid ones, and those whose corners inverted on the way.
+  std::vector<Index> inverted_cells(const MorphResult& result) const {
+    return sorted_union(result.validity.invalid_cells,
+                        sorted_difference(result.quality.inverted_cells, quality.inverted_cells));
+  }
+
+  std::vector<Index> poor_cells(const MorphResult& result) const {
+    std::vector<Index> poor;
+    if (options.min_scaled_jacobian)
+      for (Index c = 0; c < mesh().cell_count(); ++c)
+        if (result.quality.values[c] < *options.min_scaled_jacobian) poor.push_back(c);
+    return poor;
+  }
+
+  std::vector<Index> bad_cells(const MorphResult& result) const {
+    return sorted_union(inverted_cells(result), poor_cells(result));
+  }
+
+  void judge(MorphResult& result, const Points& surface_positions) const {
+    const auto bad = bad_cells(result);
+    if (bad.empty()) return;
+    PipelineReport& figures = result.report;
+    figures.outcome = inverted_cells(result).empty() ? Outcome::PoorQuality : Outcome::Inverted;
+    const Points full = volume->morph(surface_positions);
+    const auto positions_at = [&](double share) -> Points {
+      return mesh().points + share * (full - mesh().points);
+    };
+    figures.diagnosis =
+        diagnose(*base, mesh(), boundary, surface->association(), bad, orientation, positions_at);
+    figures.diagnosis->worst_cell = worst_of(bad, result.quality);
+    figures.diagnosis->location = centre_of(figures.diagnosis->worst_cell, result.positions);
+    figures.diagnosis->advice = advice(figures);
+  }
+
+  static Index worst_of(const std::vector<Index>& cells, const QualityReport& quality) {
+    return *std::ranges::min_element(cells, {}, [&](Index c) {
+      return std::isnan(quality.values[c]) ? 1.0 : quality.values[c];
+    });
+  }
+
+  Eigen::Vector3d centre_of(Index cell, const Points& positions) const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Index node : mesh().cell(cell)) sum += positions.row(node).transpose();
+    return sum / static_cast<double>(mesh().cell(cell).size());
+  }
+
+  std::vector<std::string> advice(const PipelineReport& figures) const {
+    std::vector<std::string> lines;
+    if (figures.diagnosis->bad_in_base > 0)
+      lines.push_back("repair the input mesh: " + std::to_string(figures.diagnosis->bad_in_base) +
+                      " of these cells are inverted in it already");
+    if (figures.outcome == Outcome::PoorQuality && options.untangle != UntangleMode::Always)
+      lines.push_back("raise the poor cells with --untangle always");
+    if (figures.outcome == Outcome::Inverted && options.untangle == UntangleMode::Never)
+      lines.push_back("let the inverted cells be repaired: --untangle auto");
+    if (figures.outcome == Outcome::Inverted && options.stepping.steps > 0)
+      lines.push_back("let the number of steps grow: --steps auto");
+    const double share = figures.diagnosis->first_inversion;
+    if (share > 0 && share < 1)
+      lines.push_back("morph to a smaller change (below " + percent(share) +
+                      " of this one), or remesh there with more elements across the moved gap");
+    return lines;
+  }
+
+  PipelineOptions options;
+  std::shared_ptr<const CadModel> base;
+  std::shared_ptr<const MeshFile> mesh_file;
+  Boundary boundary;
+  Orientation orientation;
+  CellFaces cell_faces;
+  QualityReport quality;
+  ValidityReport validity;
+  std::optional<SurfaceMorph> surface;
+  std::optional<VolumeMorph> volume;
+  std::vector<Index> rows;  ///< of Boundary::nodes, prescribed
+  PipelineReport report;    ///< of the base side
+};
+
+MorphJob::MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const MeshFile> mesh,
+                   PipelineOptions options)
+    : impl_(std::make_unique<Impl>(std::move(base), std::move(mesh), std::move(options))) {}
+
+MorphJob::~MorphJob() = default;
+MorphJob::MorphJob(MorphJob&&) noexcept = default;
+
+const Mesh& MorphJob::mesh() const { return impl_->mesh(); }
+const Boundary& MorphJob::boundary() const { return impl_->boundary; }
+const Association& MorphJob::association() const { return impl_->surface->association(); }
+
+MorphResult MorphJob::morph(const CadModel& variant) const {
+  const Impl& job = *impl_;
+  PhaseClock clock(job.options.progress);
+  MorphResult result;
+  result.report = job.report;
+  PipelineReport& report = result.report;
+
+  clock.start("matching");
+  const TopologyMatch match = job.match(variant, report);
+  clock.start("surface morph");
+  SurfaceMorphResult surface = job.surface->morph(variant, match);
+  report.after.max_distance = surface.max_distance;
+  report.after.mean_distance = surface.mean_distance;
+  report.warnings.insert(report.warnings.end(), surface.warnings.begin(), surface.warnings.end());
+
+  clock.start("volume morph");
+  const Points surface_positions = job.prescribed(surface.positions);
+  SteppingResult stepped =
+      morph_in_steps(mesh(), *job.volume, surface_positions, job.orientation, job.options.stepping);
+  result.positions = std::move(stepped.positions);
+  result.validity = stepped.report.validity;
+  report.solver = stepped.report.rbf;
+  report.stepping = std::move(stepped.report);
+  clock.start("untangling");
+  job.untangle_result(result);
+
+  clock.start("quality after");
+  result.quality = measure_quality(mesh(), result.positions, job.orientation);
+  set_quality(report.after, result.quality, result.validity,
+              check_quality(mesh(), result.positions, job.cell_faces));
+  report.max_displacement =
+      report.mesh_unit_mm * (result.positions - mesh().points).rowwise().norm().maxCoeff();
+  job.judge(result, surface_positions);
+  const auto& phases = clock.phases();
+  report.phases.insert(report.phases.end(), phases.begin(), phases.end());
+  return result;
+}
+
+namespace {
+
+void add_diagnostics(const MorphJob& job, const MorphResult& result, ExtraArrays& extra) {
+  const Mesh& mesh = job.mesh();
+  const Association& association = job.association();
+  const auto& nodes = job.boundary().nodes;
+  constexpr int kInterior = 3;
+  std::vector<int> dimensions(mesh.node_count(), kInterior), entities(mesh.node_count(), 0);
+  RowMatrix uv = RowMatrix::Zero(mesh.node_count(), 2);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (association.is_free[i]) continue;
+    dimensions[nodes[i]] = static_cast<int>(association.dimension[i]);
+    entities[nodes[i]] = association.entity[i] + 1;
+    if (association.entity[i] >= 0) uv.row(nodes[i]) = association.uv.row(i);
+  }
+  RowMatrix jacobians(mesh.cell_count(), 1);
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    jacobians(c, 0) = std::isnan(result.quality.values[c])
+                          ? scaled_jacobian(mesh, result.positions, c)
+                          : result.quality.values[c];
+  extra.point_arrays["cadmorph_displacement"] = result.positions - mesh.points;
+  extra.point_integers["cadmorph_cad_dimension"] = std::move(dimensions);
+  extra.point_integers["cadmorph_cad_entity"] = std::move(entities);
+  extra.point_arrays["cadmorph_uv"] = std::move(uv);
+  extra.cell_arrays["cadmorph_scaled_jacobian"] = std::move(jacobians);
+}
+
+}  // namespace
+
+fs::path MorphJob::write(const MorphResult& result, const fs::path& output,
+                         bool has_diagnostics) const {
+  ExtraArrays extra;
+  if (has_diagnostics) add_diagnostics(*this, result, extra);
+  fs::path path = output;
+  if (result.report.outcome != Outcome::Done) {
+    path = failed_path(output);
+    std::vector<int> is_bad(mesh().cell_count(), 0);
+    for (const Index c : impl_->bad_cells(result)) is_bad[c] = 1;
+    extra.cell_integers["cadmorph_bad"] = std::move(is_bad);
+  }
+  try {
+    impl_->mesh_file->write(path, result.positions, extra);
+  } catch (const IoError& error) {
+    throw OutputError(error.what());
+  }
+  return path;
+}
+
+PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& options) {
+  check_output(files.output, {files.base_cad, files.variant_cad, files.mesh});
+  PhaseClock clock(options.progress);
+  clock.start("reading");
+  // STEP is read by one thread only; the mesh meanwhile by another.
+  auto mesh_to_come =
+      std::async(std::launch::async, [&] { return std::make_shared<const MeshFile>(files.mesh); });
+  const auto base = std::make_shared<const CadModel>(read_step(files.base_cad));
+  const CadModel variant = read_step(files.variant_cad);
+  const auto mesh = mesh_to_come.get();
+  std::vector<PhaseTime> phases = clock.phases();
+
+  const MorphJob job(base, mesh, options);
+  const MorphResult result = job.morph(variant);
+  PipelineReport report = result.report;
+  PhaseClock writing(options.progress);
+  writing.start("writing");
+  report.written = job.write(result, files.output, files.has_diagnostics);
+
+  phases.insert(phases.end(), report.phases.begin(), report.phases.end());
+  phases.push_back(writing.phases().front());
+  report.phases = std::move(phases);
+  report.seconds = std::accumulate(report.phases.begin(), report.phases.end(), 0.0,
+                                   [](double sum, const PhaseTime& p) { return sum + p.seconds; });
+  report.peak_memory = peak_memory();
+  return report;
+}
+
+}  // namespace cadmorph

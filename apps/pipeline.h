@@ -1,0 +1,145 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/diagnosis.h"
+#include "apps/output_file.h"
+#include "apps/phase_clock.h"
+#include "cad/topology_match.h"
+#include "core/mesh_file.h"
+#include "core/quality_checks.h"
+#include "core/validity.h"
+#include "surface/surface_morph.h"
+#include "volume/stepping.h"
+#include "volume/untangle.h"
+#include "volume/volume_morph.h"
+
+namespace cadmorph {
+
+/// When to repair inverted elements by optimisation.
+enum class UntangleMode {
+  Auto,  ///< when elements are inverted after all steps
+  Never,
+  Always,  ///< also to raise elements that became poor
+};
+
+struct PipelineOptions {
+  SurfaceMorphOptions surface;
+  VolumeMorphOptions volume;
+  SteppingOptions stepping;
+  UntangleMode untangle = UntangleMode::Auto;
+  /// The result is refused when any cell's scaled Jacobian is below.
+  std::optional<double> min_scaled_jacobian;
+  /// Base and variant face numbers (1-based) given by the user.
+  std::vector<std::pair<int, int>> face_map;
+  /// Called through the whole trip.
+  Progress progress;
+};
+
+/// Counts of a CAD model.
+struct CadFigures {
+  std::filesystem::path file;
+  std::string unit;  ///< named in the file
+  Index faces = 0, edges = 0, vertices = 0;
+  int solids = 0;
+  double diagonal = 0;  ///< millimetres
+};
+
+/// How the nodes and elements of a mesh are.
+struct MeshFigures {
+  double max_distance = 0;  ///< of surface nodes to the CAD, millimetres
+  double mean_distance = 0;
+  double min_scaled_jacobian = 0;
+  double mean_scaled_jacobian = 0;
+  Index worst_cell = -1;  ///< of the smallest scaled Jacobian
+  Index inverted = 0;     ///< cells with a corner Jacobian that is not positive
+  Index invalid = 0;      ///< cells that fail the exact validity test
+  QualityChecks checks;   ///< as OpenFOAM's checkMesh states them
+};
+
+enum class Outcome { Done, Inverted, PoorQuality };
+
+/// All figures of one trip.
+struct PipelineReport {
+  Outcome outcome = Outcome::Done;
+  CadFigures base_cad, variant_cad;
+  std::filesystem::path mesh_file;
+  Index nodes = 0, cells = 0;
+  Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0, unmatched_nodes = 0, interior_nodes = 0;
+  double mesh_unit_mm = 1;       ///< millimetres per mesh unit
+  bool is_unit_detected = true;  ///< not given by the user
+  std::string matched_by;        ///< see TopologyMatch::how
+  double least_confidence = 1;   ///< of any face pair
+  Similarity alignment;          ///< base to variant
+  MeshFigures before, after;
+  double max_displacement = 0;  ///< millimetres
+  Kernel kernel;
+  RbfReport solver;
+  SteppingReport stepping;
+  std::optional<UntangleReport> untangling;
+  std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
+  std::vector<std::string> warnings;
+  std::vector<PhaseTime> phases;
+  double seconds = 0;      ///< sum of the phases
+  double peak_memory = 0;  ///< bytes, of the process so far
+  int threads = 1;
+  std::string blas_kernel;        ///< OpenBLAS core name; empty for another BLAS
+  std::filesystem::path written;  ///< the mesh written: the output, or the failed one
+};
+
+/// A morphed mesh.
+struct MorphResult {
+  Points positions;  ///< N x 3, in the mesh's unit
+  QualityReport quality;
+  ValidityReport validity;
+  PipelineReport report;
+};
+
+/// The old side of a morph: everything that depends on the base CAD and the base mesh alone, to be
+/// used for any number of variants.
+class MorphJob {
+ public:
+  /// Extracts the surface of `mesh`, associates it with the base CAD, measures the mesh and sets up
+  /// the volume warp. Throws what extract_boundary, SurfaceMorph and VolumeMorph throw.
+  MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const MeshFile> mesh,
+           PipelineOptions options = {});
+  ~MorphJob();
+  MorphJob(MorphJob&&) noexcept;
+
+  /// Morphs the mesh onto `variant`. Inverted or poor elements are told in the report's outcome and
+  /// diagnosis, not thrown. Throws TopologyError when the models do not correspond, SolverError
+  /// when a system can't be solved.
+  MorphResult morph(const CadModel& variant) const;
+
+  /// Writes a result: to `output` when it is good, else, with the inverted cells marked in the cell
+  /// array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the arrays
+  /// cadmorph_displacement, _cad_dimension (0 vertex, 1 edge, 2 face, 3 interior, -1 on no CAD
+  /// entity), _cad_entity (1-based as in `cadmorph match`; 0: none), _uv and _scaled_jacobian.
+  /// Returns the path written. Throws OutputError.
+  std::filesystem::path write(const MorphResult& result, const std::filesystem::path& output,
+                              bool has_diagnostics = false) const;
+
+  const Mesh& mesh() const;
+  const Boundary& boundary() const;
+  const Association& association() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+struct MorphFiles {
+  std::filesystem::path base_cad, variant_cad, mesh, output;
+  bool has_diagnostics = false;
+};
+
+/// The whole trip: reads the two STEP files and the mesh, morphs, writes. Throws IoError, CadError
+/// or InvalidInputError for an input, OutputError for the output, and what MorphJob throws.
+PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& options = {});
+
+}  // namespace cadmorph
