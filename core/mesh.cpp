@@ -50,9 +50,9 @@ constexpr LocalFace kTriquadraticHexahedron[] = {
     {BiquadraticQuad, 9, {0, 3, 2, 1, 11, 10, 9, 8, 24}},
     {BiquadraticQuad, 9, {4, 5, 6, 7, 12, 13, 14, 15, 25}}};
 constexpr LocalFace kBiquadraticQuadraticHexahedron[] = {
-    {BiquadraticQuad, 9, {0, 4, 7, 3, 16, 15, 19, 11, 22}},
+    {BiquadraticQuad, 9, {0, 4, 7, 3, 16, 15, 19, 11, 20}},
     {BiquadraticQuad, 9, {1, 2, 6, 5, 9, 18, 13, 17, 21}},
-    {BiquadraticQuad, 9, {0, 1, 5, 4, 8, 17, 12, 16, 20}},
+    {BiquadraticQuad, 9, {0, 1, 5, 4, 8, 17, 12, 16, 22}},
     {BiquadraticQuad, 9, {3, 7, 6, 2, 19, 14, 18, 10, 23}},
     {QuadraticQuad, 8, {0, 3, 2, 1, 11, 10, 9, 8}},
     {QuadraticQuad, 8, {4, 5, 6, 7, 12, 13, 14, 15}}};

@@ -22,7 +22,8 @@ class MeshFile {
  public:
   /// Reads a .vtu (ascii, binary, appended, compressed; XML) or legacy .vtk unstructured grid.
   /// Throws IoError when the file is missing, no mesh, truncated or damaged (what, where, remedy);
-  /// InvalidInputError when its contents are invalid (see check_mesh).
+  /// InvalidInputError when its contents are invalid (see check_mesh). VTK prints nothing
+  /// meanwhile; its logger on stderr stays off from then on.
   explicit MeshFile(const std::filesystem::path& path);
   ~MeshFile();
   MeshFile(MeshFile&&) noexcept;
@@ -31,9 +32,13 @@ class MeshFile {
   const Mesh& mesh() const;
   const std::filesystem::path& path() const;
 
-  /// Writes a copy with only the coordinates replaced (as float64) and `extra` added, in the
-  /// input's own format and compressor. The file appears whole or not at all: written beside
-  /// `path`, flushed to disk, then renamed. Throws IoError, leaving nothing behind.
+  /// Writes a copy with only the coordinates replaced (N x 3, as float64) and `extra` added (in
+  /// place of arrays of the same names), in the input's own encoding and compressor; where `path`
+  /// ends in .vtu or .vtk, in that format. Legacy files come out binary, for VTK's legacy ascii
+  /// keeps 11 digits only, and have no node order of polyhedra, only their faces. The file appears
+  /// whole or not at all: written beside `path` (beside its target, if that is a link), flushed to
+  /// disk, then renamed. Throws IoError, leaving nothing behind; InvalidInputError for wrong sizes
+  /// or coordinates that are not finite.
   void write(const std::filesystem::path& path, const Points& points,
              const ExtraArrays& extra = {}) const;
 
@@ -42,7 +47,9 @@ class MeshFile {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Writes `mesh` as a new .vtu (appended binary, zlib-compressed): for generators and tests.
+/// Writes `mesh` as a new .vtu (appended binary, zlib-compressed) or .vtk, its regions as an
+/// integer cell array (`RegionId` if `region_array` is empty): for generators and tests. Throws as
+/// above.
 void write_mesh(const std::filesystem::path& path, const Mesh& mesh, const ExtraArrays& extra = {});
 
 }  // namespace cadmorph

@@ -4,13 +4,14 @@
 
 namespace cadmorph {
 
-/// Scaled Jacobian of cell `c` at node positions `points`, in [-1, 1], 1 for the ideal cell.
-/// Tetrahedra, hexahedra, triangles and quads: as Verdict defines it (Knupp et al. 2006; Sieger et
-/// al. 2013, sect. 5). Wedge, pyramid, quadratic cells, polyhedra: see the source of each
-/// definition in docs/quality.md. Vertex and line cells: 1.
+/// Returns the scaled Jacobian of cell `c` at node positions `points` (N x 3), in [-1, 1]: 1 for
+/// the ideal cell, not positive for an inverted one, 0 for one with coinciding nodes. Tetrahedra,
+/// hexahedra, triangles and quads: as Verdict defines it (Knupp et al. 2006; Sieger et al. 2013,
+/// sect. 5). Other cells: as docs/quality.md defines it. Vertex and line cells: 1. Solid cells in
+/// the node order opposite to VTK's are negative.
 double scaled_jacobian(const Mesh& mesh, const Points& points, Index c);
 
-/// Signs of the corner Jacobian determinants relative to a mesh's own convention.
+/// What measure_quality found.
 struct QualityReport {
   Index cells = 0;             ///< solid cells measured (shell cells when there is no solid one)
   double min = 0;              ///< smallest scaled Jacobian
@@ -29,8 +30,10 @@ using Orientation = std::vector<int>;
 Orientation detect_orientation(const Mesh& mesh);
 
 /// Measures all cells of highest dimension at node positions `points` (N x 3). A cell counts as
-/// inverted when any corner Jacobian, times the orientation of its type, is <= 0. Shell cells have
-/// no sign in 3D: they are inverted only when degenerate or self-folded. Parallel.
+/// inverted when any sampled Jacobian determinant, times the orientation of its type, is not
+/// positive: at the corners, in quadratic cells at all nodes and the centre (docs/quality.md).
+/// Shell cells have no sign in 3D: they are inverted only when degenerate or self-folded. Throws
+/// InvalidInputError when sizes differ or a position is not finite. Parallel; O(cells).
 QualityReport measure_quality(const Mesh& mesh, const Points& points,
                               const Orientation& orientation);
 
