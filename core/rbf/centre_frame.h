@@ -31,6 +31,7 @@ class CentreFrame {
   /// Returns the polynomials at unit coordinates: rows x terms().
   Eigen::MatrixXd polynomials(const Eigen::Ref<const Eigen::MatrixXd>& unit_points) const;
 
+  Index dimension() const { return centre_.size(); }
   int terms() const { return static_cast<int>(slopes_.cols()) + 1; }
 
  private:

@@ -5,7 +5,6 @@
 
 #include "core/errors.h"
 #include "core/parallel.h"
-#include "core/rbf/kernel_sum_simd.h"
 
 namespace cadmorph {
 namespace {
@@ -30,26 +29,7 @@ simd::Form form_of(const Kernel& kernel, double log_scale) {
   return exponent == 2 && log_scale == 0 ? simd::Form::ThinPlate : simd::Form::EvenPowerLog;
 }
 
-void run(const simd::SumTask& task, InstructionSet set) {
-#if defined(__x86_64__)
-  if (set == InstructionSet::Avx512) return simd::sum_avx512(task);
-  if (set == InstructionSet::Avx2) return simd::sum_avx2(task);
-#endif
-  (void)set;
-  simd::sum_baseline(task);
-}
-
 }  // namespace
-
-InstructionSet best_instruction_set() {
-#if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-      __builtin_cpu_supports("avx512vl"))
-    return InstructionSet::Avx512;
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return InstructionSet::Avx2;
-#endif
-  return InstructionSet::Baseline;
-}
 
 const char* name(InstructionSet set) {
   switch (set) {
@@ -64,7 +44,7 @@ const char* name(InstructionSet set) {
 }
 
 KernelSum::KernelSum(const Kernel& kernel, double log_scale, InstructionSet set)
-    : kernel_(kernel), log_scale_(log_scale), set_(std::min(set, best_instruction_set())) {
+    : kernel_(kernel), log_scale_(log_scale), set_(std::min(set, simd::best())) {
   if (kernel.kind == KernelKind::Polyharmonic &&
       (kernel.dimension < 1 || 2 * kernel.order <= kernel.dimension))
     throw InvalidInputError("polyharmonic kernel of order " + std::to_string(kernel.order) +
@@ -95,6 +75,7 @@ void KernelSum::add(const ColumnsView& targets, const ColumnsView& sources,
                      .weight_stride = weights.outerStride(),
                      .out = nullptr,
                      .out_stride = out.outerStride()};
+  const auto run = simd::functions(set_).sum;
   for (Index i = 0; i < targets.rows(); i += kTargetBlock) {
     task.targets = targets.data() + i;
     task.target_count = std::min(kTargetBlock, targets.rows() - i);
@@ -103,7 +84,7 @@ void KernelSum::add(const ColumnsView& targets, const ColumnsView& sources,
       task.sources = sources.data() + j;
       task.weights = weights.data() + j;
       task.source_count = std::min(kSourceBlock, sources.rows() - j);
-      run(task, set_);
+      run(task);
     }
   }
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/rbf/kernel.h"
+#include "core/rbf/simd.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -8,11 +9,7 @@ namespace cadmorph {
 /// Rows of a column-major matrix, without a copy.
 using ColumnsView = Eigen::Ref<const Eigen::MatrixXd>;
 
-/// Instruction sets that the kernel sums are compiled for.
-enum class InstructionSet { Baseline, Avx2, Avx512 };
-
-/// Best instruction set of this processor.
-InstructionSet best_instruction_set();
+using simd::InstructionSet;
 
 /// Name as printed in reports: "baseline", "AVX2", "AVX-512".
 const char* name(InstructionSet set);
@@ -24,8 +21,7 @@ class KernelSum {
   /// `log_scale` is added to the logarithm of even polyharmonics: of r in units of exp(-log_scale).
   /// Throws InvalidInputError for a polyharmonic kernel with 2 k <= d, which is singular at 0, and
   /// for a shape that is not positive.
-  explicit KernelSum(const Kernel& kernel, double log_scale = 0,
-                     InstructionSet set = best_instruction_set());
+  explicit KernelSum(const Kernel& kernel, double log_scale = 0, InstructionSet set = simd::best());
 
   /// out(i, c) += sum_j weights(j, c) phi(|targets(i) - sources(j)|): T x D, S x D, S x M, T x M.
   /// Serial; D at most 8.

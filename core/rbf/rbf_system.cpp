@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <mutex>
 #include <utility>
 
 #include "core/errors.h"
@@ -10,7 +11,9 @@
 #include "core/parallel.h"
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/dense_solver.h"
+#include "core/rbf/fast_solver.h"
 #include "core/rbf/kernel_sum.h"
+#include "core/rbf/unit_field.h"
 
 namespace cadmorph {
 namespace {
@@ -23,6 +26,12 @@ constexpr double kDenseAccuracy = 1e-6;
 
 // Above this part of the largest value one step of iterative refinement is worth its O(N^2).
 constexpr double kRefine = 1e-13;
+
+// Number of centres from which on the fast solver beats Cholesky (docs/fast-solver.md).
+constexpr Index kFastCentres = 3000;
+
+// The fast solver needs enough centres for its stencils.
+constexpr Index kFewCentres = 100;
 
 // Values of merged centres may differ by this part of the largest value.
 constexpr double kDuplicateAgreement = 1e-9;
@@ -104,18 +113,27 @@ struct Choice {
   std::string reason;
 };
 
-Choice choose_solver(SolverKind asked, const Kernel& kernel) {
-  const bool is_definite = kernel.cpd_order() <= 2;
-  if (asked == SolverKind::Auto)
-    return is_definite ? Choice{SolverKind::Cholesky, "positive definite beside linear polynomials"}
-                       : Choice{SolverKind::Ldlt, "kernel needs more than linear polynomials"};
-  if (asked == SolverKind::Cholesky && !is_definite)
+Choice choose_automatically(const Kernel& kernel, bool is_triharmonic, Index centres) {
+  if (kernel.cpd_order() > 2)
+    return {SolverKind::Ldlt, "the kernel needs more than linear polynomials"};
+  if (is_triharmonic && centres >= kFastCentres)
+    return {SolverKind::Fast, "triharmonic in space, many centres"};
+  return {SolverKind::Cholesky, is_triharmonic ? "few centres" : "positive definite kernel"};
+}
+
+Choice choose_solver(SolverKind asked, const Kernel& kernel, Index dimension, Index centres) {
+  const bool is_triharmonic = dimension == 3 && kernel.kind == KernelKind::Polyharmonic &&
+                              kernel.dimension % 2 == 1 && 2 * kernel.order - kernel.dimension == 3;
+  if (asked == SolverKind::Auto) return choose_automatically(kernel, is_triharmonic, centres);
+  if (asked == SolverKind::Cholesky && kernel.cpd_order() > 2)
     throw InvalidInputError(
         "the Cholesky solver needs a kernel that is positive definite beside linear polynomials; "
         "use "
         "LDL^T or LU for this one");
-  if (asked == SolverKind::Fast)
+  if (asked == SolverKind::Fast && !is_triharmonic)
     throw InvalidInputError("the fast solver serves the triharmonic kernel in 3D only");
+  if (asked == SolverKind::Fast && centres < kFewCentres)
+    return {SolverKind::Cholesky, "too few centres for the fast solver"};
   return {asked, "as asked"};
 }
 
@@ -129,25 +147,49 @@ double largest(const MatrixXd& values) {
   return values.size() == 0 ? 0 : values.cwiseAbs().maxCoeff();
 }
 
+class DenseField final : public UnitField {
+ public:
+  DenseField(const KernelSum& sum, std::shared_ptr<const MatrixXd> centres,
+             const CentreFrame& frame, SaddleSolution solution)
+      : sum_(sum), centres_(std::move(centres)), frame_(frame), solution_(std::move(solution)) {}
+
+  MatrixXd evaluate(const MatrixXd& targets) const override {
+    return sum_(targets, *centres_, solution_.weights) +
+           frame_.polynomials(targets) * solution_.coefficients;
+  }
+
+ private:
+  KernelSum sum_;
+  std::shared_ptr<const MatrixXd> centres_;
+  CentreFrame frame_;
+  SaddleSolution solution_;
+};
+
 }  // namespace
 
 struct RbfField::Impl {
-  KernelSum sum;
   CentreFrame frame;
-  std::shared_ptr<const MatrixXd> centres;
-  SaddleSolution solution;
+  MatrixXd fit;  // coefficients of the linear fit
+  std::shared_ptr<const UnitField> rest;
   RbfReport report;
 };
 
 struct RbfSystem::Impl {
-  Impl(const RowMatrix& given, Kernel kernel, RbfOptions given_options);
+  Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOptions given_options);
 
-  void set_up_dense(const Kernel& kernel);
+  void set_up_fast();
+  std::unique_ptr<DenseSolver> factor_dense(RbfReport& into) const;
+  const DenseSolver& fallback(RbfReport& into) const;
   MatrixXd distinct_values(const RowMatrix& values) const;
-  SaddleSolution solve_dense(const MatrixXd& values) const;
+  std::shared_ptr<const UnitField> solve(const MatrixXd& values, double scale,
+                                         RbfReport& into) const;
+  std::shared_ptr<const UnitField> solve_fast(const MatrixXd& values, RbfReport& into) const;
+  std::shared_ptr<const UnitField> solve_dense(const DenseSolver& solver, const MatrixXd& values,
+                                               double scale, RbfReport& into) const;
   MatrixXd residual(const MatrixXd& values, const SaddleSolution& solution) const;
   double in_local_lengths(const MatrixXd& residual) const;
 
+  Kernel kernel;
   RbfOptions options;
   DistinctRows distinct;
   CentreFrame frame;
@@ -156,17 +198,24 @@ struct RbfSystem::Impl {
   std::shared_ptr<const MatrixXd> centres;  // distinct, in units of the frame
   MatrixXd P;
   std::unique_ptr<DenseSolver> dense;
+  std::unique_ptr<FastSolver> fast;
   RbfReport report;
+  mutable std::mutex fallback_mutex;
+  mutable std::unique_ptr<DenseSolver> fallback_;
 };
 
-RbfSystem::Impl::Impl(const RowMatrix& given, Kernel kernel, RbfOptions given_options)
-    : options(std::move(given_options)),
+RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOptions given_options)
+    : kernel(given_kernel),
+      options(std::move(given_options)),
       distinct(distinct_rows(given)),
       frame(select_rows(given, distinct.rows)),
       sum(in_units(kernel, frame.unit()), log_scale(kernel, frame.unit())) {
   if (options.local_length.size() != 0 && options.local_length.size() != given.rows())
     throw InvalidInputError("RBF system: " + std::to_string(options.local_length.size()) +
                             " local lengths for " + std::to_string(given.rows()) + " centres");
+  if (!(options.tolerance > 0))
+    throw InvalidInputError("RBF system: the tolerance " + scientific(options.tolerance) +
+                            " is not positive");
   const Stopwatch watch;
   centres = std::make_shared<MatrixXd>(frame.to_unit(select_rows(given, distinct.rows)));
   local_length = local_lengths(given, distinct, options.local_length);
@@ -174,30 +223,59 @@ RbfSystem::Impl::Impl(const RowMatrix& given, Kernel kernel, RbfOptions given_op
   report.centres = centres->rows();
   report.merged = given.rows() - centres->rows();
   report.polynomial_terms = frame.terms();
-  const Choice choice = choose_solver(options.solver, kernel);
+  const Choice choice = choose_solver(options.solver, kernel, given.cols(), centres->rows());
   report.solver = choice.solver;
   report.reason = choice.reason;
-  set_up_dense(kernel);
+  if (report.solver == SolverKind::Fast) set_up_fast();
+  if (!fast) dense = factor_dense(report);
   report.seconds = watch.seconds();
 }
 
-void RbfSystem::Impl::set_up_dense(const Kernel& kernel) {
-  const double rows = static_cast<double>(centres->rows() + P.cols());
-  if (8 * rows * rows > options.memory_limit)
-    throw SolverError("a dense solver for " + std::to_string(centres->rows()) + " centres needs " +
-                      scientific(8 * rows * rows) + " bytes, more than the " +
-                      scientific(options.memory_limit) +
-                      " allowed; use the fast solver or allow more memory");
+void RbfSystem::Impl::set_up_fast() {
+  const Eigen::VectorXd spacing = options.local_length.size() == 0
+                                      ? local_length
+                                      : Eigen::VectorXd(local_length.cwiseMin(
+                                            nearest_distances(RowMatrix(*centres)) * frame.unit()));
   try {
-    dense = make_dense_solver(factorisation_of(report.solver), sum.matrix(*centres), P,
-                              kernel.cpd_sign());
-  } catch (const SolverError&) {
-    if (options.solver != SolverKind::Auto || report.solver != SolverKind::Cholesky) throw;
-    report.solver = SolverKind::Ldlt;
-    report.reason = "Cholesky found the system not definite to rounding (centres nearly coincide)";
-    dense = make_dense_solver(Factorisation::Ldlt, sum.matrix(*centres), P, kernel.cpd_sign());
+    fast = std::make_unique<FastSolver>(
+        *centres, options.tolerance * local_length, spacing / frame.unit(),
+        FastOptions{.memory_limit = options.memory_limit, .progress = options.progress});
+    if (!fast->remarks().empty()) report.reason += "; " + fast->remarks();
+  } catch (const SolverError& error) {
+    report.solver = SolverKind::Cholesky;
+    report.reason = std::string("fast solver not possible: ") + error.what();
   }
-  report.reciprocal_condition = dense->reciprocal_condition();
+}
+
+std::unique_ptr<DenseSolver> RbfSystem::Impl::factor_dense(RbfReport& into) const {
+  const double rows = static_cast<double>(centres->rows() + P.cols());
+  const double bytes = 8 * rows * rows;
+  if (bytes > options.memory_limit)
+    throw SolverError("a dense solver for " + std::to_string(centres->rows()) + " centres needs " +
+                      scientific(bytes) + " bytes, more than the " +
+                      scientific(options.memory_limit) +
+                      " allowed; use the fast solver or allow more memory" +
+                      (options.solver == SolverKind::Auto ? " (" + into.reason + ")" : ""));
+  std::unique_ptr<DenseSolver> solver;
+  try {
+    solver = make_dense_solver(factorisation_of(into.solver), sum.matrix(*centres), P,
+                               kernel.cpd_sign());
+  } catch (const SolverError&) {
+    if (options.solver != SolverKind::Auto || into.solver != SolverKind::Cholesky) throw;
+    into.solver = SolverKind::Ldlt;
+    into.reason = "Cholesky found the system not definite to rounding (centres nearly coincide)";
+    solver = make_dense_solver(Factorisation::Ldlt, sum.matrix(*centres), P, kernel.cpd_sign());
+  }
+  into.reciprocal_condition = solver->reciprocal_condition();
+  return solver;
+}
+
+const DenseSolver& RbfSystem::Impl::fallback(RbfReport& into) const {
+  const std::lock_guard lock(fallback_mutex);
+  into.solver = SolverKind::Cholesky;
+  if (!fallback_) fallback_ = factor_dense(into);
+  into.reciprocal_condition = fallback_->reciprocal_condition();
+  return *fallback_;
 }
 
 MatrixXd RbfSystem::Impl::distinct_values(const RowMatrix& values) const {
@@ -222,15 +300,52 @@ double RbfSystem::Impl::in_local_lengths(const MatrixXd& residual) const {
              : (residual.rowwise().norm().array() / local_length.array()).maxCoeff();
 }
 
-SaddleSolution RbfSystem::Impl::solve_dense(const MatrixXd& values) const {
-  SaddleSolution solution = dense->solve(values);
-  const MatrixXd missed = residual(values, solution);
-  if (largest(missed) <= kRefine * largest(values)) return solution;
-  SaddleSolution refined = dense->solve(missed);
-  refined.weights += solution.weights;
-  refined.coefficients += solution.coefficients;
-  const bool is_better = largest(residual(values, refined)) < largest(missed);
-  return is_better ? refined : solution;
+std::shared_ptr<const UnitField> RbfSystem::Impl::solve(const MatrixXd& values, double scale,
+                                                        RbfReport& into) const {
+  if (!fast) return solve_dense(*dense, values, scale, into);
+  try {
+    return solve_fast(values, into);
+  } catch (const SolverError& error) {
+    into.reason = std::string("fast solver failed: ") + error.what();
+  }
+  return solve_dense(fallback(into), values, scale, into);
+}
+
+std::shared_ptr<const UnitField> RbfSystem::Impl::solve_fast(const MatrixXd& values,
+                                                             RbfReport& into) const {
+  FastReport details;
+  auto field = fast->solve(values, details);
+  into.iterations = details.iterations;
+  into.max_residual = details.residual * options.tolerance;
+  if (details.thinned > 0)
+    into.reason += "; " + std::to_string(details.thinned) +
+                   " closely spaced centres served by the multiscale correction";
+  if (!details.remarks.empty()) into.reason += "; " + details.remarks;
+  return field;
+}
+
+std::shared_ptr<const UnitField> RbfSystem::Impl::solve_dense(const DenseSolver& solver,
+                                                              const MatrixXd& values, double scale,
+                                                              RbfReport& into) const {
+  SaddleSolution solution = solver.solve(values);
+  MatrixXd missed = residual(values, solution);
+  if (largest(missed) > kRefine * scale) {
+    SaddleSolution refined = solver.solve(missed);
+    refined.weights += solution.weights;
+    refined.coefficients += solution.coefficients;
+    MatrixXd remaining = residual(values, refined);
+    if (largest(remaining) < largest(missed)) {
+      solution = std::move(refined);
+      missed = std::move(remaining);
+    }
+  }
+  into.max_residual = in_local_lengths(missed);
+  if (!(largest(missed) <= kDenseAccuracy * scale))
+    throw SolverError("the interpolation matrix of " + std::to_string(centres->rows()) +
+                      " centres is singular to rounding (reciprocal condition " +
+                      scientific(solver.reciprocal_condition()) +
+                      "); remove centres that nearly coincide, or choose another kernel or shape");
+  return std::make_shared<DenseField>(sum, centres, frame, std::move(solution));
 }
 
 RbfSystem::RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options) {
@@ -250,35 +365,27 @@ RbfField RbfSystem::solve(const RowMatrix& values) const {
 
   // The linear fit apart: affine values are then reproduced to rounding by every solver.
   const MatrixXd fit = s.P.transpose() * all / static_cast<double>(all.rows());
-  const MatrixXd rest = all - s.P * fit;
-  SaddleSolution solution = s.solve_dense(rest);
-  const MatrixXd missed = s.residual(rest, solution);
   RbfReport report = s.report;
-  report.max_residual = s.in_local_lengths(missed);
-  if (!(largest(missed) <= kDenseAccuracy * largest(all)))
-    throw SolverError("the interpolation matrix of " + std::to_string(all.rows()) +
-                      " centres is singular to rounding (reciprocal condition " +
-                      scientific(s.report.reciprocal_condition) +
-                      "); remove centres that nearly coincide, or choose another kernel or shape");
-  solution.coefficients += fit;
+  auto rest = s.solve(all - s.P * fit, largest(all), report);
   report.seconds += watch.seconds();
 
   RbfField field;
   field.impl_ = std::make_shared<const RbfField::Impl>(
-      RbfField::Impl{s.sum, s.frame, s.centres, std::move(solution), std::move(report)});
+      RbfField::Impl{s.frame, fit, std::move(rest), std::move(report)});
   return field;
 }
 
 const RbfReport& RbfSystem::report() const { return impl_->report; }
 
 RowMatrix RbfField::evaluate(const RowMatrix& targets) const {
-  const Impl& f = *impl_;
-  if (targets.cols() != f.centres->cols())
+  const CentreFrame& frame = impl_->frame;
+  if (targets.cols() != frame.dimension())
     throw InvalidInputError("RBF field: targets of dimension " + std::to_string(targets.cols()) +
-                            " for centres of dimension " + std::to_string(f.centres->cols()));
-  const MatrixXd x = f.frame.to_unit(targets);
-  return f.sum(x, *f.centres, f.solution.weights) +
-         f.frame.polynomials(x) * f.solution.coefficients;
+                            " for centres of dimension " + std::to_string(frame.dimension()));
+  const MatrixXd x = frame.to_unit(targets);
+  MatrixXd values = impl_->rest->evaluate(x);
+  values += frame.polynomials(x) * impl_->fit;
+  return values;
 }
 
 const RbfReport& RbfField::report() const { return impl_->report; }

@@ -1,4 +1,4 @@
-#include "core/rbf/kernel_sum_simd.h"
+#include "core/rbf/simd.h"
 
 namespace {
 
@@ -12,10 +12,12 @@ inline Vec cube(Vec r2) { return r2 * square_root(r2); }
 
 }  // namespace
 
-#include "core/rbf/kernel_sum_body.inc"
+#include "core/rbf/simd_dense.inc"
+#include "core/rbf/simd_sum.inc"
 
 namespace cadmorph::simd {
 
-void sum_baseline(const SumTask& task) { sum(task); }
+const Functions kBaseline = {sum,      cubic_matrix,   add_outer_products, cubic_block,
+                             cholesky, cholesky_solve, pivoted_qr};
 
 }  // namespace cadmorph::simd

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "core/progress.h"
+#include "core/rbf/unit_field.h"
+#include "core/types.h"
+
+namespace cadmorph {
+
+struct FastOptions {
+  double memory_limit = 8e9;  ///< bytes
+  Progress progress;
+};
+
+/// What a fast solution took.
+struct FastReport {
+  int iterations = 0;
+  double residual = 0;  ///< largest true residual at a centre, in units of its allowance
+  Index thinned = 0;    ///< points left to the multiscale correction
+  std::string remarks;  ///< what was substituted, if anything
+};
+
+/// Interpolation with r^3 and linear polynomials in space at a cost that grows almost linearly:
+/// conjugate gradients with a sparse inverse Cholesky preconditioner and an H2 matrix. Points
+/// closer than 2.5e-5 of the bounding box's diagonal to coarser ones are served by a multiscale
+/// correction. Keeps all that depends on the points for any number of value sets.
+class FastSolver {
+ public:
+  /// `points`: N x 3, N >= 5, distinct, of unit size; `allowed`: residual allowed at each point, in
+  /// the unit of the values; `spacing`: shortest length to resolve at each point, in that of the
+  /// points. Throws SolverError when the factor can't be built.
+  FastSolver(const Eigen::MatrixXd& points, Eigen::VectorXd allowed, const Eigen::VectorXd& spacing,
+             FastOptions options = {});
+
+  /// Solves for N x M values to the allowed residual, verified with the true residual. Throws
+  /// SolverError when that is not reached.
+  std::shared_ptr<const UnitField> solve(const Eigen::MatrixXd& values, FastReport& report) const;
+
+  /// What was chosen at set-up, for the report.
+  const std::string& remarks() const;
+
+ private:
+  struct Impl;
+  std::shared_ptr<const Impl> impl_;
+};
+
+}  // namespace cadmorph

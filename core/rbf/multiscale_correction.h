@@ -1,0 +1,46 @@
+#pragma once
+
+#include <vector>
+
+#include "core/kd_tree.h"
+#include "core/types.h"
+
+namespace cadmorph {
+
+/// A fine correction that removes what an interpolant of the coarser points misses at the finer
+/// ones: compactly supported Wendland C2 functions on levels of halved spacing, each level
+/// interpolating what the levels before it leave (Floater, Iske 1996; Le Gia, Sloan, Wendland
+/// 2012).
+class MultiscaleCorrection {
+ public:
+  /// No correction.
+  MultiscaleCorrection() = default;
+
+  /// Interpolates `residual` (N x M) at points in farthest-point order, within `allowed` (N). The
+  /// first level has the points separated by `spacing`; supports are four times the spacing of a
+  /// level. Throws SolverError when a level does not converge.
+  MultiscaleCorrection(const Points& points, const std::vector<double>& separation,
+                       Eigen::MatrixXd residual, const Eigen::VectorXd& allowed, double spacing);
+
+  /// Returns the correction at T x 3 targets, T x M (zero columns when there is none).
+  Eigen::MatrixXd evaluate(const Eigen::Ref<const Eigen::MatrixXd>& targets) const;
+
+  bool is_empty() const { return levels_.empty(); }
+
+  /// Largest remainder at a point, in units of `allowed`.
+  double remainder() const { return remainder_; }
+
+ private:
+  struct Level {
+    double support;
+    KdTree tree;
+    RowMatrix coefficients;
+  };
+  static Eigen::MatrixXd evaluate(const Level& level,
+                                  const Eigen::Ref<const Eigen::MatrixXd>& targets);
+
+  std::vector<Level> levels_;
+  double remainder_ = 0;
+};
+
+}  // namespace cadmorph

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+
+/// Inner loops compiled once for each instruction set. Their sources are compiled for newer
+/// processors than the rest of the program, so this header pulls in no inline code that the linker
+/// might share with it.
+namespace cadmorph::simd {
+
+enum class InstructionSet { Baseline, Avx2, Avx512 };
+
+enum class Form {
+  Cubic,
+  ThinPlate,
+  OddPower,
+  EvenPowerLog,
+  Gaussian,
+  Multiquadric,
+  InverseMultiquadric
+};
+
+/// out(i, c) += sum_j weights(j, c) phi(|targets(i, :) - sources(j, :)|), all column-major.
+struct SumTask {
+  Form form;
+  int exponent;      ///< of OddPower and EvenPowerLog
+  double log_shift;  ///< EvenPowerLog: r^n (log r + log_shift)
+  double shape;      ///< epsilon of the Gaussian and the multiquadrics
+  int dimension;
+  int columns;
+  const double* targets;
+  std::int64_t target_stride, target_count;
+  const double* sources;
+  std::int64_t source_stride, source_count;
+  const double* weights;
+  std::int64_t weight_stride;
+  double* out;
+  std::int64_t out_stride;
+};
+
+/// Matrices of the dense functions are column-major with a stride that is a multiple of kPad; their
+/// rows beyond the last count as storage and hold zeros.
+constexpr std::int64_t kPad = 8;
+
+inline std::int64_t padded(std::int64_t rows) { return (rows + kPad - 1) / kPad * kPad; }
+
+struct Functions {
+  void (*sum)(const SumTask& task);
+
+  /// A(i, j) = |x_i - x_j|^3 for n points with coordinates x[d * stride + i].
+  void (*cubic_matrix)(std::int64_t n, const double* x, double* A, std::int64_t stride);
+
+  /// A += factor * sum_c Q(:, c) Q(:, c)^T for `columns` columns of the same stride.
+  void (*add_outer_products)(std::int64_t n, std::int64_t columns, const double* Q, double factor,
+                             double* A, std::int64_t stride);
+
+  /// A(i, j) = scale[i] * |x_i - y_j|^3 for `rows` points x and `columns` points y.
+  void (*cubic_block)(std::int64_t rows, const double* x, std::int64_t x_stride,
+                      const double* scale, std::int64_t columns, const double* y,
+                      std::int64_t y_stride, double* A, std::int64_t stride);
+
+  /// A = L L^T in place of the lower triangle; false when a pivot is not positive.
+  bool (*cholesky)(std::int64_t n, double* A, std::int64_t stride);
+
+  /// Solves L L^T x = b in place for `columns` right-hand sides of the same stride.
+  void (*cholesky_solve)(std::int64_t n, const double* L, std::int64_t columns, double* b,
+                         std::int64_t stride);
+
+  /// QR with column pivoting of A (rows x n, destroyed) until no remaining column has a squared
+  /// norm above `tolerance`. permutation[k] is the column at place k; the upper trapezoid of R (n x
+  /// n, the same n as stride) is set. Returns the rank found.
+  std::int64_t (*pivoted_qr)(std::int64_t rows, std::int64_t n, double* A, std::int64_t stride,
+                             double tolerance, std::int64_t* permutation, double* R);
+};
+
+/// Best instruction set of this processor.
+InstructionSet best();
+
+const Functions& functions(InstructionSet set);
+
+extern const Functions kAvx512, kAvx2, kBaseline;
+
+}  // namespace cadmorph::simd

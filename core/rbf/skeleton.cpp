@@ -1,0 +1,83 @@
+#include "core/rbf/skeleton.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "core/rbf/simd.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::MatrixXd;
+
+constexpr Index kProxies = 800;
+constexpr int kMoments = 10;
+
+// Proxies that resolve a tolerance: more digits need more angles.
+Index proxy_count(double tolerance) {
+  const double count = 200 + 55 * std::log10(1e-5 / tolerance);
+  return std::clamp<Index>(static_cast<Index>(count), 200, kProxies);
+}
+
+// Weight of the moment rows: they are to be kept to about 1e-17 / tolerance of the kernel rows.
+double moment_weight(double tolerance, Index proxies) {
+  const double boost = std::clamp(std::sqrt(tolerance / 1e-17), 1.0, 1e4);
+  return 0.5 * boost * std::sqrt(static_cast<double>(proxies));
+}
+
+}  // namespace
+
+ProxyShell::ProxyShell(double separation) : points_(kProxies, 3), scale_(kProxies) {
+  constexpr double kNear = 0.55;  // part of the proxies close to the ball, where fields are rough
+  constexpr double kNearDepth = 0.15;  // of the shell they fill
+  constexpr double kFar = 8;           // the others reach so many times farther
+  std::mt19937 generator(7);
+  const auto uniform = [&] { return (generator() + 0.5) / 4294967296.0; };
+  for (Index i = 0; i < kProxies; ++i) {
+    const double z = 2 * uniform() - 1, angle = 2 * std::numbers::pi * uniform();
+    const bool is_near = i % 20 < 20 * kNear;
+    const double u = uniform();
+    const double radius = (is_near ? 1 + kNearDepth * u : std::pow(kFar, u)) / separation;
+    const double ring = std::sqrt(1 - z * z);
+    points_.row(i) << radius * ring * std::cos(angle), radius * ring * std::sin(angle), radius * z;
+    scale_(i) = 1 / (radius * radius * radius);
+  }
+}
+
+Skeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
+                       const Eigen::RowVector3d& centre, double radius, double tolerance,
+                       const ProxyShell& proxies) {
+  const simd::Functions& simd = simd::functions(simd::best());
+  const Index n = candidates.rows(), rows = proxy_count(tolerance);
+  const Index stride = simd::padded(rows + kMoments);
+  const double unit = radius > 0 ? 1 / radius : 1;
+  const MatrixXd y = (candidates.rowwise() - centre) * unit;
+
+  MatrixXd A(stride, n);
+  simd.cubic_block(rows, proxies.points().data(), proxies.size(), proxies.scale().data(), n,
+                   y.data(), n, A.data(), stride);
+  A.bottomRows(stride - rows).setZero();
+  const double largest = A.colwise().squaredNorm().maxCoeff();
+  const double weight = moment_weight(tolerance, rows);
+  for (Index j = 0; j < n; ++j) {
+    const double a = y(j, 0), b = y(j, 1), c = y(j, 2);
+    A.col(j).segment<kMoments>(rows) << 1, a, b, c, a * a, b * b, c * c, a * b, b * c, a * c;
+    A.col(j).segment<kMoments>(rows) *= weight;
+  }
+
+  Skeleton result;
+  result.permutation.resize(n);
+  MatrixXd R(n, n);
+  const Index rank =
+      simd.pivoted_qr(rows + kMoments, n, A.data(), stride, largest * tolerance * tolerance,
+                      result.permutation.data(), R.data());
+  result.transfer = R.topLeftCorner(rank, rank)
+                        .triangularView<Eigen::Upper>()
+                        .solve(R.topRightCorner(rank, n - rank));
+  return result;
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace cadmorph {
+
+/// The part of an interpolant beyond its linear fit, in the unit coordinates of a CentreFrame.
+class UnitField {
+ public:
+  virtual ~UnitField() = default;
+
+  /// Returns values at T x D targets, T x M.
+  virtual Eigen::MatrixXd evaluate(const Eigen::MatrixXd& unit_targets) const = 0;
+};
+
+}  // namespace cadmorph
