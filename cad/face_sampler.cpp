@@ -17,18 +17,25 @@ struct Grid {
 constexpr int kMinCurved = 5;
 constexpr int kMaxPerDirection = 2000;
 
-// Mean lengths of the iso-parametric lines, millimetres.
-Vector2d iso_lengths(const CadModel& model, int face) {
+struct Lengths {
+  Vector2d largest;  // of the iso-parametric lines at their greatest speed, millimetres
+  double area;
+};
+
+Lengths measure(const CadModel& model, int face) {
   const CadFace& f = model.faces()[face];
   constexpr int n = 5;
-  Vector2d sum = Vector2d::Zero();
+  Lengths lengths{Vector2d::Zero(), 0};
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
       const Vector2d at((i + 0.5) / n, (j + 0.5) / n);
       const SurfacePoint s = model.evaluate(face, f.lower + at.cwiseProduct(f.upper - f.lower));
-      sum += Vector2d(s.du.norm(), s.dv.norm());
+      lengths.largest = lengths.largest.cwiseMax(Vector2d(s.du.norm(), s.dv.norm()));
+      lengths.area += s.du.norm() * s.dv.norm() / (n * n);
     }
-  return (sum / (n * n)).cwiseProduct(f.upper - f.lower);
+  lengths.largest = lengths.largest.cwiseProduct(f.upper - f.lower);
+  lengths.area *= (f.upper - f.lower).prod();
+  return lengths;
 }
 
 Grid grid_for(const CadModel& model, int face, const Vector2d& lengths, double spacing) {
@@ -73,11 +80,11 @@ std::vector<Vector2d> sample_domain(const CadModel& model, int face, int n) {
 
 FaceSamples sample_faces(const CadModel& model, Index count) {
   const int faces = static_cast<int>(model.faces().size());
-  std::vector<Vector2d> lengths(faces);
+  std::vector<Lengths> lengths(faces);
   double area = 0;
   for (int f = 0; f < faces; ++f) {
-    lengths[f] = iso_lengths(model, f);
-    area += lengths[f].prod();
+    lengths[f] = measure(model, f);
+    area += lengths[f].area;
   }
   FaceSamples samples;
   samples.spacing = std::sqrt(area / static_cast<double>(std::max<Index>(count, 1)));
@@ -85,7 +92,7 @@ FaceSamples sample_faces(const CadModel& model, Index count) {
   parallel_for(faces, 1, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const int f = static_cast<int>(i);
-      uv[f] = inside_grid(model, f, grid_for(model, f, lengths[f], samples.spacing));
+      uv[f] = inside_grid(model, f, grid_for(model, f, lengths[f].largest, samples.spacing));
       add_wire_samples(model, f, samples.spacing, uv[f]);
     }
   });

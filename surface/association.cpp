@@ -28,6 +28,8 @@ constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode =
 constexpr double kOnEntity = 1e-3;
 // A node off the CAD goes to the curve between the faces its facets vote for within this distance.
 constexpr double kVotedCurve = 0.5;
+// A point on a face has a sample within this many spacings, uneven parametrisations included.
+constexpr double kFar = 4;
 constexpr Index kGrain = 512;
 
 struct Candidate {
@@ -111,6 +113,7 @@ class Associator {
     NodeFeet& feet = feet_[n];
     find_edge_feet(n, x, feet);
     const double nearest = std::sqrt(face_tree_.nearest(x.data(), 1)[0].squared_distance);
+    if (nearest > kFar * faces_.spacing + reach(n)) return;
     std::vector<int> seen;
     for (const Neighbour& near :
          face_tree_.within(x.data(), 1.5 * std::max(nearest, faces_.spacing))) {

@@ -17,6 +17,8 @@ constexpr double kSamePlane = 1e-6;  // of the surface's size
 constexpr double kSameNormal = 1 - 1e-8;
 // A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
 constexpr double kBeyondCad = 1.2;
+// A mesh of this CAD covers its faces, however many more nodes a far field has.
+constexpr double kHalf = 0.5, kNearlyAll = 0.9;
 constexpr std::size_t kMaxCentres = 2000;
 
 std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
@@ -87,6 +89,15 @@ void sort_nodes(const SurfaceMesh& surface, const Association& association,
   }
 }
 
+// Part of the CAD's faces that have a facet of the mesh.
+double covered_faces(const CadModel& base, const Association& association) {
+  std::vector<char> is_covered(base.faces().size(), 0);
+  for (const int face : association.facet_face)
+    if (face >= 0) is_covered[face] = 1;
+  return static_cast<double>(std::count(is_covered.begin(), is_covered.end(), 1)) /
+         static_cast<double>(is_covered.size());
+}
+
 [[noreturn]] void refuse(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                          int row, Index count, Index outside, const char* why) {
   std::ostringstream text;
@@ -141,7 +152,8 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
     if (example < 0) example = n;
   }
   if (unmatched == 0) return;
-  if (2 * unmatched > outside)
+  const double covered = covered_faces(base, association);
+  if (covered < (2 * unmatched > outside ? kNearlyAll : kHalf))
     refuse(base, boundary, surface, example, unmatched, outside,
            "; it seems to be the mesh of another part.");
   const double size = size_of(surface);
