@@ -357,14 +357,14 @@ bool is_integral(vtkDataArray* array) {
 std::vector<int> regions_from(vtkDataArray* array, const Mesh& mesh) {
   if (!array || !is_integral(array) || array->GetNumberOfComponents() != 1) return {};
   using Limits = std::numeric_limits<int>;
-  const double* range = array->GetRange(0);
-  if (range[0] < Limits::min() || range[1] > Limits::max()) return {};
   const int highest = dimension(mesh);
   std::vector<int> regions(mesh.types.size());
   std::optional<int> first;
   bool has_several = false;
   for (Index c = 0; c < mesh.cell_count(); ++c) {
-    regions[c] = static_cast<int>(array->GetComponent(c, 0));
+    const double id = array->GetComponent(c, 0);
+    if (id < Limits::min() || id > Limits::max()) return {};
+    regions[c] = static_cast<int>(id);
     if (dimension(mesh.types[c]) != highest) continue;
     if (!first) first = regions[c];
     has_several = has_several || regions[c] != *first;
