@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "core/kd_tree.h"
+#include "core/parallel.h"
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/conjugate_gradient.h"
 #include "core/rbf/field_evaluator.h"
@@ -36,6 +38,13 @@ constexpr int kRestarts = 4;
 // Part of the allowance that the recursive residual is driven to: the true one is a little larger.
 constexpr double kMargin = 0.8;
 
+// Accuracy of the H2 matrix per tolerance asked: leaves its error a fifth of the allowance
+// (measured).
+constexpr double kFarFieldAccuracy = 2e-3;
+
+// Part of the largest value that the rounding of the sums may come to.
+constexpr double kRounding = 1e-9;
+
 MatrixXd select(const MatrixXd& from, const std::vector<Index>& rows) {
   MatrixXd result(static_cast<Index>(rows.size()), from.cols());
   for (Index i = 0; i < result.rows(); ++i) result.row(i) = from.row(rows[i]);
@@ -46,6 +55,16 @@ VectorXd select(const VectorXd& from, const std::vector<Index>& rows) {
   return select(MatrixXd(from), rows);
 }
 
+VectorXd nearest_distances(const RowMatrix& points) {
+  const KdTree tree(points);
+  VectorXd result(points.rows());
+  parallel_for(points.rows(), 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      result(i) = std::sqrt(tree.nearest(points.row(i).data(), 2).back().squared_distance);
+  });
+  return result;
+}
+
 double diagonal(const MatrixXd& points) {
   return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
 }
@@ -53,31 +72,43 @@ double diagonal(const MatrixXd& points) {
 }  // namespace
 
 struct FastSolver::Impl {
-  Impl(const MatrixXd& given, VectorXd given_allowed, const VectorXd& spacing, FastOptions options);
+  Impl(const MatrixXd& given, const VectorXd& local_length, FastOptions options);
 
-  MatrixXd multiply(const MatrixXd& weights) const;
-  std::shared_ptr<const SparseInverseCholesky> factor() const;
-  std::shared_ptr<const SparseInverseCholesky> make_adaptive() const;
-  MatrixXd solve_weights(const MatrixXd& values, MatrixXd& residual, FastReport& report) const;
-  double sampled_error(const MatrixXd& weights, const MatrixXd& image) const;
+  // What may be refined when a solution calls for it; taken and replaced as a whole.
+  struct Tools {
+    std::shared_ptr<const SparseInverseCholesky> factor;
+    std::shared_ptr<const H2Matrix> h2;  // none: direct sums
+    bool is_adaptive = false;
+    double accuracy = 0;  // of h2
+
+    MatrixXd multiply(const Impl& s, const MatrixXd& weights) const {
+      return h2 ? h2->multiply(weights) : s.sum(s.points, s.points, weights);
+    }
+  };
+
+  Tools tools() const;
+  Tools with_larger_stencils() const;
+  Tools with_finer_far_field(double accuracy) const;
+  MatrixXd solve_weights(const MatrixXd& values, const VectorXd& allowed, Tools& tools,
+                         MatrixXd& residual, FastReport& report) const;
+  double sampled_error(const MatrixXd& weights, const MatrixXd& image,
+                       const VectorXd& allowed) const;
 
   FastOptions options;
-  PointOrder order;  // of all points, farthest first
-  Points ordered;    // all points in that order
-  VectorXd ordered_allowed;
+  PointOrder order;         // of all points, farthest first
+  Points ordered;           // all points in that order
+  VectorXd ordered_length;  // local lengths of all points in that order
   double thinning_distance;
   std::vector<Index> rows;  // kept points (rows of the given), coarse to fine for the factor
   MatrixXd points;          // kept, in that order
   Points point_rows;        // the same, row-major
-  VectorXd allowed;
+  VectorXd length;          // local length of kept points, where thinning left room
   CentreFrame frame;
   MatrixXd P;
   KernelSum sum{Kernel::triharmonic_3d()};
-  std::unique_ptr<H2Matrix> h2;  // none: direct sums
   std::string remarks;
   mutable std::mutex mutex;
-  mutable std::shared_ptr<const SparseInverseCholesky> factor_;
-  mutable bool is_adaptive = false;
+  mutable Tools tools_;
 };
 
 namespace {
@@ -96,19 +127,23 @@ std::vector<Index> kept_rows(const PointOrder& order, const Points& ordered, dou
 
 }  // namespace
 
-FastSolver::Impl::Impl(const MatrixXd& given, VectorXd given_allowed, const VectorXd& spacing,
+FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
                        FastOptions given_options)
     : options(std::move(given_options)),
       order(farthest_point_order(given)),
       ordered(select(given, order.rows)),
-      ordered_allowed(select(given_allowed, order.rows)),
       thinning_distance(kThinning * diagonal(given)),
       rows(kept_rows(order, ordered, thinning_distance)),
       points(select(given, rows)),
       point_rows(points),
-      allowed(select(given_allowed, rows)),
       frame(point_rows),
       P(frame.polynomials(frame.to_unit(point_rows))) {
+  const VectorXd nearest = nearest_distances(given);
+  const VectorXd lengths = local_length.size() == 0 ? nearest : local_length;
+  ordered_length = select(lengths, order.rows);
+  length = nearest_distances(point_rows);
+  for (Index i = 0; i < length.size(); ++i)
+    length(i) *= std::min(1.0, lengths(rows[i]) / nearest(rows[i]));
   const auto tell = [&](double fraction) {
     if (options.progress) options.progress("preparing the solver", fraction);
   };
@@ -116,37 +151,45 @@ FastSolver::Impl::Impl(const MatrixXd& given, VectorXd given_allowed, const Vect
   FactorOptions factor_options;
   const double defect = stencil_defect(point_rows, frame.terms(), factor_options);
   if (defect > kDefectLimit) {
-    factor_options.is_adaptive = is_adaptive = true;
+    factor_options.is_adaptive = tools_.is_adaptive = true;
     remarks = "larger stencils for thin gaps or steep grading";
   }
-  factor_ = std::make_shared<SparseInverseCholesky>(point_rows, frame.terms(), factor_options);
+  tools_.factor =
+      std::make_shared<SparseInverseCholesky>(point_rows, frame.terms(), factor_options);
   tell(0.5);
+  tools_.accuracy = kFarFieldAccuracy * options.tolerance;
   if (points.rows() > kDirectCentres)
-    h2 = std::make_unique<H2Matrix>(points, select(spacing, rows), H2Options{});
+    tools_.h2 = std::make_shared<H2Matrix>(points, length, H2Options{.accuracy = tools_.accuracy});
   tell(1);
 }
 
-MatrixXd FastSolver::Impl::multiply(const MatrixXd& weights) const {
-  return h2 ? h2->multiply(weights) : sum(points, points, weights);
+FastSolver::Impl::Tools FastSolver::Impl::tools() const {
+  const std::lock_guard lock(mutex);
+  return tools_;
 }
 
-std::shared_ptr<const SparseInverseCholesky> FastSolver::Impl::factor() const {
+FastSolver::Impl::Tools FastSolver::Impl::with_larger_stencils() const {
   const std::lock_guard lock(mutex);
-  return factor_;
-}
-
-std::shared_ptr<const SparseInverseCholesky> FastSolver::Impl::make_adaptive() const {
-  const std::lock_guard lock(mutex);
-  if (!is_adaptive) {
-    factor_ = std::make_shared<SparseInverseCholesky>(point_rows, frame.terms(),
-                                                      FactorOptions{.is_adaptive = true});
-    is_adaptive = true;
+  if (!tools_.is_adaptive) {
+    tools_.factor = std::make_shared<SparseInverseCholesky>(point_rows, frame.terms(),
+                                                            FactorOptions{.is_adaptive = true});
+    tools_.is_adaptive = true;
   }
-  return factor_;
+  return tools_;
+}
+
+FastSolver::Impl::Tools FastSolver::Impl::with_finer_far_field(double accuracy) const {
+  const std::lock_guard lock(mutex);
+  if (tools_.accuracy > accuracy) {
+    tools_.h2 = std::make_shared<H2Matrix>(points, length, H2Options{.accuracy = accuracy});
+    tools_.accuracy = accuracy;
+  }
+  return tools_;
 }
 
 // The H2 product against direct sums at some centres, in units of their allowance.
-double FastSolver::Impl::sampled_error(const MatrixXd& weights, const MatrixXd& image) const {
+double FastSolver::Impl::sampled_error(const MatrixXd& weights, const MatrixXd& image,
+                                       const VectorXd& allowed) const {
   constexpr Index kSample = 256;
   std::vector<Index> sample(std::min(kSample, points.rows()));
   for (std::size_t s = 0; s < sample.size(); ++s)
@@ -156,38 +199,39 @@ double FastSolver::Impl::sampled_error(const MatrixXd& weights, const MatrixXd& 
 }
 
 // Conjugate gradients, restarted from the true residual until that is within the allowance.
-MatrixXd FastSolver::Impl::solve_weights(const MatrixXd& values, MatrixXd& residual,
+MatrixXd FastSolver::Impl::solve_weights(const MatrixXd& values, const VectorXd& allowed,
+                                         Tools& tools, MatrixXd& residual,
                                          FastReport& report) const {
   MatrixXd weights = MatrixXd::Zero(values.rows(), values.cols());
   residual = values;
-  auto preconditioner = factor();
-  int most = is_adaptive ? kAdaptiveIterations : kIterations;
   for (int restart = 0; restart <= kRestarts; ++restart) {
-    CgOptions cg{.max_iterations = most, .watch = {}};
+    CgOptions cg{.max_iterations = tools.is_adaptive ? kAdaptiveIterations : kIterations,
+                 .watch = {}};
     if (options.progress)
       cg.watch = [&](int iteration, double) {
         options.progress("solving", std::min(0.95, iteration / 12.0));
       };
     const CgResult step =
-        solve_projected_cg([&](const MatrixXd& x) { return multiply(x); },
-                           [&](const MatrixXd& x) { return preconditioner->apply(x); }, P, residual,
+        solve_projected_cg([&](const MatrixXd& x) { return tools.multiply(*this, x); },
+                           [&](const MatrixXd& x) { return tools.factor->apply(x); }, P, residual,
                            kMargin * allowed, cg);
     report.iterations += step.iterations;
     weights += step.weights;
-    const MatrixXd image = multiply(weights);
+    MatrixXd image = tools.multiply(*this, weights);
+    const double far_field = tools.h2 ? sampled_error(weights, image, allowed) : 0;
+    if (far_field > 1) {
+      tools = with_finer_far_field(tools.accuracy / (10 * far_field));
+      image = tools.multiply(*this, weights);
+      report.remarks = "finer far field: the usual one was too coarse for some centres";
+    }
     residual = values - image;
     MatrixXd projected = residual;
     project_out(P, projected);
     report.residual = relative_residual(projected, allowed);
-    if (report.residual <= 1) {
-      if (h2 && sampled_error(weights, image) > 1)
-        throw SolverError("the far field is too coarse for the residual asked at some centres");
-      return weights;
-    }
+    if (report.residual <= 1) return weights;
     if (step.has_converged()) continue;
-    if (most == kAdaptiveIterations) break;
-    preconditioner = make_adaptive();
-    most = kAdaptiveIterations;
+    if (tools.is_adaptive) break;
+    tools = with_larger_stencils();
     report.remarks = "larger stencils: the plain ones did not converge";
   }
   throw SolverError("the fast solver reached only " + std::to_string(report.residual) +
@@ -201,11 +245,12 @@ namespace {
 class FastField final : public UnitField {
  public:
   FastField(std::shared_ptr<const void> owner, const KernelSum& sum, const MatrixXd& points,
-            const H2Matrix* h2, const CentreFrame& frame, MatrixXd weights, MatrixXd coefficients)
+            std::shared_ptr<const H2Matrix> h2, const CentreFrame& frame, MatrixXd weights,
+            MatrixXd coefficients)
       : owner_(std::move(owner)),
         sum_(sum),
         points_(points),
-        h2_(h2),
+        h2_(std::move(h2)),
         frame_(frame),
         weights_(std::move(weights)),
         coefficients_(std::move(coefficients)) {
@@ -227,7 +272,7 @@ class FastField final : public UnitField {
   std::shared_ptr<const void> owner_;  // of what the references below refer to
   const KernelSum& sum_;
   const MatrixXd& points_;
-  const H2Matrix* h2_;
+  std::shared_ptr<const H2Matrix> h2_;
   const CentreFrame& frame_;
   MatrixXd weights_, coefficients_;
   H2Matrix::Sources sources_;
@@ -236,24 +281,27 @@ class FastField final : public UnitField {
 
 }  // namespace
 
-FastSolver::FastSolver(const MatrixXd& points, VectorXd allowed, const VectorXd& spacing,
-                       FastOptions options)
-    : impl_(std::make_shared<const Impl>(points, std::move(allowed), spacing, std::move(options))) {
-}
+FastSolver::FastSolver(const MatrixXd& points, const VectorXd& local_length, FastOptions options)
+    : impl_(std::make_shared<const Impl>(points, local_length, std::move(options))) {}
 
 std::shared_ptr<const UnitField> FastSolver::solve(const MatrixXd& values,
                                                    FastReport& report) const {
   const Impl& s = *impl_;
+  const double scale = s.options.tolerance * s.options.unit;
+  const double least = kRounding * values.cwiseAbs().maxCoeff() + 1e-300;
   MatrixXd residual;
-  MatrixXd weights = s.solve_weights(select(values, s.rows), residual, report);
+  Impl::Tools tools = s.tools();
+  const VectorXd allowed = (scale * s.length).cwiseMax(least);
+  MatrixXd weights = s.solve_weights(select(values, s.rows), allowed, tools, residual, report);
   const MatrixXd coefficients = s.P.transpose() * residual / static_cast<double>(s.P.rows());
-  const auto field = std::make_shared<FastField>(impl_, s.sum, s.points, s.h2.get(), s.frame,
+  const auto field = std::make_shared<FastField>(impl_, s.sum, s.points, tools.h2, s.frame,
                                                  std::move(weights), coefficients);
   report.thinned = s.ordered.rows() - s.points.rows();
   if (report.thinned > 0) {
     MatrixXd missed = select(values, s.order.rows) - field->evaluate(s.ordered);
     MultiscaleCorrection correction(s.ordered, s.order.separation, std::move(missed),
-                                    s.ordered_allowed, s.thinning_distance);
+                                    (scale * s.ordered_length).cwiseMax(least),
+                                    s.thinning_distance);
     report.residual = std::max(report.residual, correction.remainder());
     field->set_correction(std::move(correction));
   }

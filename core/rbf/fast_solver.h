@@ -10,7 +10,8 @@
 namespace cadmorph {
 
 struct FastOptions {
-  double memory_limit = 8e9;  ///< bytes
+  double tolerance = 2e-5;  ///< residual allowed at each point, in units of its local length
+  double unit = 1;          ///< unit of the values in that of the points
   Progress progress;
 };
 
@@ -28,10 +29,11 @@ struct FastReport {
 /// correction. Keeps all that depends on the points for any number of value sets.
 class FastSolver {
  public:
-  /// `points`: N x 3, N >= 5, distinct, of unit size; `allowed`: residual allowed at each point, in
-  /// the unit of the values; `spacing`: shortest length to resolve at each point, in that of the
-  /// points. Throws SolverError when the factor can't be built.
-  FastSolver(const Eigen::MatrixXd& points, Eigen::VectorXd allowed, const Eigen::VectorXd& spacing,
+  /// `points`: N x 3, N >= 5, distinct, of unit size; `local_length`: N, in the unit of the points,
+  /// empty for the distance to the nearest neighbour. Residuals below 1e-9 of the largest value are
+  /// always allowed: they are rounding of the sums. Throws SolverError when the factor can't be
+  /// built.
+  FastSolver(const Eigen::MatrixXd& points, const Eigen::VectorXd& local_length,
              FastOptions options = {});
 
   /// Solves for N x M values to the allowed residual, verified with the true residual. Throws

@@ -232,14 +232,11 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
 }
 
 void RbfSystem::Impl::set_up_fast() {
-  const Eigen::VectorXd spacing = options.local_length.size() == 0
-                                      ? local_length
-                                      : Eigen::VectorXd(local_length.cwiseMin(
-                                            nearest_distances(RowMatrix(*centres)) * frame.unit()));
   try {
     fast = std::make_unique<FastSolver>(
-        *centres, options.tolerance * local_length, spacing / frame.unit(),
-        FastOptions{.memory_limit = options.memory_limit, .progress = options.progress});
+        *centres, local_length / frame.unit(),
+        FastOptions{
+            .tolerance = options.tolerance, .unit = frame.unit(), .progress = options.progress});
     if (!fast->remarks().empty()) report.reason += "; " + fast->remarks();
   } catch (const SolverError& error) {
     report.solver = SolverKind::Cholesky;
