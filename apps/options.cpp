@@ -1,6 +1,7 @@
 #include "apps/options.h"
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <map>
 
 #include "apps/version.h"
@@ -99,40 +100,50 @@ struct RawOptions {
   std::string output, mesh_unit, steps = "auto", face_map;
   KernelName kernel = KernelName::Triharmonic;
   std::optional<double> shape;
-  bool has_json_flag = false;
 };
 
+// An option whose values are names of a choice, in the order they are listed in.
 template <class Enum>
-CLI::CheckedTransformer one_of(std::map<std::string, Enum> names) {
-  CLI::CheckedTransformer transformer(names, CLI::ignore_case);
+CLI::Option* add_choice(CLI::App& app, const std::string& flag, Enum& target,
+                        const std::vector<std::pair<std::string, Enum>>& names,
+                        const std::string& description) {
   std::string list;
   for (const auto& [name, value] : names) list += (list.empty() ? "" : "|") + name;
-  transformer.description(list);
-  return transformer;
+  const auto choose = [&target, names, flag, list](const std::string& text) {
+    for (const auto& [name, value] : names)
+      if (name == text) {
+        target = value;
+        return;
+      }
+    throw CLI::ValidationError(flag + " " + text, "give one of " + list);
+  };
+  return app.add_option_function<std::string>(flag, choose, description)->type_name(list);
 }
 
 void add_method_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
   const auto group = "Method";
   VolumeMorphOptions& volume = line.pipeline.volume;
   SteppingOptions& stepping = line.pipeline.stepping;
-  app.add_option("--kernel", raw.kernel, "radial function of the volume morph")
-      ->transform(one_of<KernelName>({{"triharmonic", KernelName::Triharmonic},
-                                      {"biharmonic", KernelName::Biharmonic},
-                                      {"quadharmonic", KernelName::Quadharmonic},
-                                      {"gaussian", KernelName::Gaussian},
-                                      {"multiquadric", KernelName::Multiquadric},
-                                      {"inverse-multiquadric", KernelName::InverseMultiquadric}}))
+  add_choice(app, "--kernel", raw.kernel,
+             {{"triharmonic", KernelName::Triharmonic},
+              {"biharmonic", KernelName::Biharmonic},
+              {"quadharmonic", KernelName::Quadharmonic},
+              {"gaussian", KernelName::Gaussian},
+              {"multiquadric", KernelName::Multiquadric},
+              {"inverse-multiquadric", KernelName::InverseMultiquadric}},
+             "radial function of the volume morph (default: triharmonic)")
       ->group(group);
   app.add_option("--shape", raw.shape,
                  "epsilon of the Gaussian and the multiquadrics, 1 / mesh unit")
       ->check(CLI::PositiveNumber)
       ->group(group);
-  app.add_option("--solver", volume.rbf.solver, "linear solver of the volume morph")
-      ->transform(one_of<SolverKind>({{"auto", SolverKind::Auto},
-                                      {"lu", SolverKind::Lu},
-                                      {"ldlt", SolverKind::Ldlt},
-                                      {"cholesky", SolverKind::Cholesky},
-                                      {"fast", SolverKind::Fast}}))
+  add_choice(app, "--solver", volume.rbf.solver,
+             {{"auto", SolverKind::Auto},
+              {"lu", SolverKind::Lu},
+              {"ldlt", SolverKind::Ldlt},
+              {"cholesky", SolverKind::Cholesky},
+              {"fast", SolverKind::Fast}},
+             "linear solver of the volume morph (default: auto)")
       ->group(group);
   app.add_option("--tolerance", volume.rbf.tolerance,
                  "residual of the fast solver, in local edge lengths")
@@ -147,12 +158,12 @@ void add_method_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str()
       ->group(group);
-  app.add_option("--untangle", line.pipeline.untangle,
-                 "repair inverted elements by optimisation: auto when steps did not help, always "
-                 "to raise poor elements as well")
-      ->transform(one_of<UntangleMode>({{"auto", UntangleMode::Auto},
-                                        {"never", UntangleMode::Never},
-                                        {"always", UntangleMode::Always}}))
+  add_choice(app, "--untangle", line.pipeline.untangle,
+             {{"auto", UntangleMode::Auto},
+              {"never", UntangleMode::Never},
+              {"always", UntangleMode::Always}},
+             "repair inverted elements by optimisation: auto when steps did not help, always to "
+             "raise poor elements as well (default: auto)")
       ->group(group);
   app.add_option("--min-scaled-jacobian", line.pipeline.min_scaled_jacobian,
                  "refuse a result with an element below")
@@ -166,11 +177,12 @@ void add_mesh_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
   app.add_flag("--snap", surface.snap,
                "put nodes exactly on the CAD instead of keeping their offset")
       ->group(group);
-  app.add_option("--unmatched", surface.unmatched, "what mesh surface on no CAD face does")
-      ->transform(one_of<UnmatchedPolicy>({{"auto", UnmatchedPolicy::Auto},
-                                           {"error", UnmatchedPolicy::Error},
-                                           {"fix", UnmatchedPolicy::Fix},
-                                           {"slide", UnmatchedPolicy::Slide}}))
+  add_choice(app, "--unmatched", surface.unmatched,
+             {{"auto", UnmatchedPolicy::Auto},
+              {"error", UnmatchedPolicy::Error},
+              {"fix", UnmatchedPolicy::Fix},
+              {"slide", UnmatchedPolicy::Slide}},
+             "what mesh surface on no CAD face does (default: auto)")
       ->group(group);
   app.add_option("--mesh-unit", raw.mesh_unit, "length unit of the mesh (default: detected)")
       ->type_name("mm|cm|m|inch|foot|NUMBER")

@@ -326,7 +326,7 @@ CellMap biquadratic_hexahedron_map() {
           0,
           monomials(is_in),
           with_centres(with_centres(hexahedron_nodes(), kHexEdges),
-                       {{0, 1, 4, 5}, {1, 2, 5, 6}, {0, 3, 4, 7}, {2, 3, 6, 7}})};
+                       {{0, 3, 4, 7}, {1, 2, 5, 6}, {0, 1, 4, 5}, {2, 3, 6, 7}})};
 }
 
 CellMap triquadratic_hexahedron_map() {

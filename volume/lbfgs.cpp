@@ -2,6 +2,9 @@
 
 #include <cmath>
 #include <deque>
+#include <limits>
+#include <optional>
+#include <utility>
 #include <vector>
 
 namespace cadmorph {
@@ -11,7 +14,9 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kMemory = 10;
 constexpr double kSufficientDecrease = 1e-4;
-constexpr int kBacktracks = 40;
+constexpr double kCurvature = 0.9;
+constexpr double kLeastCurvature = 1e-12;
+constexpr int kTrials = 40;
 // Relative decrease below which the value counts as settled, twice in a row.
 constexpr double kSettled = 1e-7;
 
@@ -42,47 +47,66 @@ VectorXd descent(const std::deque<Pair>& pairs, const VectorXd& gradient,
   return -q;
 }
 
+struct Point {
+  VectorXd x, gradient;
+  double value;
+};
+
+// A point along the direction with the weak Wolfe conditions, by bisection (Lewis, Overton 2013);
+// when none is found, the farthest that lowers the value enough, if any.
+std::optional<Point> search(const Objective& objective, const VectorXd& x,
+                            const VectorXd& direction, double value, double slope) {
+  std::optional<Point> best;
+  double near = 0, far = std::numeric_limits<double>::infinity(), length = 1;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    Point point{x + length * direction, {}, 0};
+    point.value = objective(point.x, point.gradient);
+    if (!(point.value <= value + kSufficientDecrease * length * slope)) {
+      far = length;
+    } else {
+      near = length;
+      const bool is_flat_enough = point.gradient.dot(direction) >= kCurvature * slope;
+      best = std::move(point);
+      if (is_flat_enough) break;
+    }
+    length = std::isfinite(far) ? (near + far) / 2 : 2 * near;
+  }
+  return best;
+}
+
 }  // namespace
 
 int minimise_lbfgs(const Objective& objective, VectorXd& x, const VectorXd& diagonal,
                    int iterations) {
-  VectorXd gradient, new_gradient;
+  VectorXd gradient;
   double value = objective(x, gradient);
   std::deque<Pair> pairs;
   int settled = 0, done = 0;
   while (done < iterations && settled < 2) {
-    VectorXd direction = descent(pairs, gradient, diagonal);
-    double slope = gradient.dot(direction);
+    const VectorXd direction = descent(pairs, gradient, diagonal);
+    const double slope = gradient.dot(direction);
     if (!(slope < 0)) {
       if (pairs.empty()) break;
       pairs.clear();
       continue;
     }
-    double length = 1, new_value = value;
-    int tries = 0;
-    VectorXd candidate;
-    for (; tries < kBacktracks; ++tries, length /= 2) {
-      candidate = x + length * direction;
-      new_value = objective(candidate, new_gradient);
-      if (std::isfinite(new_value) && new_value <= value + kSufficientDecrease * length * slope)
-        break;
-    }
-    if (tries == kBacktracks) {
+    const auto step = search(objective, x, direction, value, slope);
+    if (!step) {
       if (pairs.empty()) break;
       pairs.clear();  // once more along the gradient
       continue;
     }
     ++done;
-    const VectorXd change = new_gradient - gradient;
-    const double curvature = change.dot(candidate - x);
-    if (curvature > 1e-12 * change.norm() * (candidate - x).norm()) {
-      pairs.push_back({candidate - x, change, 1 / curvature});
+    const VectorXd move = step->x - x, change = step->gradient - gradient;
+    const double curvature = change.dot(move);
+    if (curvature > kLeastCurvature * change.norm() * move.norm()) {
+      pairs.push_back({move, change, 1 / curvature});
       if (pairs.size() > kMemory) pairs.pop_front();
     }
-    settled = value - new_value < kSettled * std::abs(value) ? settled + 1 : 0;
-    x = candidate;
-    gradient = new_gradient;
-    value = new_value;
+    settled = value - step->value < kSettled * std::abs(value) ? settled + 1 : 0;
+    x = step->x;
+    gradient = step->gradient;
+    value = step->value;
   }
   return done;
 }

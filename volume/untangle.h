@@ -15,8 +15,8 @@ struct UntangleOptions {
   /// Steps of one minimisation.
   int inner_iterations = 150;
   /// Valid cells to improve beside the invalid ones, and their neighbourhoods.
-  std::vector<Index> poor_cells;
-  Progress progress;
+  std::vector<Index> poor_cells = {};
+  Progress progress = {};
 };
 
 struct UntangleReport {

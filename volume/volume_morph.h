@@ -7,7 +7,7 @@ namespace cadmorph {
 
 struct VolumeMorphOptions {
   Kernel kernel = Kernel::triharmonic_3d();
-  RbfOptions rbf;
+  RbfOptions rbf = {};
 };
 
 /// Moves all nodes of a mesh with prescribed surface positions by an RBF space warp (Sieger et al.

@@ -1,0 +1,208 @@
+#include "core/validity.h"
+
+#include <vtkGenericCell.h>
+#include <vtkNew.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "core/errors.h"
+#include "sample_meshes.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+
+enum class Domain { Cube, Prism, Simplex, Pyramid };
+
+Domain domain_of(CellType type) {
+  switch (linear_type(type)) {
+    case CellType::Tetra:
+      return Domain::Simplex;
+    case CellType::Wedge:
+      return Domain::Prism;
+    case CellType::Pyramid:
+      return Domain::Pyramid;
+    default:
+      return Domain::Cube;
+  }
+}
+
+// Parametric points all over a cell, its sides included.
+std::vector<std::array<double, 3>> dense_points(Domain domain, int n) {
+  std::vector<std::array<double, 3>> points;
+  for (int k = 0; k <= n; ++k)
+    for (int j = 0; j <= n; ++j)
+      for (int i = 0; i <= n; ++i) {
+        if (domain == Domain::Prism && i + j > n) continue;
+        if (domain == Domain::Simplex && i + j + k > n) continue;
+        if (domain == Domain::Pyramid && k == n) continue;  // VTK's map collapses at the apex
+        points.push_back({1.0 * i / n, 1.0 * j / n, 1.0 * k / n});
+      }
+  return points;
+}
+
+// Smallest Jacobian determinant over a dense grid, by VTK's own shape functions, and its value at
+// the cell's parametric shape for scale.
+class DenseSampling {
+ public:
+  explicit DenseSampling(CellType type, int n) {
+    vtkNew<vtkGenericCell> cell;
+    cell->SetCellType(static_cast<int>(type));
+    const int nodes = cell->GetNumberOfPoints();
+    for (const auto& point : dense_points(domain_of(type), n)) {
+      std::vector<double> derivatives(3 * nodes);
+      std::array<double, 3> at = point;
+      cell->InterpolateDerivs(at.data(), derivatives.data());
+      derivatives_.push_back(Eigen::Map<RowMatrix>(derivatives.data(), 3, nodes));
+      const double apex = domain_of(type) == Domain::Pyramid ? std::pow(1 - point[2], 2) : 1;
+      factors_.push_back(1 / apex);
+    }
+  }
+
+  double least(const Points& points) const {
+    double result = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < derivatives_.size(); ++i) {
+      const Eigen::Matrix3d jacobian = derivatives_[i] * points;
+      result = std::min(result, factors_[i] * jacobian.determinant());
+    }
+    return result;
+  }
+
+ private:
+  std::vector<RowMatrix> derivatives_;
+  std::vector<double> factors_;
+};
+
+// Types whose map VTK evaluates as this library understands it. VTK's quadratic pyramid has another
+// map between its nodes.
+const std::vector<CellType> kMappedTypes = {
+    CellType::Tetra,
+    CellType::Voxel,
+    CellType::Hexahedron,
+    CellType::Wedge,
+    CellType::Pyramid,
+    CellType::QuadraticTetra,
+    CellType::QuadraticHexahedron,
+    CellType::QuadraticWedge,
+    CellType::TriquadraticHexahedron,
+    CellType::QuadraticLinearWedge,
+    CellType::BiquadraticQuadraticWedge,
+    CellType::BiquadraticQuadraticHexahedron,
+};
+
+}  // namespace
+
+TEST_CASE("Cells of every type are valid as they come and invalid mirrored", "[core][validity]") {
+  for (const CellType type : solid_types()) {
+    const Mesh mesh = cube(type, 2);
+    const Orientation orientation = detect_orientation(mesh);
+    INFO("type " << static_cast<int>(type));
+    const ValidityReport report = check_validity(mesh, mesh.points, orientation);
+    CHECK(report.cells == mesh.cell_count());
+    CHECK(report.invalid == 0);
+    Points mirrored = mesh.points;
+    mirrored.col(0) *= -1;
+    CHECK(check_validity(mesh, mirrored, orientation).invalid == mesh.cell_count());
+    Mesh other = mesh;
+    other.points = mirrored;
+    CHECK(check_validity(other, mirrored, detect_orientation(other)).invalid == 0);
+  }
+}
+
+TEST_CASE("The exact test agrees with dense sampling of VTK's shape functions",
+          "[core][validity]") {
+  for (const CellType type : kMappedTypes) {
+    const Mesh cell = parametric_cell(type);
+    const DenseSampling sampling(type, 12);
+    // VTK's map of its parametric wedge is right-handed, its documented node order is not.
+    const Orientation orientation = detect_orientation(cell);
+    int valid = 0, invalid = 0;
+    for (unsigned seed = 1; seed <= 300; ++seed) {
+      // From nearly parametric to wildly distorted.
+      const Points points = shaken(cell.points, 0.03 + 0.8 * seed / 300, seed);
+      const double least = sampling.least(points);
+      const bool is_valid = check_validity(cell, points, orientation).invalid == 0;
+      INFO("type " << static_cast<int>(type) << ", seed " << seed << ", least " << least);
+      if (is_valid)
+        CHECK(least > 0);
+      else
+        // The grid misses a negative value only where it is small: the determinant is Lipschitz
+        // with a constant of some units here, and the grid is 1/12 wide.
+        CHECK(least < 0.1);
+      (is_valid ? valid : invalid) += 1;
+    }
+    CHECK(valid > 10);
+    CHECK(invalid > 10);
+  }
+}
+
+TEST_CASE("A hexahedron with eight good corners can be invalid", "[core][validity]") {
+  const Mesh mesh = parametric_cell(CellType::Hexahedron);
+  const Orientation orientation(256, 1);
+  const DenseSampling sampling(CellType::Hexahedron, 16);
+  int found = 0;
+  for (unsigned seed = 1; seed <= 20000 && found < 3; ++seed) {
+    const Points points = shaken(mesh.points, 0.55, seed);
+    if (measure_quality(mesh, points, orientation).inverted > 0) continue;
+    if (sampling.least(points) >= 0) continue;
+    ++found;
+    CHECK(check_validity(mesh, points, orientation).invalid == 1);
+  }
+  CHECK(found == 3);
+}
+
+TEST_CASE("Flat cells are invalid wherever they lie", "[core][validity]") {
+  for (const CellType type : kMappedTypes) {
+    const Mesh mesh = parametric_cell(type);
+    const Orientation orientation = detect_orientation(mesh);
+    Points flat = mesh.points;
+    flat.col(2) = 0.3 * flat.col(0) + 0.7 * flat.col(1);
+    flat.rowwise() += Eigen::RowVector3d(1e3, 1e3, 1e3);
+    INFO("type " << static_cast<int>(type));
+    CHECK(check_validity(mesh, flat, orientation).invalid == 1);
+  }
+}
+
+TEST_CASE("Boundary-layer cells of 1e-6 of the part's size far from the origin are valid",
+          "[core][validity]") {
+  for (const CellType type : kMappedTypes) {
+    Mesh mesh = cube(type, 2);
+    const Orientation orientation = detect_orientation(mesh);
+    mesh.points.col(2) *= 1e-6;
+    mesh.points.rowwise() += Eigen::RowVector3d(1, 2, 0);
+    INFO("type " << static_cast<int>(type));
+    CHECK(check_validity(mesh, mesh.points, orientation).invalid == 0);
+  }
+}
+
+TEST_CASE("A hexahedron collapsed to a wedge is valid", "[core][validity]") {
+  Mesh mesh = parametric_cell(CellType::Hexahedron);
+  mesh.connectivity = {0, 1, 2, 2, 4, 5, 6, 6};
+  const Orientation orientation(256, 1);
+  CHECK(check_validity(mesh, mesh.points, orientation).invalid == 0);
+  Points mirrored = mesh.points;
+  mirrored.col(2) *= -1;
+  CHECK(check_validity(mesh, mirrored, orientation).invalid == 1);
+}
+
+TEST_CASE("Invalid cells are named in ascending order", "[core][validity]") {
+  const Mesh mesh = cube(CellType::Hexahedron, 4);
+  const Orientation orientation = detect_orientation(mesh);
+  Points points = mesh.points;
+  const Index node = mesh.cell(21)[6];
+  points.row(node) -= Eigen::RowVector3d(0.6, 0.6, 0.6);
+  const ValidityReport report = check_validity(mesh, points, orientation);
+  CHECK(report.invalid == static_cast<Index>(report.invalid_cells.size()));
+  CHECK(std::is_sorted(report.invalid_cells.begin(), report.invalid_cells.end()));
+  CHECK(std::count(report.invalid_cells.begin(), report.invalid_cells.end(), 21) == 1);
+  CHECK(report.undecided == 0);
+}
+
+}  // namespace cadmorph

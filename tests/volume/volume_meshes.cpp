@@ -1,0 +1,32 @@
+#include "volume_meshes.h"
+
+#include <cmath>
+
+namespace cadmorph::testing {
+
+std::vector<Index> cube_surface(const Mesh& mesh) {
+  std::vector<Index> nodes;
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    for (int d = 0; d < 3; ++d)
+      if (std::abs(mesh.points(n, d) - 0.5) > 0.5 - 1e-9) {
+        nodes.push_back(n);
+        break;
+      }
+  return nodes;
+}
+
+Points rows_of(const Points& points, const std::vector<Index>& rows) {
+  Points result(rows.size(), 3);
+  for (std::size_t i = 0; i < rows.size(); ++i) result.row(i) = points.row(rows[i]);
+  return result;
+}
+
+Points mapped(const Points& points,
+              const std::function<Eigen::Vector3d(const Eigen::Vector3d&)>& map) {
+  Points result(points.rows(), 3);
+  for (Index i = 0; i < points.rows(); ++i)
+    result.row(i) = map(points.row(i).transpose()).transpose();
+  return result;
+}
+
+}  // namespace cadmorph::testing
