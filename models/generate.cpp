@@ -114,7 +114,7 @@ void generate(const fs::path& out) {
                      make_bore,
                      make_bore_hex,
                      {.size = 4.6, .elements_per_turn = 30},
-                     {.size = 16, .minimum_size = 7, .elements_per_turn = 10, .order = 2}});
+                     {.size = 14, .minimum_size = 5, .elements_per_turn = 12, .order = 2}});
   write_family(
       out,
       {"pipe", make_pipe, [] { return make_pipe_hex(); }, {.size = 2.3}, {.size = 9, .order = 2}});
