@@ -1,0 +1,152 @@
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "cad/step_reader.h"
+#include "morph_case.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kIdentity = 1e-9;  // of the diagonal, as the project asks
+constexpr double kAffine = 1e-8;    // of the diagonal, as the project asks
+
+Vector3d grown(const Vector3d& x, double radius) {
+  const double r = std::hypot(x.x(), x.y());
+  return {x.x() / r * radius, x.y() / r * radius, x.z()};
+}
+
+}  // namespace
+
+TEST_CASE("the same STEP file twice moves no node of a shape", "[surface][identity]") {
+  for (const auto& name : all_shapes()) {
+    DYNAMIC_SECTION(name) {
+      const MorphCase c = shape_case(name);
+      const Morphed m = morph(c, read_step(model_file("shapes/" + name + ".step")));
+      CHECK(largest_difference(m.points, c.mesh.points) <= kIdentity * c.diagonal);
+      CHECK(m.surface.warnings.empty());
+    }
+  }
+}
+
+TEST_CASE("the same STEP file twice moves no node of bore and pipe", "[surface][identity]") {
+  for (const std::string family : {"bore", "pipe"})
+    for (const std::string mesh : {"hex", "tet", "tet_quadratic"}) {
+      DYNAMIC_SECTION(family << ' ' << mesh) {
+        const MorphCase c = file_case(family + "/base.step", family + "/" + mesh + ".vtu");
+        const auto surface = morph_surface(c, read_step(model_file(family + "/base.step")));
+        CHECK(largest_difference(surface.positions, surface_points(c.boundary, c.mesh.points)) <=
+              kIdentity * c.diagonal);
+        CHECK(surface.warnings.empty());
+      }
+    }
+}
+
+TEST_CASE("the same STEP file twice keeps a far field", "[surface][identity]") {
+  const MorphCase c = shape_case("sphere_far_field");
+  const Morphed m = morph(c, read_step(model_file("shapes/sphere_far_field.step")));
+  CHECK(largest_difference(m.points, c.mesh.points) <= kIdentity * c.diagonal);
+}
+
+TEST_CASE("rotation, uniform scale and translation carry every node", "[surface][affine]") {
+  const gp_Trsf map = similarity(0.5, 1.7, gp_Vec(30, -20, 11));
+  for (const auto& name : all_shapes()) {
+    DYNAMIC_SECTION(name) {
+      const MorphCase c = shape_case(name);
+      const CadModel variant =
+          to_model(transformed(read_shape(model_file("shapes/" + name + ".step")), map));
+      const Morphed m = morph(c, variant);
+      const Points expected =
+          images(c.mesh.points, [&](const Vector3d& x) { return apply(map, x); });
+      CHECK(largest_difference(m.points, expected) <= kAffine * variant.diagonal());
+    }
+  }
+}
+
+TEST_CASE("a similarity survives a trip through STEP", "[surface][affine]") {
+  const gp_Trsf map = similarity(-2.1, 0.4, gp_Vec(-3, 8, 100));
+  for (const std::string name : {"bracket", "cone", "torus", "sphere", "two_blocks"}) {
+    DYNAMIC_SECTION(name) {
+      const MorphCase c = shape_case(name);
+      const CadModel variant =
+          through_step(transformed(read_shape(model_file("shapes/" + name + ".step")), map));
+      const Morphed m = morph(c, variant);
+      const Points expected =
+          images(c.mesh.points, [&](const Vector3d& x) { return apply(map, x); });
+      // STEP files keep 15 digits of coordinates that are larger than the part here.
+      CHECK(largest_difference(m.points, expected) <= kAffine * variant.diagonal());
+    }
+  }
+}
+
+TEST_CASE("a general affine map of planar shapes carries every node", "[surface][affine]") {
+  const gp_GTrsf map = general_affine();
+  for (const std::string name : {"box", "two_blocks"}) {
+    DYNAMIC_SECTION(name) {
+      const MorphCase c = shape_case(name);
+      const CadModel variant =
+          to_model(transformed(read_shape(model_file("shapes/" + name + ".step")), map));
+      const Morphed m = morph(c, variant);
+      const Points expected =
+          images(c.mesh.points, [&](const Vector3d& x) { return apply(map, x); });
+      CHECK(largest_difference(m.points, expected) <= kAffine * variant.diagonal());
+    }
+  }
+}
+
+TEST_CASE("a general affine map of NURBS-converted shapes carries every node",
+          "[surface][affine]") {
+  const gp_GTrsf map = general_affine();
+  for (const auto& name : all_shapes()) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape nurbs = to_nurbs(read_shape(model_file("shapes/" + name + ".step")));
+      const MorphCase c = model_case(to_model(nurbs), "shapes/" + name + ".vtu");
+      const CadModel variant = to_model(transformed(nurbs, map));
+      const Morphed m = morph(c, variant);
+      const Points expected =
+          images(c.mesh.points, [&](const Vector3d& x) { return apply(map, x); });
+      CHECK(largest_difference(m.points, expected) <= kAffine * variant.diagonal());
+    }
+  }
+}
+
+TEST_CASE("a growing cylinder keeps angles and heights", "[surface][analytic]") {
+  const MorphCase c = shape_case("cylinder");
+  const auto surface = morph_surface(c, to_model(BRepPrimAPI_MakeCylinder(19.5, 40).Solid()));
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  Index on_mantle = 0;
+  for (Index n = 0; n < old.rows(); ++n) {
+    const Vector3d x = old.row(n), y = surface.positions.row(n);
+    if (std::abs(std::hypot(x.x(), x.y()) - 15) > 1e-9 * 15) continue;
+    ++on_mantle;
+    CHECK(std::abs(std::hypot(y.x(), y.y()) / 19.5 - 1) < 1e-9);
+    CHECK((y - grown(x, 19.5)).norm() < 1e-9 * c.diagonal);
+  }
+  CHECK(on_mantle > 100);
+}
+
+TEST_CASE("a growing sphere keeps directions", "[surface][analytic]") {
+  const MorphCase c = shape_case("sphere");
+  const auto surface = morph_surface(c, to_model(BRepPrimAPI_MakeSphere(31).Solid()));
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  for (Index n = 0; n < old.rows(); ++n) {
+    const Vector3d x = old.row(n), y = surface.positions.row(n);
+    CHECK(std::abs(y.norm() / 31 - 1) < 1e-9);
+    CHECK((y - 31 * x.normalized()).norm() < 1e-9 * c.diagonal);
+  }
+}
+
+TEST_CASE("a cylinder that grows in radius and height stretches evenly", "[surface][analytic]") {
+  const MorphCase c = shape_case("cylinder");
+  const Morphed m = morph(c, to_model(BRepPrimAPI_MakeCylinder(12, 70).Solid()));
+  // An affine map, carried by the CAD's parameters: every node, inside too.
+  const Points expected = images(c.mesh.points, [](const Vector3d& x) -> Vector3d {
+    return {x.x() * 12 / 15, x.y() * 12 / 15, x.z() * 70 / 40};
+  });
+  CHECK(largest_difference(m.points, expected) <= kAffine * c.diagonal);
+}
