@@ -12,8 +12,8 @@ using LinearMap = std::function<Eigen::MatrixXd(const Eigen::MatrixXd&)>;
 
 struct CgOptions {
   int max_iterations = 40;
-  std::function<void(int iteration, double residual)>
-      watch;  ///< called each iteration; may be empty
+  /// Called each iteration; may be empty.
+  std::function<void(int iteration, double residual)> watch = {};
 };
 
 struct CgResult {

@@ -17,10 +17,10 @@ struct RbfOptions {
   /// the field within 1e-5 local lengths of the dense solvers'.
   double tolerance = 2e-5;
   /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour distance.
-  Eigen::VectorXd local_length;
+  Eigen::VectorXd local_length = {};
   /// Dense solvers are refused above this many bytes.
   double memory_limit = 8e9;
-  Progress progress;
+  Progress progress = {};
 };
 
 /// How a system was set up and solved.

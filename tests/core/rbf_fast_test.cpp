@@ -1,0 +1,189 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "core/errors.h"
+#include "core/kd_tree.h"
+#include "core/parallel.h"
+#include "core/rbf/rbf_system.h"
+#include "rbf_sets.h"
+
+using namespace cadmorph;
+
+namespace {
+
+RbfOptions fast() { return {.solver = SolverKind::Fast}; }
+
+RbfOptions dense() { return {.solver = SolverKind::Cholesky}; }
+
+// Differences at volume points over the local edge: the spacing of the nearest surface node or the
+// distance to it, whichever is larger.
+std::vector<double> in_local_edges(const test::RbfSet& set, const RowMatrix& a,
+                                   const RowMatrix& b) {
+  const KdTree tree(set.surface);
+  std::vector<double> result;
+  for (Index i = 0; i < set.volume.rows(); ++i) {
+    const Neighbour nearest = tree.nearest(set.volume.row(i).data(), 1).front();
+    const double spacing =
+        tree.nearest(set.surface.row(nearest.index).data(), 2)[1].squared_distance;
+    const double edge = std::sqrt(std::max(spacing, nearest.squared_distance));
+    result.push_back((a.row(i) - b.row(i)).norm() / edge);
+  }
+  std::sort(result.begin(), result.end());
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("the fast solver agrees with the dense one", "[core][rbf][fast]") {
+  for (const test::RbfSet& set :
+       {test::turning_hole(2000, 3000), test::sphere_in_box(2000, 3000)}) {
+    INFO(set.name);
+    const RbfField a =
+        RbfSystem(set.surface, Kernel::triharmonic_3d(), dense()).solve(set.displacement);
+    const RbfField b =
+        RbfSystem(set.surface, Kernel::triharmonic_3d(), fast()).solve(set.displacement);
+    REQUIRE(b.report().solver == SolverKind::Fast);
+    REQUIRE(b.report().max_residual <= 2e-5);
+    REQUIRE(b.report().iterations <= 12);
+    const auto difference = in_local_edges(set, a.evaluate(set.volume), b.evaluate(set.volume));
+    REQUIRE(difference.back() < 1e-4);
+    REQUIRE(difference[difference.size() * 99 / 100] < 1e-5);
+  }
+}
+
+TEST_CASE("trees and direct sums give the same field", "[core][rbf][fast]") {
+  const test::RbfSet set = test::turning_hole(14000, 4000);
+  const RbfField field =
+      RbfSystem(set.surface, Kernel::triharmonic_3d(), fast()).solve(set.displacement);
+  const RowMatrix together = field.evaluate(set.volume);             // through the trees
+  const RowMatrix first = field.evaluate(set.volume.topRows(1500));  // few targets: directly
+  REQUIRE((together.topRows(1500) - first).cwiseAbs().maxCoeff() < 1e-7);
+}
+
+TEST_CASE("a graded wing is solved at all its nodes", "[core][rbf][fast]") {
+  const test::RbfSet set = test::graded_wing(4000, 1000);
+  const RbfField field =
+      RbfSystem(set.surface, Kernel::triharmonic_3d(), fast()).solve(set.displacement);
+  REQUIRE(field.report().solver == SolverKind::Fast);
+  REQUIRE(field.report().iterations <= 25);
+  REQUIRE(field.report().max_residual <= 2e-5);
+  const KdTree tree(set.surface);
+  const RowMatrix found = field.evaluate(set.surface);
+  for (Index i = 0; i < set.surface.rows(); ++i) {
+    const double spacing =
+        std::sqrt(tree.nearest(set.surface.row(i).data(), 2)[1].squared_distance);
+    // The tolerance, and rounding of the sums.
+    REQUIRE((found.row(i) - set.displacement.row(i)).norm() < 2e-5 * spacing + 2e-9);
+  }
+}
+
+TEST_CASE("thin sheets converge, with nodes matched or not", "[core][rbf][fast]") {
+  struct Expected {
+    double gap;
+    int iterations;
+  };
+  for (const test::SheetShape shape : {test::SheetShape::Plate, test::SheetShape::Tube})
+    for (const bool is_matched : {true, false})
+      for (const Expected& expected : {Expected{0.2, 12}, Expected{0.05, 15}, Expected{0.02, 25}}) {
+        const test::RbfSet set = test::thin_sheets(shape, 2000, expected.gap, is_matched);
+        const RbfField field =
+            RbfSystem(set.surface, Kernel::triharmonic_3d(), fast()).solve(set.displacement);
+        INFO(set.name << " gap " << expected.gap);
+        CHECK(field.report().solver == SolverKind::Fast);
+        CHECK(field.report().iterations <= expected.iterations);
+        REQUIRE(field.report().max_residual <= 2e-5);
+      }
+}
+
+TEST_CASE("hopeless gaps are solved or handed on with the reason, never silently wrong",
+          "[core][rbf][fast]") {
+  const test::RbfSet set = test::thin_sheets(test::SheetShape::Plate, 1500, 0.0005, false);
+  const RbfField field =
+      RbfSystem(set.surface, Kernel::triharmonic_3d(), fast()).solve(set.displacement);
+  const KdTree tree(set.surface);
+  const RowMatrix found = field.evaluate(set.surface);
+  double worst = 0;
+  for (Index i = 0; i < set.surface.rows(); ++i)
+    worst = std::max(worst,
+                     (found.row(i) - set.displacement.row(i)).norm() /
+                         std::sqrt(tree.nearest(set.surface.row(i).data(), 2)[1].squared_distance));
+  REQUIRE(worst < 1e-3);
+  REQUIRE_FALSE(field.report().reason.empty());
+}
+
+TEST_CASE("where no dense solver fits either, an unsolved system is an error",
+          "[core][rbf][fast]") {
+  // A tolerance beyond double precision can't be reached.
+  srand(1);
+  const RowMatrix x = RowMatrix::Random(500, 3);
+  RbfOptions options = fast();
+  options.tolerance = 1e-30;
+  options.memory_limit = 1e5;
+  const RbfSystem system(x, Kernel::triharmonic_3d(), options);
+  RowMatrix values = RowMatrix::Random(500, 3);
+  // Allowances are floored at the rounding of the sums, 1e-9 of the largest value.
+  REQUIRE(system.solve(values).report().solver == SolverKind::Fast);
+}
+
+TEST_CASE("a plane full of centres is solved", "[core][rbf][fast]") {
+  srand(2);
+  RowMatrix x = RowMatrix::Random(800, 3);
+  x.col(2).setZero();
+  const RowMatrix values = (3 * x).array().sin();
+  const RbfSystem system(x, Kernel::triharmonic_3d(), fast());
+  CHECK(system.report().polynomial_terms == 3);
+  const RbfField field = system.solve(values);
+  REQUIRE(field.report().solver == SolverKind::Fast);
+  REQUIRE((field.evaluate(x) - values).cwiseAbs().maxCoeff() < 1e-5);
+}
+
+TEST_CASE("duplicates are merged before the fast solver sees them", "[core][rbf][fast]") {
+  const test::RbfSet set = test::sphere_in_box(600, 0);
+  RowMatrix x(set.surface.rows() + 50, 3), values(x.rows(), 3);
+  x << set.surface, set.surface.topRows(50);
+  values << set.displacement, set.displacement.topRows(50);
+  const RbfField field = RbfSystem(x, Kernel::triharmonic_3d(), fast()).solve(values);
+  REQUIRE(field.report().merged == 50);
+  REQUIRE(field.report().max_residual <= 2e-5);
+}
+
+TEST_CASE("blocks of right-hand sides equal their parts", "[core][rbf][fast]") {
+  const test::RbfSet set = test::turning_hole(1500, 500);
+  RowMatrix block(set.surface.rows(), 12);
+  for (int variant = 0; variant < 4; ++variant)
+    block.middleCols(3 * variant, 3) = (1 + 0.3 * variant) * set.displacement.array().sin();
+  const RbfSystem system(set.surface, Kernel::triharmonic_3d(), fast());
+  const RowMatrix together = system.solve(block).evaluate(set.volume);
+  for (int variant = 0; variant < 4; ++variant) {
+    const RowMatrix alone = system.solve(block.middleCols(3 * variant, 3)).evaluate(set.volume);
+    const auto difference = in_local_edges(set, alone, together.middleCols(3 * variant, 3));
+    REQUIRE(difference.back() < 4e-5);  // two tolerances
+  }
+}
+
+TEST_CASE("the fast solver's result does not depend on the number of threads",
+          "[core][rbf][fast]") {
+  const test::RbfSet set = test::graded_wing(2500, 500);
+  const auto run = [&](int threads) {
+    set_thread_count(threads);
+    return RbfSystem(set.surface, Kernel::triharmonic_3d(), fast())
+        .solve(set.displacement)
+        .evaluate(set.volume);
+  };
+  const RowMatrix one = run(1), three = run(3);
+  set_thread_count(0);
+  REQUIRE(one == three);
+}
+
+TEST_CASE("given local lengths tighten the residual where they are short", "[core][rbf][fast]") {
+  const test::RbfSet set = test::sphere_in_box(1500, 0);
+  RbfOptions options = fast();
+  options.local_length = Eigen::VectorXd::Constant(set.surface.rows(), 0.05);
+  options.local_length.tail(100).setConstant(1e-4);
+  const RbfField field =
+      RbfSystem(set.surface, Kernel::triharmonic_3d(), options).solve(set.displacement);
+  const RowMatrix missed = field.evaluate(set.surface) - set.displacement;
+  REQUIRE(missed.rowwise().norm().maxCoeff() < 2e-5 * 0.05);
+  REQUIRE(missed.bottomRows(100).rowwise().norm().maxCoeff() < 2e-5 * 1e-4 + 1e-12);
+}

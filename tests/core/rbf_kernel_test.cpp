@@ -1,0 +1,138 @@
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "core/errors.h"
+#include "core/parallel.h"
+#include "core/rbf/kernel.h"
+#include "core/rbf/kernel_sum.h"
+
+using namespace cadmorph;
+using Eigen::MatrixXd;
+
+namespace {
+
+const Kernel kGaussian{KernelKind::Gaussian, 0, 0, 2.0};
+const Kernel kMultiquadric{KernelKind::Multiquadric, 0, 0, 2.0};
+const Kernel kInverseMultiquadric{KernelKind::InverseMultiquadric, 0, 0, 2.0};
+const Kernel kTriharmonic2D{KernelKind::Polyharmonic, 3, 2};
+
+const std::vector<Kernel> kAll = {kGaussian,
+                                  kMultiquadric,
+                                  kInverseMultiquadric,
+                                  Kernel::biharmonic_2d(),
+                                  Kernel::biharmonic_3d(),
+                                  Kernel::triharmonic_3d(),
+                                  Kernel::quadharmonic_3d(),
+                                  kTriharmonic2D};
+
+// Polynomials below degree `order` at points, as columns.
+MatrixXd polynomials(const MatrixXd& x, int order) {
+  MatrixXd result(x.rows(), 0);
+  const auto append = [&](const Eigen::VectorXd& column) {
+    result.conservativeResize(x.rows(), result.cols() + 1);
+    result.rightCols(1) = column;
+  };
+  if (order > 0) append(Eigen::VectorXd::Ones(x.rows()));
+  for (Index a = 0; order > 1 && a < x.cols(); ++a) {
+    append(x.col(a));
+    for (Index b = 0; order > 2 && b <= a; ++b) append(x.col(a).cwiseProduct(x.col(b)));
+  }
+  return result;
+}
+
+MatrixXd direct_sums(const Kernel& kernel, const MatrixXd& t, const MatrixXd& s,
+                     const MatrixXd& w) {
+  MatrixXd result = MatrixXd::Zero(t.rows(), w.cols());
+  for (Index i = 0; i < t.rows(); ++i)
+    for (Index j = 0; j < s.rows(); ++j)
+      result.row(i) += kernel((t.row(i) - s.row(j)).norm()) * w.row(j);
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("kernels are those of Table 1", "[core][rbf]") {
+  const double r = 0.7, e = std::exp(1.0);
+  CHECK(kGaussian(r) == Approx(std::exp(-1.96)));
+  CHECK(kMultiquadric(r) == Approx(std::sqrt(2.96)));
+  CHECK(kInverseMultiquadric(r) == Approx(1 / std::sqrt(2.96)));
+  CHECK(Kernel::biharmonic_3d()(r) == Approx(0.7));
+  CHECK(Kernel::triharmonic_3d()(r) == Approx(0.343));
+  CHECK(Kernel::quadharmonic_3d()(r) == Approx(0.16807));
+  CHECK(Kernel::biharmonic_2d()(e) == Approx(e * e));
+  CHECK(kTriharmonic2D(e) == Approx(std::pow(e, 4)));
+  CHECK(Kernel::biharmonic_2d()(0) == 0);
+}
+
+TEST_CASE("sign * kernel is positive definite beside polynomials of its order", "[core][rbf]") {
+  srand(3);
+  for (const Kernel& kernel : kAll) {
+    // Embedded in higher dimensions r^2 log r and r^3 keep their order.
+    for (const int dimension : {2, 3, 4}) {
+      const MatrixXd x = MatrixXd::Random(40, dimension);
+      const MatrixXd P = polynomials(x, kernel.cpd_order());
+      MatrixXd A(40, 40);
+      for (Index i = 0; i < 40; ++i)
+        for (Index j = 0; j < 40; ++j)
+          A(i, j) = kernel.cpd_sign() * kernel((x.row(i) - x.row(j)).norm());
+      MatrixXd Z = MatrixXd::Identity(40, 40);
+      if (P.cols() > 0) {
+        const MatrixXd H =
+            Eigen::HouseholderQR<MatrixXd>(P).householderQ() * MatrixXd::Identity(40, 40);
+        Z = H.rightCols(40 - P.cols());
+      }
+      const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(Z.transpose() * A * Z);
+      INFO("kind " << static_cast<int>(kernel.kind) << " order " << kernel.order << " in R^"
+                   << dimension);
+      CHECK(eigen.eigenvalues().minCoeff() > 0);
+    }
+  }
+}
+
+TEST_CASE("vectorised sums equal plain ones on every instruction set", "[core][rbf]") {
+  srand(4);
+  for (const Kernel& kernel : kAll)
+    for (const InstructionSet set :
+         {InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512})
+      for (const Index dimension : {1, 2, 3, 4})
+        for (const Index columns : {1, 2, 3, 4, 5, 6, 12, 13}) {
+          const MatrixXd t = MatrixXd::Random(53, dimension);
+          MatrixXd s = MatrixXd::Random(61, dimension);
+          s.topRows(9) = t.topRows(9);  // zero distances
+          const MatrixXd w = MatrixXd::Random(61, columns);
+          const MatrixXd expected = direct_sums(kernel, t, s, w);
+          const MatrixXd found = KernelSum(kernel, 0, set)(t, s, w);
+          // 61 terms of size up to 4^5 (quadharmonic in R^4).
+          REQUIRE((found - expected).cwiseAbs().maxCoeff() <
+                  1e-13 * std::max(1.0, expected.cwiseAbs().maxCoeff()));
+        }
+}
+
+TEST_CASE("the kernel matrix has the kernel's values", "[core][rbf]") {
+  srand(5);
+  const MatrixXd x = MatrixXd::Random(70, 3);
+  const MatrixXd A = KernelSum(Kernel::triharmonic_3d()).matrix(x);
+  for (Index i = 0; i < 70; ++i)
+    for (Index j = 0; j < 70; ++j)
+      REQUIRE(A(i, j) ==
+              Approx(std::pow((x.row(i) - x.row(j)).norm(), 3)).epsilon(1e-13).margin(1e-300));
+}
+
+TEST_CASE("sums do not depend on the number of threads", "[core][rbf]") {
+  srand(6);
+  const MatrixXd x = MatrixXd::Random(1500, 3), w = MatrixXd::Random(1500, 3);
+  const KernelSum sum(Kernel::triharmonic_3d());
+  set_thread_count(1);
+  const MatrixXd one = sum(x, x, w);
+  set_thread_count(3);
+  const MatrixXd three = sum(x, x, w);
+  set_thread_count(0);
+  REQUIRE(one == three);
+}
+
+TEST_CASE("kernels that are singular or have no width are refused", "[core][rbf]") {
+  REQUIRE_THROWS_AS(KernelSum(Kernel{KernelKind::Polyharmonic, 1, 3}), InvalidInputError);
+  REQUIRE_THROWS_AS(KernelSum(Kernel{KernelKind::Gaussian, 0, 0, 0.0}), InvalidInputError);
+  REQUIRE_THROWS_AS(KernelSum(Kernel{KernelKind::Multiquadric, 0, 0, NAN}), InvalidInputError);
+}
