@@ -28,7 +28,7 @@ constexpr double kDenseAccuracy = 1e-6;
 constexpr double kRefine = 1e-13;
 
 // Number of centres from which on the fast solver beats Cholesky (docs/fast-solver.md).
-constexpr Index kFastCentres = 3000;
+constexpr Index kFastCentres = 2000;
 
 // The fast solver needs enough centres for its stencils.
 constexpr Index kFewCentres = 100;

@@ -1,0 +1,281 @@
+// Prints tables of the RBF solvers' speed and accuracy: rbf_scaling [TABLE...] [MAX_NODES]
+// Tables: rate dense crossover scaling variants thin; all by default, up to 100000 surface nodes.
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/blas.h"
+#include "core/errors.h"
+#include "core/kd_tree.h"
+#include "core/parallel.h"
+#include "core/rbf/kernel_sum.h"
+#include "core/rbf/rbf_system.h"
+#include "rbf_sets.h"
+
+using namespace cadmorph;
+using test::RbfSet;
+
+namespace {
+
+const Kernel kTriharmonic = Kernel::triharmonic_3d();
+
+double wall_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+double cpu_seconds() {
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_utime.tv_sec) +
+         1e-6 * static_cast<double>(usage.ru_utime.tv_usec);
+}
+
+double peak_gib() {
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1048576;
+}
+
+// Wall and processor seconds since construction.
+class Clock {
+ public:
+  double wall() const { return wall_seconds() - wall_; }
+  double cpu() const { return cpu_seconds() - cpu_; }
+
+ private:
+  double wall_ = wall_seconds(), cpu_ = cpu_seconds();
+};
+
+std::string processor() {
+  std::ifstream file("/proc/cpuinfo");
+  std::string line;
+  while (std::getline(file, line))
+    if (line.rfind("model name", 0) == 0) return line.substr(line.find(':') + 2);
+  return "unknown processor";
+}
+
+RbfOptions with(SolverKind solver) {
+  RbfOptions options;
+  options.solver = solver;
+  return options;
+}
+
+// Differences at volume points over the local edge: the spacing of the nearest surface node, or the
+// distance to it where that is larger. Ascending.
+std::vector<double> in_local_edges(const RbfSet& set, const RowMatrix& a, const RowMatrix& b) {
+  const KdTree tree(set.surface);
+  std::vector<double> result;
+  for (Index i = 0; i < set.volume.rows(); ++i) {
+    const Neighbour nearest = tree.nearest(set.volume.row(i).data(), 1).front();
+    const double spacing =
+        tree.nearest(set.surface.row(nearest.index).data(), 2)[1].squared_distance;
+    result.push_back((a.row(i) - b.row(i)).norm() /
+                     std::sqrt(std::max(spacing, nearest.squared_distance)));
+  }
+  std::sort(result.begin(), result.end());
+  return result;
+}
+
+void print_rate(Index) {
+  constexpr Index kPoints = 8000;
+  std::printf("\nkernel sums, thousand million pairs a second on one core\n");
+  std::printf("%-10s %-12s %8s %8s %8s\n", "kernel", "set", "M = 1", "3", "12");
+  set_thread_count(1);
+  const std::pair<const char*, Kernel> kernels[] = {{"r^3", kTriharmonic},
+                                                    {"r^2 log r", Kernel::biharmonic_2d()}};
+  for (const auto& [kernel_name, kernel] : kernels)
+    for (const InstructionSet set :
+         {InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512}) {
+      if (set > simd::best()) continue;
+      std::printf("%-10s %-12s", kernel_name, name(set));
+      for (const Index columns : {1, 3, 12}) {
+        const Eigen::MatrixXd x = Eigen::MatrixXd::Random(kPoints, kernel.dimension);
+        const Eigen::MatrixXd w = Eigen::MatrixXd::Random(kPoints, columns);
+        const KernelSum sum(kernel, 0, set);
+        double best = 1e300;
+        for (int repeat = 0; repeat < 3; ++repeat) {
+          const Clock clock;
+          sum(x, x, w);
+          best = std::min(best, clock.wall());
+        }
+        std::printf(" %8.2f", 1e-9 * kPoints * kPoints / best);
+      }
+      std::printf("\n");
+    }
+  set_thread_count(0);
+}
+
+struct Timed {
+  double wall = 0;
+  double cpu = 0;
+  RbfReport report;
+  RowMatrix values;
+};
+
+Timed solve(const RbfSet& set, SolverKind solver) {
+  const Clock clock;
+  RbfOptions options = with(solver);
+  options.memory_limit = 1.6e10;
+  const RbfField field = RbfSystem(set.surface, kTriharmonic, options).solve(set.displacement);
+  return {clock.wall(), clock.cpu(), field.report(), field.evaluate(set.volume)};
+}
+
+void print_dense(Index max_nodes) {
+  std::printf("\ndense and fast solvers, set-up and solution in seconds (processor seconds)\n");
+  std::printf("%-14s %7s %15s %15s %15s %15s %6s %9s %9s\n", "set", "m", "Cholesky", "LU", "LDL^T",
+              "fast", "iter.", "max diff", "99 %");
+  for (const Index nodes : {2000, 5000, 10000, 20000}) {
+    if (nodes > max_nodes) break;
+    for (const RbfSet& set : {test::turning_hole(nodes, 20000), test::sphere_in_box(nodes, 20000),
+                              test::graded_wing(nodes, 20000)}) {
+      std::printf("%-14s %7ld", set.name.c_str(), static_cast<long>(set.surface.rows()));
+      const Timed cholesky = solve(set, SolverKind::Cholesky);
+      std::printf(" %6.2f (%6.2f)", cholesky.wall, cholesky.cpu);
+      for (const SolverKind solver : {SolverKind::Lu, SolverKind::Ldlt}) {
+        if (nodes > 10000 || set.name != "turning hole") {
+          std::printf(" %15s", "");
+          continue;
+        }
+        const Timed other = solve(set, solver);
+        std::printf(" %6.2f (%6.2f)", other.wall, other.cpu);
+      }
+      const Timed fast = solve(set, SolverKind::Fast);
+      const auto difference = in_local_edges(set, cholesky.values, fast.values);
+      std::printf(" %6.2f (%6.2f) %6d %9.1e %9.1e\n", fast.wall, fast.cpu, fast.report.iterations,
+                  difference.back(), difference[difference.size() * 99 / 100]);
+      std::fflush(stdout);
+    }
+  }
+}
+
+void print_crossover(Index) {
+  std::printf("\nwhere the fast solver overtakes Cholesky, seconds\n%7s %9s %9s\n", "m", "Cholesky",
+              "fast");
+  for (const Index nodes : {500, 1000, 1500, 2000, 3000, 4000, 6000}) {
+    const RbfSet set = test::turning_hole(nodes, 0);
+    double best[2] = {1e300, 1e300};
+    for (int repeat = 0; repeat < 3; ++repeat) {
+      best[0] = std::min(best[0], solve(set, SolverKind::Cholesky).wall);
+      best[1] = std::min(best[1], solve(set, SolverKind::Fast).wall);
+    }
+    std::printf("%7ld %9.3f %9.3f\n", static_cast<long>(set.surface.rows()), best[0], best[1]);
+  }
+}
+
+void print_scaling(Index max_nodes) {
+  std::printf("\nfast solver, ten volume points a surface node; seconds (processor seconds)\n");
+  std::printf("%-14s %8s %9s %15s %15s %15s %15s %6s %9s %6s\n", "set", "m", "n", "set-up", "solve",
+              "evaluate", "total", "iter.", "residual", "GiB");
+  const std::function<RbfSet(Index, Index)> sets[] = {test::turning_hole, test::sphere_in_box,
+                                                      test::graded_wing};
+  for (const Index nodes : {5000, 20000, 50000, 100000, 200000, 1000000}) {
+    if (nodes > max_nodes) break;
+    for (const auto& make : sets) {
+      if (nodes > 100000 && &make != &sets[0]) continue;
+      const RbfSet set = make(nodes, 10 * nodes);
+      const Clock start;
+      const RbfSystem system(set.surface, kTriharmonic, with(SolverKind::Fast));
+      const Clock setup_end;
+      const double setup[2] = {start.wall(), start.cpu()};
+      const RbfField field = system.solve(set.displacement);
+      const double solved[2] = {setup_end.wall(), setup_end.cpu()};
+      const Clock evaluation;
+      field.evaluate(set.volume);
+      std::printf(
+          "%-14s %8ld %9ld %6.2f (%6.2f) %6.2f (%6.2f) %6.2f (%6.2f) %6.2f (%6.2f) %6d %9.1e "
+          "%6.2f\n",
+          set.name.c_str(), static_cast<long>(set.surface.rows()), static_cast<long>(10 * nodes),
+          setup[0], setup[1], solved[0], solved[1], evaluation.wall(), evaluation.cpu(),
+          start.wall(), start.cpu(), field.report().iterations, field.report().max_residual,
+          peak_gib());
+      std::fflush(stdout);
+    }
+  }
+}
+
+void print_variants(Index max_nodes) {
+  const Index nodes = std::min<Index>(max_nodes, 100000);
+  const RbfSet set = test::turning_hole(nodes, 10 * nodes);
+  RowMatrix block(set.surface.rows(), 12);
+  for (int v = 0; v < 4; ++v)
+    block.middleCols(3 * v, 3) = set.displacement.array() * (0.25 + 0.25 * v);
+  const Clock first;
+  const RbfSystem system(set.surface, kTriharmonic, with(SolverKind::Fast));
+  system.solve(set.displacement).evaluate(set.volume);
+  const double first_wall = first.wall(), first_cpu = first.cpu();
+  const Clock further;
+  system.solve(set.displacement).evaluate(set.volume);
+  const double further_wall = further.wall(), further_cpu = further.cpu();
+  const Clock four;
+  system.solve(block).evaluate(set.volume);
+  std::printf(
+      "\nvariants on one base mesh, m = %ld, n = %ld: seconds (processor seconds) a variant\n",
+      static_cast<long>(set.surface.rows()), static_cast<long>(10 * nodes));
+  std::printf("first %.2f (%.2f), further %.2f (%.2f), in a block of four %.2f (%.2f)\n",
+              first_wall, first_cpu, further_wall, further_cpu, four.wall() / 4, four.cpu() / 4);
+}
+
+void print_thin(Index max_nodes) {
+  const Index nodes = std::min<Index>(max_nodes, 16000);
+  std::printf("\nthin sheets, m about %ld: iterations by gap over node spacing\n",
+              static_cast<long>(nodes));
+  std::printf("%-18s %10s %10s %10s %10s\n", "set", "0.2", "0.05", "0.02", "0.005");
+  for (const test::SheetShape shape : {test::SheetShape::Plate, test::SheetShape::Tube})
+    for (const bool is_matched : {true, false}) {
+      std::string row;
+      for (const double gap : {0.2, 0.05, 0.02, 0.005}) {
+        const RbfSet set = test::thin_sheets(shape, nodes, gap, is_matched);
+        if (row.empty()) std::printf("%-18s", set.name.c_str());
+        const RbfReport report = RbfSystem(set.surface, kTriharmonic, with(SolverKind::Fast))
+                                     .solve(set.displacement)
+                                     .report();
+        row = report.solver == SolverKind::Fast ? std::to_string(report.iterations) : "dense";
+        std::printf(" %10s", row.c_str());
+        std::fflush(stdout);
+      }
+      std::printf("\n");
+    }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::vector<std::pair<std::string, std::function<void(Index)>>> tables = {
+      {"rate", print_rate},       {"dense", print_dense},       {"crossover", print_crossover},
+      {"scaling", print_scaling}, {"variants", print_variants}, {"thin", print_thin}};
+  Index max_nodes = 100000;
+  std::vector<std::string> chosen;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const auto has_name = [&](const auto& table) { return table.first == argument; };
+    if (std::any_of(tables.begin(), tables.end(), has_name)) {
+      chosen.push_back(argument);
+    } else if (argument.find_first_not_of("0123456789") == std::string::npos) {
+      max_nodes = std::stoll(argument);
+    } else {
+      std::fprintf(
+          stderr,
+          "usage: rbf_scaling [rate|dense|crossover|scaling|variants|thin]... [MAX_NODES]\n");
+      return 1;
+    }
+  }
+  const BlasInfo blas = blas_info();
+  std::printf("%s, %d threads, %s, BLAS kernel %s\n", processor().c_str(), thread_count(),
+              name(simd::best()), blas.kernel.empty() ? "unknown" : blas.kernel.c_str());
+  try {
+    for (const auto& [table_name, print] : tables)
+      if (chosen.empty() || std::count(chosen.begin(), chosen.end(), table_name)) print(max_nodes);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "rbf_scaling: %s\n", error.what());
+    return 6;
+  }
+}
