@@ -1,0 +1,173 @@
+#include <catch2/catch.hpp>
+#include <limits>
+
+#include "command_line.h"
+#include "core/mesh_file.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+
+// Runs a command that must fail: checks the exit code, the form of the message, that it names what
+// it must, and that no file came or went.
+void check_failure(const Workplace& place, const std::string& arguments, int exit_code,
+                   const std::vector<std::string>& words, const std::string& setup = "") {
+  const auto before = place.files();
+  const RunResult result = place.run(arguments, setup);
+  INFO("cadmorph " << arguments << "\n" << result.out << result.err);
+  CHECK(result.exit_code == exit_code);
+  CHECK(result.out.empty());
+  CHECK(result.err.rfind("cadmorph: error: ", 0) == 0);
+  CHECK(line_count(result.err) <= 2);
+  for (const std::string& word : words)
+    CHECK_THAT(result.err, Catch::Matchers::Contains(word, Catch::CaseSensitive::No));
+  CHECK(place.files() == before);
+}
+
+std::string first_half(const std::string& text) { return text.substr(0, text.size() / 2); }
+
+}  // namespace
+
+TEST_CASE("A missing file is refused with 2", "[apps][bad]") {
+  const Workplace place;
+  check_failure(place, "none.step box_moved.step box.vtu", 2, {"none.step"});
+  check_failure(place, "box.step none.step box.vtu", 2, {"none.step"});
+  check_failure(place, "box.step box_moved.step none.vtu", 2, {"none.vtu"});
+  check_failure(place, "quality none.vtu", 2, {"none.vtu"});
+  check_failure(place, "match box.step none.step", 2, {"none.step"});
+  check_failure(place, "box.step box_moved.step box.vtu --map none.csv", 2, {"none.csv"});
+}
+
+TEST_CASE("A damaged STEP file is refused with 2", "[apps][bad]") {
+  const Workplace place;
+  place.write("half.step", first_half(place.read("box.step")));
+  place.write("garbage.step", "\x01\x02garbage\n\xff no STEP here; DATA; ENDSEC;");
+  place.write("empty.step", "");
+  place.write(
+      "no_data.step",
+      "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','"
+      "');\nFILE_SCHEMA(('AUTOMOTIVE_DESIGN'));\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n");
+  for (const std::string name : {"half.step", "garbage.step", "empty.step", "no_data.step"}) {
+    check_failure(place, name + " box_moved.step box.vtu", 2, {name});
+    check_failure(place, "box.step " + name + " box.vtu", 2, {name});
+  }
+}
+
+TEST_CASE("A damaged mesh is refused with 2", "[apps][bad]") {
+  const Workplace place;
+  const std::string whole = place.read("box.vtu");
+  place.write("half.vtu", first_half(whole));
+  place.write("garbage.vtu", "no mesh at all\n");
+  place.write("empty.vtu", "");
+  place.write("text.txt", "hello");
+  place.write("zero_cells.vtu",
+              "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" "
+              "byte_order=\"LittleEndian\">\n<UnstructuredGrid><Piece NumberOfPoints=\"0\" "
+              "NumberOfCells=\"0\"><Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" "
+              "format=\"ascii\"></DataArray></Points><Cells><DataArray type=\"Int64\" "
+              "Name=\"connectivity\" format=\"ascii\"></DataArray><DataArray type=\"Int64\" "
+              "Name=\"offsets\" format=\"ascii\"></DataArray><DataArray type=\"UInt8\" "
+              "Name=\"types\" format=\"ascii\"></DataArray></Cells></Piece></UnstructuredGrid>\n"
+              "</VTKFile>\n");
+  for (const std::string name : {"half.vtu", "garbage.vtu", "empty.vtu", "zero_cells.vtu"}) {
+    check_failure(place, "box.step box_moved.step " + name, 2, {name});
+    check_failure(place, "quality " + name, 2, {name});
+  }
+  check_failure(place, "box.step box_moved.step text.txt", 2, {"text.txt"});
+}
+
+TEST_CASE("A mesh with a coordinate that is not finite is refused with 2", "[apps][bad]") {
+  const Workplace place;
+  for (const double value :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    Mesh mesh = box_mesh(2);
+    mesh.points(17, 1) = value;
+    write_mesh(place.folder() / "nan.vtu", mesh);
+    check_failure(place, "box.step box_moved.step nan.vtu", 2, {"nan.vtu", "17"});
+    check_failure(place, "quality nan.vtu", 2, {"nan.vtu", "17"});
+  }
+}
+
+TEST_CASE("CAD models that do not correspond are refused with 3", "[apps][bad]") {
+  const Workplace place;
+  check_failure(place, "box.step box_chamfer.step box.vtu", 3, {"box_chamfer.step", "face"});
+  check_failure(place, "match box.step box_chamfer.step", 3, {"box_chamfer.step", "face"});
+  check_failure(place, "box_chamfer.step box.step box.vtu", 3, {"face"});
+}
+
+TEST_CASE("A mesh of another part is refused with 4", "[apps][bad]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(3);
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    mesh.points(n, 0) += 0.02 * mesh.points(n, 2) * mesh.points(n, 2);
+  write_mesh(place.folder() / "bent.vtu", mesh);
+  check_failure(place, "box.step box_moved.step bent.vtu", 4, {"box.step"});
+  const std::string sphere = source_file("models/shapes/sphere.vtu").string();
+  check_failure(place, "box.step box_moved.step " + sphere + " -o x.vtu", 4, {"box.step"});
+}
+
+TEST_CASE("Bad usage is refused with 1", "[apps][bad]") {
+  const Workplace place;
+  check_failure(place, "", 1, {"usage"});
+  check_failure(place, "box.step", 1, {"MESH"});
+  check_failure(place, "box.step box_moved.step", 1, {"MESH"});
+  check_failure(place, "box.step box_moved.step box.vtu another", 1, {"another"});
+  check_failure(place, "box.step box_moved.step box.vtu --nonsense", 1, {"--nonsense"});
+  check_failure(place, "box.step box_moved.step box.vtu --solver best", 1, {"best", "cholesky"});
+  check_failure(place, "box.step box_moved.step box.vtu --kernel r3", 1, {"r3", "triharmonic"});
+  check_failure(place, "box.step box_moved.step box.vtu --kernel gaussian", 1, {"--shape"});
+  check_failure(place, "box.step box_moved.step box.vtu --shape 2", 1, {"--shape"});
+  check_failure(place, "box.step box_moved.step box.vtu --steps 0", 1, {"--steps"});
+  check_failure(place, "box.step box_moved.step box.vtu --steps many", 1, {"--steps"});
+  check_failure(place, "box.step box_moved.step box.vtu --mesh-unit ell", 1, {"ell"});
+  check_failure(place, "box.step box_moved.step box.vtu --threads -2", 1, {"--threads"});
+  check_failure(place, "box.step box_moved.step box.vtu --tolerance nought", 1, {"--tolerance"});
+  check_failure(place, "quality", 1, {"MESH"});
+  check_failure(place, "match box.step", 1, {"VARIANT"});
+}
+
+TEST_CASE("An output that is an input is refused with 1", "[apps][bad]") {
+  const Workplace place;
+  check_failure(place, "box.step box_moved.step box.vtu -o box.vtu", 1, {"box.vtu", "input"});
+  check_failure(place, "box.step box_moved.step box.vtu -o ./box.vtu", 1, {"input"});
+  check_failure(place, "box.step box_moved.step box.vtu --json box.step", 1, {"input"});
+  check_failure(place, "box.step box_moved.step box.vtu -o x.vtu --json x.vtu", 1, {"x.vtu"});
+  check_failure(place, "box.step box_moved.step box.vtu -o x.vtk", 1, {".vtu"});
+  std::filesystem::create_symlink("box.vtu", place.folder() / "link.vtu");
+  check_failure(place, "box.step box_moved.step box.vtu -o link.vtu", 1, {"input"});
+}
+
+TEST_CASE("An output that can't be written is refused with 6 before any work", "[apps][bad]") {
+  const Workplace place;
+  std::filesystem::create_directory(place.folder() / "folder.vtu");
+  check_failure(place, "box.step box_moved.step box.vtu -o nowhere/x.vtu", 6, {"nowhere"});
+  check_failure(place, "box.step box_moved.step box.vtu -o box.step/x.vtu", 6, {"box.step"});
+  check_failure(place, "box.step box_moved.step box.vtu -o folder.vtu", 6, {"folder.vtu"});
+  check_failure(place, "box.step box_moved.step box.vtu -o /dev/full", 6, {"/dev/full"});
+  check_failure(place, "box.step box_moved.step box.vtu --json nowhere/x.json", 6, {"nowhere"});
+  check_failure(place, "box.step box_moved.step box.vtu -o /proc/x.vtu", 6, {"/proc/x.vtu"});
+}
+
+TEST_CASE("A disk that is full while writing ends with 6 and leaves nothing", "[apps][bad]") {
+  const Workplace place;
+  // Blocks of 512 bytes: less than the mesh needs.
+  check_failure(place, "box.step box_moved.step box.vtu", 6, {"box.morphed.vtu"}, "ulimit -f 4;");
+  place.write("old.vtu", "kept");
+  check_failure(place, "box.step box_moved.step box.vtu -o old.vtu", 6, {"old.vtu"},
+                "ulimit -f 4;");
+  CHECK(place.read("old.vtu") == "kept");
+  // One block is enough for the message alone.
+  check_failure(place, "match box.step box_moved.step --json x.json", 6, {"x.json"},
+                "ulimit -f 1;");
+  const RunResult result = place.run("match box.step box_moved.step --json - > /dev/full");
+  CHECK(result.exit_code == 6);
+}
+
+TEST_CASE("An empty value in a face map is refused with 2", "[apps][bad]") {
+  const Workplace place;
+  place.write("map.csv", "base,variant\n1,x\n");
+  check_failure(place, "box.step box_moved.step box.vtu --map map.csv", 2, {"map.csv"});
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,251 @@
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "command_line.h"
+#include "core/mesh_file.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Json = nlohmann::json;
+
+// The mesh of box.step (10 wide) is stretched to box_moved.step (12 wide).
+double distance_to_stretched(const Points& points) {
+  Points expected = box_mesh(3).points;
+  expected.col(0) *= 1.2;
+  return (points - expected).cwiseAbs().maxCoeff();
+}
+
+}  // namespace
+
+TEST_CASE("The main job moves every node as the CAD tells", "[apps][main]") {
+  const Workplace place;
+  const RunResult result = place.run("box.step box_moved.step box.vtu");
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(result.err.empty());
+  CHECK_THAT(result.out, Catch::Matchers::Contains("box.morphed.vtu"));
+  const MeshFile file(place.folder() / "box.morphed.vtu");
+  // The affine map, to 1e-9 of the diagonal of 37 mm.
+  CHECK(distance_to_stretched(file.mesh().points) < 3e-8);
+  CHECK(file.mesh().connectivity == box_mesh(3).connectivity);
+  CHECK(place.files().size() == 6);
+}
+
+TEST_CASE("The identity moves no node", "[apps][main]") {
+  const Workplace place;
+  REQUIRE(place.run("box.step box.step box.vtu -o same.vtu --quiet").exit_code == 0);
+  const MeshFile file(place.folder() / "same.vtu");
+  CHECK((file.mesh().points - box_mesh(3).points).cwiseAbs().maxCoeff() < 3.7e-8);
+}
+
+TEST_CASE("Quiet prints nothing, and JSON on stdout is all there is", "[apps][main]") {
+  const Workplace place;
+  const RunResult quiet = place.run("box.step box_moved.step box.vtu --quiet");
+  CHECK(quiet.exit_code == 0);
+  CHECK(quiet.out.empty());
+  CHECK(quiet.err.empty());
+  const RunResult json = place.run("box.step box_moved.step box.vtu --json -");
+  REQUIRE(json.exit_code == 0);
+  const Json report = Json::parse(json.out);
+  CHECK(report["exit_code"] == 0);
+  CHECK(report["outcome"] == "done");
+  CHECK(report["mesh"]["nodes"] == 4 * 7 * 10);
+  CHECK(report["nodes"]["vertex"] == 8);
+  CHECK(report["nodes"]["edge"] == 4 * (2 + 5 + 8));
+  CHECK(report["nodes"]["face"] == 2 * (2 * 5 + 5 * 8 + 2 * 8));
+  CHECK(report["nodes"]["interior"] == 2 * 5 * 8);
+  CHECK(report["max_displacement_mm"].get<double>() == Approx(2));
+  CHECK(report["before"]["min_scaled_jacobian"].get<double>() == Approx(1));
+  CHECK(report["after"]["invalid_exact"] == 0);
+  CHECK(report["after"]["max_distance_mm"].get<double>() < 1e-7);
+  CHECK(report["peak_memory_bytes"].get<double>() > 1e6);
+  double sum = 0;
+  for (const auto& [name, seconds] : report["seconds"].items())
+    if (name != "total") sum += seconds.get<double>();
+  CHECK(report["seconds"]["total"].get<double>() == Approx(sum));
+}
+
+TEST_CASE("A report goes to a file beside the summary", "[apps][main]") {
+  const Workplace place;
+  const RunResult result = place.run("box.step box_moved.step box.vtu --json report.json");
+  CHECK(result.exit_code == 0);
+  CHECK_FALSE(result.out.empty());
+  CHECK(Json::parse(place.read("report.json"))["exit_code"] == 0);
+}
+
+TEST_CASE("An error is told in JSON as well when that was asked for", "[apps][main]") {
+  const Workplace place;
+  const RunResult result = place.run("box.step none.step box.vtu --json -");
+  CHECK(result.exit_code == 2);
+  const Json report = Json::parse(result.out);
+  CHECK(report["exit_code"] == 2);
+  CHECK_THAT(report["error"].get<std::string>(), Catch::Matchers::Contains("none.step"));
+}
+
+TEST_CASE("Diagnostics add the arrays of the design", "[apps][main]") {
+  const Workplace place;
+  REQUIRE(place.run("box.step box_moved.step box.vtu --diagnostics").exit_code == 0);
+  const std::string text = place.read("box.morphed.vtu");
+  for (const char* name : {"cadmorph_displacement", "cadmorph_cad_dimension", "cadmorph_cad_entity",
+                           "cadmorph_uv", "cadmorph_scaled_jacobian"})
+    CHECK_THAT(text, Catch::Matchers::Contains("Name=\"" + std::string(name) + "\""));
+  CHECK_THAT(text, !Catch::Matchers::Contains("cadmorph_bad"));
+}
+
+TEST_CASE("Every solver and kernel gives the affine motion", "[apps][main]") {
+  const Workplace place;
+  for (const std::string options :
+       {"--solver lu", "--solver ldlt", "--solver cholesky", "--kernel biharmonic",
+        "--kernel quadharmonic", "--kernel multiquadric --shape 0.2", "--steps 3", "--threads 1",
+        "--snap", "--mesh-unit mm", "--untangle never"}) {
+    const RunResult result =
+        place.run("box.step box_moved.step box.vtu -o x.vtu --quiet " + options);
+    INFO(options << "\n" << result.err);
+    REQUIRE(result.exit_code == 0);
+    // Rounding at the condition of r^5, the worst of them.
+    CHECK(distance_to_stretched(MeshFile(place.folder() / "x.vtu").mesh().points) < 1e-6);
+  }
+}
+
+TEST_CASE("A mesh in metres stays in metres, whatever the unit of the STEP file", "[apps][main]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(3);
+  mesh.points *= 1e-3;
+  write_mesh(place.folder() / "metres.vtu", mesh);
+  for (const std::string unit : {"m", "1000"}) {
+    const RunResult result =
+        place.run("box_inch.step box_moved.step metres.vtu --json - --mesh-unit " + unit);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    CHECK(Json::parse(result.out)["mesh"]["unit"] == "m");
+    CHECK(Json::parse(result.out)["mesh"]["is_unit_detected"] == false);
+    const MeshFile file(place.folder() / "metres.morphed.vtu");
+    CHECK(distance_to_stretched(1e3 * file.mesh().points) < 1e-6);
+  }
+}
+
+TEST_CASE("The unit of a mesh is detected and told", "[apps][main]") {
+  const Workplace place;
+  const MeshFile file(source_file("models/shapes/sphere.vtu"));
+  Mesh mesh = file.mesh();
+  mesh.points /= 25.4;
+  write_mesh(place.folder() / "inches.vtu", mesh);
+  const std::string sphere = source_file("models/shapes/sphere.step").string();
+  const RunResult result = place.run(sphere + " " + sphere + " inches.vtu --json -");
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(Json::parse(result.out)["mesh"]["unit"] == "inch");
+  CHECK(Json::parse(result.out)["mesh"]["is_unit_detected"] == true);
+}
+
+TEST_CASE("Poor quality ends with 5, a mesh marked as failed, and a diagnosis", "[apps][main]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(3);
+  mesh.points.row((3 * 7 + 3) * 4 + 1) += Eigen::RowVector3d(1.5, 1, 1);  // an inner node
+  write_mesh(place.folder() / "poor.vtu", mesh);
+  place.write("out.vtu", "kept");
+  const auto before = place.files();
+  const RunResult result = place.run(
+      "box.step box_moved.step poor.vtu -o out.vtu --min-scaled-jacobian 0.9 --json report.json");
+  INFO(result.err);
+  CHECK(result.exit_code == 5);
+  CHECK_THAT(result.err, Catch::Matchers::Contains("cadmorph: error: 8 elements"));
+  CHECK_THAT(result.err, Catch::Matchers::Contains("out.failed.vtu"));
+  CHECK(place.read("out.vtu") == "kept");
+  CHECK_THAT(place.read("out.failed.vtu"), Catch::Matchers::Contains("Name=\"cadmorph_bad\""));
+  auto expected = before;
+  expected.insert({"out.failed.vtu", "report.json"});
+  CHECK(place.files() == expected);
+  const Json report = Json::parse(place.read("report.json"));
+  CHECK(report["exit_code"] == 5);
+  CHECK(report["diagnosis"]["bad_cells"] == 8);
+}
+
+TEST_CASE("Poor elements are raised by untangling always", "[apps][main]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(4);
+  write_mesh(place.folder() / "fine.vtu", mesh);
+  const RunResult result =
+      place.run("box.step box_moved.step fine.vtu -o x.vtu --untangle always --json -");
+  REQUIRE(result.exit_code == 0);
+  CHECK(Json::parse(result.out)["after"]["min_scaled_jacobian"].get<double>() > 0.99);
+}
+
+TEST_CASE("An input with an inverted element is repaired, or refused when repair is forbidden",
+          "[apps][main]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(3);
+  const Index node = (3 * 7 + 3) * 4 + 1;
+  mesh.points.row(node) += Eigen::RowVector3d(4, 4, 4);
+  write_mesh(place.folder() / "inverted.vtu", mesh);
+  const RunResult refused =
+      place.run("box.step box_moved.step inverted.vtu -o x.vtu --untangle never");
+  CHECK(refused.exit_code == 5);
+  CHECK_THAT(refused.err, Catch::Matchers::Contains("already"));
+  CHECK_FALSE(place.has("x.vtu"));
+  CHECK(place.has("x.failed.vtu"));
+  const RunResult repaired = place.run("box.step box_moved.step inverted.vtu -o x.vtu --json -");
+  CHECK(repaired.exit_code == 0);
+  const Json report = Json::parse(repaired.out);
+  CHECK(report["before"]["invalid_exact"].get<int>() > 0);
+  CHECK(report["after"]["invalid_exact"] == 0);
+}
+
+TEST_CASE("quality and match print tables and JSON", "[apps][main]") {
+  const Workplace place;
+  const RunResult quality = place.run("quality box.vtu --json -");
+  REQUIRE(quality.exit_code == 0);
+  CHECK(Json::parse(quality.out)["min_scaled_jacobian"].get<double>() == Approx(1));
+  CHECK(Json::parse(quality.out)["checks"]["max_aspect_ratio"].get<double>() == Approx(1));
+  CHECK_THAT(place.run("quality box.vtu").out, Catch::Matchers::Contains("Scaled Jacobian"));
+  CHECK(place.run("quality box.vtu --min-scaled-jacobian 0.5").exit_code == 0);
+  const RunResult match = place.run("match box.step box_moved.step --json -");
+  REQUIRE(match.exit_code == 0);
+  CHECK(Json::parse(match.out)["faces"].size() == 6);
+  CHECK(line_count(place.run("match box.step box_moved.step").out) >= 6 + 1 + 4);
+}
+
+TEST_CASE("quality ends with 5 on an inverted or a poor element", "[apps][main]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(2);
+  mesh.points.row((3 * 5 + 2) * 3 + 1) += Eigen::RowVector3d(6, 6, 6);
+  write_mesh(place.folder() / "bad.vtu", mesh);
+  const RunResult result = place.run("quality bad.vtu");
+  CHECK(result.exit_code == 5);
+  CHECK_THAT(result.err, Catch::Matchers::Contains("bad.vtu"));
+  const Mesh flat = [] {
+    Mesh m = box_mesh(2);
+    m.points.col(0) += 2 * m.points.col(1);
+    return m;
+  }();
+  write_mesh(place.folder() / "sheared.vtu", flat);
+  CHECK(place.run("quality sheared.vtu").exit_code == 0);
+  CHECK(place.run("quality sheared.vtu --min-scaled-jacobian 0.9").exit_code == 5);
+}
+
+TEST_CASE("Help and version are on stdout with 0", "[apps][main]") {
+  const Workplace place;
+  const RunResult help = place.run("--help");
+  CHECK(help.exit_code == 0);
+  CHECK(help.err.empty());
+  for (const char* word : {"Examples", "--kernel", "--snap", "quality", "match", "Exit codes"})
+    CHECK_THAT(help.out, Catch::Matchers::Contains(word));
+  CHECK_THAT(place.run("--version").out, Catch::Matchers::StartsWith("cadmorph 0."));
+  CHECK(place.run("quality --help").exit_code == 0);
+}
+
+TEST_CASE("The result does not depend on the number of threads", "[apps][main]") {
+  const Workplace place;
+  const std::string inputs = source_file("models/bore/base.step").string() + " " +
+                             source_file("models/bore/step05.step").string() + " " +
+                             source_file("models/bore/hex.vtu").string();
+  REQUIRE(place.run(inputs + " -o one.vtu --quiet --threads 1").exit_code == 0);
+  REQUIRE(place.run(inputs + " -o two.vtu --quiet --threads 2").exit_code == 0);
+  const MeshFile one(place.folder() / "one.vtu"), two(place.folder() / "two.vtu");
+  // The factorisation's blocks follow the BLAS's threads: rounding at the system's condition.
+  CHECK((one.mesh().points - two.mesh().points).cwiseAbs().maxCoeff() < 1e-7);
+}
+
+}  // namespace cadmorph

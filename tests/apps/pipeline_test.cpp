@@ -1,0 +1,75 @@
+#include "apps/pipeline.h"
+
+#include <catch2/catch.hpp>
+
+#include "cad/step_reader.h"
+#include "command_line.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+
+MorphJob box_job(const Workplace& place, PipelineOptions options = {}) {
+  return MorphJob(std::make_shared<const CadModel>(read_step(place.folder() / "box.step")),
+                  std::make_shared<const MeshFile>(place.folder() / "box.vtu"), std::move(options));
+}
+
+}  // namespace
+
+TEST_CASE("A job serves many variants, each as if it were alone", "[apps][pipeline]") {
+  const Workplace place;
+  const MorphJob job = box_job(place);
+  const CadModel same = read_step(place.folder() / "box.step");
+  const CadModel longer = read_step(place.folder() / "box_moved.step");
+  const MorphResult first = job.morph(longer);
+  const MorphResult identity = job.morph(same);
+  const MorphResult again = job.morph(longer);
+  CHECK(first.positions == again.positions);
+  CHECK(first.positions.col(0).maxCoeff() == Approx(12));
+  CHECK((identity.positions - job.mesh().points).cwiseAbs().maxCoeff() < 3.7e-8);
+  CHECK(first.report.outcome == Outcome::Done);
+}
+
+TEST_CASE("A refused result names its worst cell and the face beside it", "[apps][pipeline]") {
+  const Workplace place;
+  // A cell of poor shape at the side x = 0, in the middle of y and z.
+  Mesh mesh = box_mesh(3);
+  const Index node = (4 * 7 + 3) * 4 + 1;
+  mesh.points.row(node) << 0.4, mesh.points(node, 1) + 2.5, mesh.points(node, 2);
+  write_mesh(place.folder() / "box.vtu", mesh);
+  PipelineOptions options;
+  options.min_scaled_jacobian = 0.5;
+  const MorphJob job = box_job(place, options);
+  const CadModel variant = read_step(place.folder() / "box_moved.step");
+  const MorphResult result = job.morph(variant);
+  REQUIRE(result.report.outcome != Outcome::Done);
+  const Diagnosis& diagnosis = *result.report.diagnosis;
+  CHECK(result.quality.values[diagnosis.worst_cell] == result.quality.min);
+  CHECK(diagnosis.bad_cells > 0);
+  // The CAD face at x = 0.
+  REQUIRE(diagnosis.face >= 0);
+  const CadModel base = read_step(place.folder() / "box.step");
+  const CadFace& face = base.faces()[diagnosis.face];
+  const auto at = base.evaluate(diagnosis.face, (face.lower + face.upper) / 2).point;
+  CHECK(at[0] == Approx(0).margin(1e-9));
+}
+
+TEST_CASE("The progress of the whole trip is told", "[apps][pipeline]") {
+  const Workplace place;
+  std::vector<std::string> phases;
+  PipelineOptions options;
+  options.progress = [&](std::string_view phase, double fraction) {
+    CHECK(fraction >= 0);
+    CHECK(fraction <= 1);
+    if (phases.empty() || phases.back() != phase) phases.emplace_back(phase);
+  };
+  const MorphFiles files{place.folder() / "box.step", place.folder() / "box_moved.step",
+                         place.folder() / "box.vtu", place.folder() / "out.vtu", false};
+  const PipelineReport report = morph_files(files, options);
+  CHECK(report.written == place.folder() / "out.vtu");
+  for (const char* phase : {"reading", "association", "volume morph", "writing"})
+    CHECK(std::count(phases.begin(), phases.end(), phase) >= 1);
+}
+
+}  // namespace cadmorph

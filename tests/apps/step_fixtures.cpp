@@ -1,0 +1,43 @@
+// step_fixtures FOLDER: writes box.step (6 faces), box_moved.step (the same, longer),
+// box_chamfer.step (one face more) and box_inch.step (the same in inches) into a folder.
+
+#include <BRepFilletAPI_MakeChamfer.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <Interface_Static.hxx>
+#include <STEPControl_Controller.hxx>
+#include <STEPControl_Writer.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <cstdio>
+#include <filesystem>
+
+namespace {
+
+bool write(const TopoDS_Shape& shape, const std::filesystem::path& path, const char* unit = "MM") {
+  STEPControl_Controller::Init();  // makes the setting known
+  Interface_Static::SetCVal("write.step.unit", unit);
+  STEPControl_Writer writer;
+  return writer.Transfer(shape, STEPControl_AsIs) == IFSelect_RetDone &&
+         writer.Write(path.c_str()) == IFSelect_RetDone;
+}
+
+TopoDS_Shape box(double length) { return BRepPrimAPI_MakeBox(length, 20, 30).Shape(); }
+
+TopoDS_Shape chamfered() {
+  const TopoDS_Shape shape = box(10);
+  BRepFilletAPI_MakeChamfer chamfer(shape);
+  chamfer.Add(1.0, TopoDS::Edge(TopExp_Explorer(shape, TopAbs_EDGE).Current()));
+  return chamfer.Shape();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) return 1;
+  const std::filesystem::path folder = argv[1];
+  const bool is_done = write(box(10), folder / "box.step") &&
+                       write(box(12), folder / "box_moved.step") &&
+                       write(chamfered(), folder / "box_chamfer.step") &&
+                       write(box(10), folder / "box_inch.step", "INCH");
+  return is_done ? 0 : 1;
+}
