@@ -32,6 +32,8 @@
 #include <Geom_RectangularTrimmedSurface.hxx>
 #include <Geom_TrimmedCurve.hxx>
 #include <Interface_Static.hxx>
+#include <Message.hxx>
+#include <Message_Messenger.hxx>
 #include <STEPControl_Reader.hxx>
 #include <STEPControl_Writer.hxx>
 #include <TopExp.hxx>
@@ -368,6 +370,7 @@ CadModel through_step(const TopoDS_Shape& shape) {
 }
 
 void write_step(const std::filesystem::path& path, const TopoDS_Shape& shape) {
+  Message::DefaultMessenger()->ChangePrinters().Clear();
   STEPControl_Writer writer;
   Interface_Static::SetCVal("write.step.unit", "MM");
   if (writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone ||

@@ -1,0 +1,316 @@
+#include "cad/topology_match.h"
+
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepFilletAPI_MakeFillet.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Edge.hxx>
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <numbers>
+#include <numeric>
+#include <regex>
+#include <set>
+#include <sstream>
+
+#include "cad/step_reader.h"
+#include "cad_variants.h"
+#include "core/errors.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Catch::Matchers::Contains;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+/// Middle of a curve: mean of points along its edges.
+Vector3d middle(const CadModel& model, int curve) {
+  constexpr int kSamples = 40;
+  Vector3d sum = Vector3d::Zero();
+  double weight = 0;
+  for (const CurveLink& link : model.skeleton().curves[curve].links) {
+    const CadEdge& e = model.edges()[link.edge];
+    for (int i = 0; i < kSamples; ++i) {
+      const double t = e.first + (e.last - e.first) * (i + 0.5) / kSamples;
+      const CurvePoint p = model.evaluate_edge(link.edge, t);
+      sum += p.dt.norm() * (e.last - e.first) * p.point;
+      weight += p.dt.norm() * (e.last - e.first);
+    }
+  }
+  return sum / weight;
+}
+
+bool is_permutation(std::vector<int> map, std::size_t size) {
+  std::sort(map.begin(), map.end());
+  std::vector<int> all(size);
+  std::iota(all.begin(), all.end(), 0);
+  return map == all;
+}
+
+/// Number of base entities whose counterpart is not at the image of their place.
+int misplaced(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+              const gp_Trsf& map) {
+  int count = 0;
+  const double near = 1e-6 * variant.diagonal();
+  for (std::size_t c = 0; c < match.corners.size(); ++c) {
+    const auto b = base.vertices()[base.skeleton().corners[c]].point;
+    const auto v = variant.vertices()[variant.skeleton().corners[match.corners[c]]].point;
+    count += (apply(map, b) - v).norm() > near;
+  }
+  for (std::size_t c = 0; c < match.curves.size(); ++c)
+    count +=
+        (apply(map, middle(base, static_cast<int>(c))) - middle(variant, match.curves[c])).norm() >
+        near;
+  return count;
+}
+
+std::vector<Vector2d> grid(int columns, int rows, double pitch) {
+  std::vector<Vector2d> centres;
+  for (int i = 0; i < columns; ++i)
+    for (int j = 0; j < rows; ++j) centres.emplace_back((i + 0.5) * pitch, (j + 0.5) * pitch);
+  return centres;
+}
+
+/// The cylinder face whose axis passes nearest to (x, y).
+int hole_at(const CadModel& model, const Vector2d& centre) {
+  std::pair<double, int> best{1e300, -1};
+  for (int f = 0; f < static_cast<int>(model.faces().size()); ++f) {
+    const CadFace& face = model.faces()[f];
+    if (face.type != SurfaceType::Cylinder) continue;
+    const Vector2d a = face.lower, b{0.5 * (face.lower.x() + face.upper.x()), face.lower.y()};
+    const Vector3d axis = 0.5 * (model.evaluate(f, a).point + model.evaluate(f, b).point);
+    best = std::min(best, {(axis.head<2>() - centre).norm(), f});
+  }
+  return best.second;
+}
+
+TopoDS_Shape with_fillets(int count) {
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(40, 30, 20).Solid();
+  BRepFilletAPI_MakeFillet fillet(box);
+  std::set<const void*> seen;
+  for (TopExp_Explorer e(box, TopAbs_EDGE); e.More() && count > 0; e.Next())
+    if (seen.insert(e.Current().TShape().get()).second && seen.size() % 5 == 1) {
+      fillet.Add(3, TopoDS::Edge(e.Current()));
+      --count;
+    }
+  return fillet.Shape();
+}
+
+std::string refusal(const CadModel& base, const CadModel& variant) {
+  try {
+    match_topology(base, variant);
+  } catch (const TopologyError& error) {
+    return error.what();
+  }
+  return "matched";
+}
+
+/// Names the faces of a STEP file f1, f2, ... in the order of the file.
+void name_faces(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  const std::string old = text.str();
+  const std::regex face("ADVANCED_FACE\\('[^']*'");
+  std::ofstream out(path);
+  int number = 0;
+  std::size_t at = 0;
+  for (std::sregex_iterator it(old.begin(), old.end(), face), end; it != end; ++it) {
+    out << old.substr(at, static_cast<std::size_t>(it->position()) - at) << "ADVANCED_FACE('f"
+        << ++number << "'";
+    at = static_cast<std::size_t>(it->position() + it->length());
+  }
+  out << old.substr(at);
+}
+
+gp_Trsf half_turn(double x, double y) {
+  gp_Trsf turn;
+  turn.SetRotation(gp_Ax1(gp_Pnt(x, y, 0), gp_Dir(0, 0, 1)), std::numbers::pi);
+  return turn;
+}
+
+const std::vector<Vector2d> kFourHoles{{15, 15}, {15, 45}, {45, 15}, {45, 45}};
+
+}  // namespace
+
+TEST_CASE("500 random shuffles and reversals of a part with 60 faces are all matched",
+          "[cad][match]") {
+  const TopoDS_Shape part = drilled_plate(180, 120, 12, 6, grid(9, 6, 20));
+  const CadModel base = to_model(part);
+  REQUIRE(base.faces().size() == 60);
+  int wrong_faces = 0, wrong_others = 0;
+  for (unsigned seed = 0; seed < 500; ++seed) {
+    const Shuffled variant = shuffle(
+        part, {.seed = seed, .has_reversed_planes = true, .has_reversed_edges = seed % 3 == 0});
+    const CadModel model = to_model(variant.shape);
+    const TopologyMatch match = match_topology(base, model);
+    wrong_faces += match.faces != variant.faces;
+    wrong_others += misplaced(base, model, match, {});
+  }
+  CHECK(wrong_faces == 0);
+  CHECK(wrong_others == 0);
+}
+
+TEST_CASE(
+    "a symmetric part turned by less than half its symmetry is matched to the nearest position",
+    "[cad][match]") {
+  const TopoDS_Shape part = drilled_plate(180, 120, 12, 6, grid(9, 6, 20));
+  const CadModel base = to_model(part);
+  const gp_Trsf map = similarity(0.3, 1.4, gp_Vec(-20, 10, 300));
+  for (unsigned seed = 0; seed < 10; ++seed) {
+    const Shuffled variant =
+        shuffle(transformed(part, map),
+                {.seed = seed, .has_reversed_planes = true, .has_reversed_edges = seed % 3 == 0});
+    const CadModel model = to_model(variant.shape);
+    const TopologyMatch match = match_topology(base, model);
+    CHECK(match.faces == variant.faces);
+    CHECK(misplaced(base, model, match, map) == 0);
+  }
+}
+
+TEST_CASE("shapes match themselves in any order, entity by entity", "[cad][match]") {
+  for (const std::string name : {"bracket", "plate_12_holes", "plate_4_holes", "stepped_shaft",
+                                 "blade", "two_blocks", "sphere_in_box", "torus", "cone"})
+    for (const unsigned seed : {11u, 12u, 13u}) {
+      DYNAMIC_SECTION(name << ' ' << seed) {
+        const TopoDS_Shape shape = read_shape(model_file("shapes/" + name + ".step"));
+        const CadModel base = to_model(shape);
+        const Shuffled shuffled =
+            shuffle(shape, {.seed = seed, .has_reversed_planes = true, .has_reversed_edges = true});
+        const CadModel variant = to_model(shuffled.shape);
+        const TopologyMatch match = match_topology(base, variant);
+        CHECK(match.faces == shuffled.faces);
+        CHECK(is_permutation(match.curves, base.skeleton().curves.size()));
+        CHECK(is_permutation(match.corners, base.skeleton().corners.size()));
+        CHECK(misplaced(base, variant, match, {}) == 0);
+        CHECK(match.is_congruent);
+        CHECK(match.face_confidence.size() == base.faces().size());
+        for (const double confidence : match.face_confidence) {
+          CHECK(confidence > 0);
+          CHECK(confidence <= 1);
+        }
+      }
+    }
+}
+
+TEST_CASE("equal holes are matched by position when they move and the operands change order",
+          "[cad][match]") {
+  const CadModel base = to_model(drilled_plate(60, 60, 10, 8, kFourHoles));
+  std::vector<Vector2d> moved{{16, 17}, {13, 44}, {46, 14}, {44, 47}};
+  std::vector<int> order{0, 1, 2, 3};
+  do {
+    std::vector<Vector2d> drilled;
+    for (const int i : order) drilled.push_back(moved[i]);
+    const CadModel variant = to_model(drilled_plate(62, 60, 11, 8.5, drilled));
+    const TopologyMatch match = match_topology(base, variant);
+    for (int i = 0; i < 4; ++i) {
+      const int from = hole_at(base, kFourHoles[i]), to = hole_at(variant, moved[i]);
+      CHECK(match.faces[from] == to);
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
+}
+
+TEST_CASE("unique names in the STEP files decide before position does", "[cad][match]") {
+  const TopoDS_Shape plate = read_shape(model_file("shapes/plate_4_holes.step"));
+  const TemporaryFile base_file(".step"), variant_file(".step");
+  write_step(base_file.path(), plate);
+  // The same set of points, each face opposite to where it was.
+  write_step(variant_file.path(), transformed(plate, half_turn(30, 30)));
+  name_faces(base_file.path());
+  name_faces(variant_file.path());
+  const CadModel base = read_step(base_file.path()), variant = read_step(variant_file.path());
+  std::vector<int> same(base.faces().size());
+  std::iota(same.begin(), same.end(), 0);
+  CHECK(base.faces()[0].name == "f1");
+  CHECK(match_topology(base, variant).faces == same);
+}
+
+TEST_CASE("pairs of a map file decide before position does", "[cad][match]") {
+  const TopoDS_Shape plate = read_shape(model_file("shapes/plate_4_holes.step"));
+  const CadModel base = to_model(plate), variant = to_model(transformed(plate, half_turn(30, 30)));
+  const int hole = hole_at(base, kFourHoles[0]);
+  REQUIRE(hole >= 0);
+  std::vector<int> same(base.faces().size());
+  std::iota(same.begin(), same.end(), 0);
+  // By position each hole meets the one opposite in the file's order.
+  CHECK(match_topology(base, variant).faces[hole] != hole);
+  MatchOptions options;
+  for (int f = 0; f < static_cast<int>(same.size()); ++f)
+    options.given_faces.emplace_back(f + 1, f + 1);
+  const TopologyMatch match = match_topology(base, variant, options);
+  CHECK(match.faces == same);
+  CHECK(misplaced(base, variant, match, half_turn(30, 30)) == 0);
+  CHECK(match.how == "map file");
+}
+
+TEST_CASE("impossible pairs of a map file are refused", "[cad][match][errors]") {
+  const CadModel base = to_model(read_shape(model_file("shapes/bracket.step")));
+  int plane = -1, cylinder = -1;
+  for (int f = 0; f < static_cast<int>(base.faces().size()); ++f)
+    (base.faces()[f].wires.size() > 1 ? plane : cylinder) = f;
+  REQUIRE(plane >= 0);
+  REQUIRE(cylinder >= 0);
+  MatchOptions options;
+  options.given_faces = {{plane + 1, cylinder + 1}};
+  CHECK_THROWS_AS(match_topology(base, base, options), TopologyError);
+  options.given_faces = {{1, static_cast<int>(base.faces().size()) + 1}};
+  CHECK_THROWS_AS(match_topology(base, base, options), Error);
+  options.given_faces = {{0, 1}};
+  CHECK_THROWS_AS(match_topology(base, base, options), Error);
+}
+
+TEST_CASE("a face map file is read with comments and a header", "[cad][match]") {
+  const TemporaryFile file(".csv");
+  std::ofstream(file.path()) << "base,variant\n1,4\n# a comment\n 2 , 3  # another\n\n10,11\n";
+  const std::vector<std::pair<int, int>> expected{{1, 4}, {2, 3}, {10, 11}};
+  CHECK(read_face_map(file.path()) == expected);
+}
+
+TEST_CASE("a bad face map file is refused with its line", "[cad][match][errors]") {
+  const TemporaryFile file(".csv");
+  CHECK_THROWS_AS(read_face_map(file.path()), IoError);
+  std::ofstream(file.path()) << "1,2\n3,four\n";
+  CHECK_THROWS_AS(read_face_map(file.path()), InvalidInputError);
+  CHECK_THROWS_WITH(read_face_map(file.path()), Contains(":2"));
+}
+
+TEST_CASE("an added hole is refused and named", "[cad][match][errors]") {
+  const CadModel base = to_model(drilled_plate(60, 60, 10, 5, kFourHoles));
+  auto centres = kFourHoles;
+  centres.insert(centres.begin() + 2, Vector2d(30, 30));
+  const CadModel variant = to_model(drilled_plate(60, 60, 10, 5, centres));
+  const int added = hole_at(variant, {30, 30});
+  CHECK_THROWS_AS(match_topology(base, variant), TopologyError);
+  CHECK_THAT(refusal(base, variant), Contains("variant face " + std::to_string(added + 1) + " "));
+  CHECK_THAT(refusal(base, variant), Contains("cylinder"));
+  // The other way round a hole was removed.
+  CHECK_THAT(refusal(variant, base), Contains("base face " + std::to_string(added + 1) + " "));
+}
+
+TEST_CASE("a removed fillet is refused and named", "[cad][match][errors]") {
+  const CadModel base = to_model(with_fillets(2)), variant = to_model(with_fillets(1));
+  REQUIRE(base.faces().size() == variant.faces().size() + 1);
+  CHECK_THROWS_AS(match_topology(base, variant), TopologyError);
+  CHECK_THAT(refusal(base, variant), Contains("base face"));
+  CHECK_THAT(refusal(base, variant), Contains("cylinder"));
+}
+
+TEST_CASE("equal counts with another adjacency are refused", "[cad][match][errors]") {
+  const auto drill = [](const TopoDS_Shape& shape, const gp_Pnt& at, const gp_Dir& along) {
+    return BRepAlgoAPI_Cut(shape, BRepPrimAPI_MakeCylinder(gp_Ax2(at, along), 2, 100).Solid())
+        .Shape();
+  };
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(40, 30, 20).Solid();
+  const TopoDS_Shape once = drill(box, gp_Pnt(10, 10, -1), gp_Dir(0, 0, 1));
+  const CadModel parallel = to_model(drill(once, gp_Pnt(30, 20, -1), gp_Dir(0, 0, 1)));
+  const CadModel crossed = to_model(drill(once, gp_Pnt(30, -1, 10), gp_Dir(0, 1, 0)));
+  REQUIRE(parallel.faces().size() == crossed.faces().size());
+  REQUIRE(parallel.edges().size() == crossed.edges().size());
+  CHECK_THROWS_AS(match_topology(parallel, crossed), TopologyError);
+  CHECK_THAT(refusal(parallel, crossed), Contains("face"));
+}
