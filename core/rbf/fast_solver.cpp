@@ -23,17 +23,16 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Centres are kept this part of the bounding box's diagonal apart; finer points get the correction.
-constexpr double kThinning = 5e-5;
+constexpr double kThinning = 2.5e-5;
 
 // Up to here direct sums beat the H2 matrix, its set-up included.
 constexpr Index kDirectCentres = 12000;
 
-// Measured stencil defects from which on all stencils get half as many points again, and from which
-// on they are enlarged one by one (ordinary parts: 0.002, steep grading 0.008, thin gaps up to
-// 0.1).
+// Measured stencil defects (ordinary parts: 0.002, steep grading 0.008, thin gaps up to 0.1): from
+// which on all stencils are larger, and from which on they are enlarged one by one.
 constexpr double kDefectWide = 0.005;
+constexpr double kDefectWider = 0.01;
 constexpr double kDefectAdaptive = 0.03;
-constexpr Index kWideStencil = 96;
 
 constexpr int kIterations = 25;  // enough for every sound factor
 constexpr int kAdaptiveIterations = 100;
@@ -158,7 +157,7 @@ FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
     factor_options.is_adaptive = tools_.is_adaptive = true;
     remarks = "larger stencils for thin gaps";
   } else if (defect > kDefectWide) {
-    factor_options.neighbours = kWideStencil;
+    factor_options.neighbours = defect > kDefectWider ? 128 : 96;
   }
   tools_.factor =
       std::make_shared<SparseInverseCholesky>(point_rows, frame.terms(), factor_options);

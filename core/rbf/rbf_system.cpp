@@ -258,9 +258,9 @@ std::unique_ptr<DenseSolver> RbfSystem::Impl::factor_dense(RbfReport& into) cons
     solver = make_dense_solver(factorisation_of(into.solver), sum.matrix(*centres), P,
                                kernel.cpd_sign());
   } catch (const SolverError&) {
-    if (options.solver != SolverKind::Auto || into.solver != SolverKind::Cholesky) throw;
+    if (options.solver == SolverKind::Cholesky || into.solver != SolverKind::Cholesky) throw;
     into.solver = SolverKind::Ldlt;
-    into.reason = "Cholesky found the system not definite to rounding (centres nearly coincide)";
+    into.reason += "; Cholesky found the system not definite to rounding (centres nearly coincide)";
     solver = make_dense_solver(Factorisation::Ldlt, sum.matrix(*centres), P, kernel.cpd_sign());
   }
   into.reciprocal_condition = solver->reciprocal_condition();
