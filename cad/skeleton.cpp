@@ -25,6 +25,16 @@ std::vector<std::vector<EdgeEnd>> edge_ends(const CadModel& model) {
   return ends;
 }
 
+// Vertices where a seam ends: only there do exporters cut a curve for no reason of the design.
+std::vector<char> seam_vertices(const CadModel& model) {
+  std::vector<char> is_seam_end(model.vertices().size(), 0);
+  for (const CadEdge& edge : model.edges())
+    if (edge.is_seam)
+      for (const int v : {edge.start, edge.end})
+        if (v >= 0) is_seam_end[v] = 1;
+  return is_seam_end;
+}
+
 std::vector<int> adjacent_faces(const CadModel& model, int edge) {
   std::vector<int> faces;
   for (int c : model.edges()[edge].coedges) faces.push_back(model.coedges()[c].face);
@@ -39,9 +49,10 @@ Eigen::Vector3d inward_tangent(const CadModel& model, const EdgeEnd& end) {
   return (end.is_start ? 1.0 : -1.0) * d.normalized();
 }
 
-bool is_corner(const CadModel& model, const std::vector<EdgeEnd>& ends) {
+bool is_corner(const CadModel& model, const std::vector<EdgeEnd>& ends, bool is_seam_end) {
   if (ends.empty()) return false;
   if (ends.size() != 2) return true;
+  if (!is_seam_end && ends[0].edge != ends[1].edge) return true;
   if (adjacent_faces(model, ends[0].edge) != adjacent_faces(model, ends[1].edge)) return true;
   return inward_tangent(model, ends[0]).dot(inward_tangent(model, ends[1])) > -kSmoothCosine;
 }
@@ -60,9 +71,10 @@ class Chainer {
 
  private:
   void mark_corners() {
+    const std::vector<char> is_seam_end = seam_vertices(model_);
     skeleton_.corner_of_vertex.assign(model_.vertices().size(), -1);
     for (int v = 0; v < static_cast<int>(model_.vertices().size()); ++v)
-      if (is_corner(model_, ends_[v])) {
+      if (is_corner(model_, ends_[v], is_seam_end[v])) {
         skeleton_.corner_of_vertex[v] = static_cast<int>(skeleton_.corners.size());
         skeleton_.corners.push_back(v);
       }

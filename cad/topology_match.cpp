@@ -21,7 +21,10 @@ using Eigen::Vector3d;
 // A nearest candidate is taken with others of its class at once when it is this much nearer than
 // the second nearest.
 constexpr double kClearMargin = 0.5;
+constexpr const char* kFileOrder = "file order, verified";
 constexpr int kMaxTries = 12;
+// Refinements that one alignment may cost, and that one may where a match is known already.
+constexpr int kMostRefinements = 2000, kFewRefinements = 60;
 constexpr int kMaxNamed = 6;
 // Matches whose distances differ by less than this part of the diagonal, or this factor, are
 // equally good: symmetric parts have many.
@@ -93,15 +96,20 @@ struct Ranked {
 
 class Matcher {
  public:
-  Matcher(const Side& base, const Side& variant, const Similarity& alignment)
-      : base_(base), variant_(variant), alignment_(alignment) {}
+  Matcher(const Side& base, const Side& variant, const Similarity& alignment, int most_refinements)
+      : base_(base),
+        variant_(variant),
+        alignment_(alignment),
+        most_refinements_(most_refinements) {}
 
-  // Decides every entity by closeness, consistently with the adjacency. False when it gets stuck.
+  // Decides every entity by closeness, consistently with the adjacency. False when it gets stuck or
+  // has to refine too often, as a wrong alignment makes it.
   bool solve(ColourRefinement& colours, std::vector<double>& confidence) {
     for (;;) {
       const auto open = open_classes(colours, base_.graph.entity_count());
       if (open.empty()) return true;
-      if (!decide_clear_class(open, colours, confidence) && !decide_one(open, colours, confidence))
+      if (refinements_ >= most_refinements_ || (!decide_clear_classes(open, colours, confidence) &&
+                                                !decide_one(open, colours, confidence)))
         return false;
     }
   }
@@ -120,32 +128,51 @@ class Matcher {
     return ranked;
   }
 
-  // All members of a class at once, where each has a clear, different nearest candidate.
-  bool decide_clear_class(const std::vector<ColourClass>& open, ColourRefinement& colours,
-                          std::vector<double>& confidence) const {
-    for (const ColourClass& members : open) {
-      std::vector<Ranked> ranks;
-      std::vector<int> taken;
-      for (const int b : members.base) {
-        ranks.push_back(rank(b, members.variant));
-        if (!ranks.back().is_clear()) break;
-        taken.push_back(ranks.back().candidates[0].second);
-      }
-      std::sort(taken.begin(), taken.end());
-      taken.erase(std::unique(taken.begin(), taken.end()), taken.end());
-      if (taken.size() != members.base.size()) continue;
-      ColourRefinement trial = colours;
-      for (const Ranked& r : ranks) trial.individualise(r.base, r.candidates[0].second);
-      if (!trial.refine()) continue;
-      for (const Ranked& r : ranks) confidence[r.base] = confidence_of(r);
-      colours = std::move(trial);
-      return true;
+  // Pairs of a class whose members all have a clear, different nearest candidate; else nothing.
+  std::vector<Ranked> clear_pairs(const ColourClass& members) const {
+    std::vector<Ranked> ranks;
+    std::vector<int> taken;
+    for (const int b : members.base) {
+      ranks.push_back(rank(b, members.variant));
+      if (!ranks.back().is_clear()) return {};
+      taken.push_back(ranks.back().candidates[0].second);
     }
-    return false;
+    std::sort(taken.begin(), taken.end());
+    taken.erase(std::unique(taken.begin(), taken.end()), taken.end());
+    return taken.size() == members.base.size() ? ranks : std::vector<Ranked>{};
+  }
+
+  bool try_pairs(const std::vector<Ranked>& pairs, ColourRefinement& colours,
+                 std::vector<double>& confidence) {
+    ColourRefinement trial = colours;
+    for (const Ranked& r : pairs) trial.individualise(r.base, r.candidates[0].second);
+    ++refinements_;
+    if (!trial.refine()) return false;
+    for (const Ranked& r : pairs) confidence[r.base] = confidence_of(r);
+    colours = std::move(trial);
+    return true;
+  }
+
+  // All clear classes at once; where they contradict each other, the first that stands alone.
+  bool decide_clear_classes(const std::vector<ColourClass>& open, ColourRefinement& colours,
+                            std::vector<double>& confidence) {
+    std::vector<std::vector<Ranked>> clear;
+    std::vector<Ranked> all;
+    for (const ColourClass& members : open) {
+      auto pairs = clear_pairs(members);
+      if (pairs.empty()) continue;
+      all.insert(all.end(), pairs.begin(), pairs.end());
+      clear.push_back(std::move(pairs));
+    }
+    if (all.empty()) return false;
+    if (try_pairs(all, colours, confidence)) return true;
+    return std::any_of(clear.begin(), clear.end(), [&](const std::vector<Ranked>& pairs) {
+      return refinements_ < most_refinements_ && try_pairs(pairs, colours, confidence);
+    });
   }
 
   bool decide_one(const std::vector<ColourClass>& open, ColourRefinement& colours,
-                  std::vector<double>& confidence) const {
+                  std::vector<double>& confidence) {
     Ranked best;
     for (const ColourClass& members : open)
       for (const int b : members.base) {
@@ -155,6 +182,7 @@ class Matcher {
     for (const auto& [distance, v] : best.candidates) {
       ColourRefinement trial = colours;
       trial.individualise(best.base, v);
+      ++refinements_;
       if (!trial.refine()) continue;
       confidence[best.base] = confidence_of(best);
       colours = std::move(trial);
@@ -171,6 +199,8 @@ class Matcher {
   const Side& base_;
   const Side& variant_;
   Similarity alignment_;
+  int most_refinements_;
+  int refinements_ = 0;
 };
 
 TopologyMatch to_match(const Side& base, const ColourRefinement& colours,
@@ -389,34 +419,84 @@ std::optional<TopologyMatch> by_file_order(const Side& base, ColourRefinement co
   if (!colours.refine()) return std::nullopt;
   TopologyMatch match =
       to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0));
-  match.how = "file order, verified";
+  match.how = kFileOrder;
   return match;
 }
 
 std::optional<TopologyMatch> by_alignment(const Side& base, const Side& variant,
-                                          ColourRefinement colours, const Candidate& candidate) {
+                                          ColourRefinement colours, const Candidate& candidate,
+                                          int most_refinements) {
   std::vector<double> confidence(base.graph.entity_count(), 1.0);
-  if (!Matcher(base, variant, candidate.alignment).solve(colours, confidence)) return std::nullopt;
+  if (!Matcher(base, variant, candidate.alignment, most_refinements).solve(colours, confidence))
+    return std::nullopt;
   TopologyMatch match = to_match(base, colours, confidence);
   match.how = candidate.how;
   return match;
 }
 
-// Possible matches, the preferred first: nothing moved; the file's own order, which tells how a
-// symmetric part was turned as a whole; then by position under several alignments.
-std::vector<TopologyMatch> possible_matches(const Side& base, const Side& variant,
-                                            const ColourRefinement& colours) {
-  std::vector<TopologyMatch> all;
+// Collects possible matches and chooses among them.
+class Selection {
+ public:
+  Selection(const Side& base, const Side& variant) : base_(base), variant_(variant) {}
+
+  // Returns whether the match is so near that no other can be nearer.
+  bool offer(std::optional<TopologyMatch> match) {
+    if (!match) return false;
+    for (const TopologyMatch& other : matches_)
+      if (other.faces == match->faces && other.curves == match->curves &&
+          other.corners == match->corners)
+        return false;
+    align(base_.model, variant_.model, *match);
+    distance_.push_back(quality(base_, variant_, *match, match->alignment));
+    matches_.push_back(std::move(*match));
+    return distance_.back() < kTie;
+  }
+
+  bool is_empty() const { return matches_.empty(); }
+
+  // Of the nearest, the file's own order, which tells how a symmetric part was turned as a whole;
+  // else the one of least rotation.
+  std::optional<TopologyMatch> best() {
+    if (matches_.empty()) return std::nullopt;
+    const double allowed = kSlack * *std::min_element(distance_.begin(), distance_.end()) + kTie;
+    std::size_t best = matches_.size();
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (distance_[i] > allowed) continue;
+      if (matches_[i].how == kFileOrder) return std::move(matches_[i]);
+      if (best == matches_.size() || angle(matches_[i]) < angle(matches_[best])) best = i;
+    }
+    return std::move(matches_[best]);
+  }
+
+ private:
+  static double angle(const TopologyMatch& match) {
+    return Eigen::AngleAxisd(match.alignment.rotation).angle();
+  }
+
+  const Side& base_;
+  const Side& variant_;
+  std::vector<TopologyMatch> matches_;
+  std::vector<double> distance_;
+};
+
+// The preferred match first: nothing moved; the file's own order, which tells how a symmetric part
+// was turned as a whole; then by position under several alignments.
+std::optional<TopologyMatch> by_position(const Side& base, const Side& variant,
+                                         const ColourRefinement& colours) {
   const auto candidates = candidate_alignments(base, variant, colours);
-  auto in_place = by_alignment(base, variant, colours, candidates.front());
-  const bool is_unmoved = in_place && quality(base, variant, *in_place, Similarity{}) < kTie;
-  if (is_unmoved) return {std::move(*in_place)};
-  if (auto match = by_file_order(base, colours)) all.push_back(std::move(*match));
-  if (in_place) all.push_back(std::move(*in_place));
-  for (std::size_t i = 1; i < candidates.size(); ++i)
-    if (auto match = by_alignment(base, variant, colours, candidates[i]))
-      all.push_back(std::move(*match));
-  return all;
+  auto in_place = by_alignment(base, variant, colours, candidates.front(), kMostRefinements);
+  Selection selection(base, variant);
+  if (in_place && quality(base, variant, *in_place, Similarity{}) < kTie) {
+    selection.offer(std::move(in_place));
+    return selection.best();
+  }
+  if (selection.offer(by_file_order(base, colours))) return selection.best();
+  selection.offer(std::move(in_place));
+  for (std::size_t i = 1; i < candidates.size(); ++i) {
+    const int most = selection.is_empty() ? kMostRefinements : kFewRefinements;
+    if (selection.offer(by_alignment(base, variant, colours, candidates[i], most))) break;
+  }
+  return selection.best();
 }
 
 std::optional<TopologyMatch> best_match(const Side& base, const Side& variant,
@@ -425,23 +505,13 @@ std::optional<TopologyMatch> best_match(const Side& base, const Side& variant,
   if (!colours.refine()) return std::nullopt;
   apply_given(base, variant, options, colours);
   apply_names(base, variant, colours);
-  std::vector<TopologyMatch> all;
-  if (open_classes(colours, base.graph.entity_count()).empty()) {
-    all.push_back(to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0)));
-    all.back().how = options.given_faces.empty() ? "structure" : "map file";
-  } else {
-    all = possible_matches(base, variant, colours);
-  }
-  std::vector<double> distance;
-  for (TopologyMatch& match : all) {
-    align(base.model, variant.model, match);
-    distance.push_back(quality(base, variant, match, match.alignment));
-  }
-  if (all.empty()) return std::nullopt;
-  const double allowed = kSlack * *std::min_element(distance.begin(), distance.end()) + kTie;
-  const auto first =
-      std::find_if(distance.begin(), distance.end(), [&](double d) { return d <= allowed; });
-  return std::move(all[static_cast<std::size_t>(first - distance.begin())]);
+  if (!open_classes(colours, base.graph.entity_count()).empty())
+    return by_position(base, variant, colours);
+  TopologyMatch match =
+      to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0));
+  match.how = options.given_faces.empty() ? "structure" : "map file";
+  align(base.model, variant.model, match);
+  return match;
 }
 
 }  // namespace

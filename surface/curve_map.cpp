@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "cad/alignment.h"
 
 namespace cadmorph {
 namespace {
@@ -14,6 +15,7 @@ constexpr int kPhases = 96;
 // Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
+constexpr double kSameForm = 1e-4;   // of the curve's length: room for its sampling
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
 
@@ -145,11 +147,23 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
   if (deviation(back) < deviation(least_motion_)) least_motion_ = back;
   if (!has_equal_links) return least_motion_;
   const Way trusted = best_shift();
+  if (!keeps_form(least_motion_)) return trusted;
   double shift = 0;
   for (const CurveLocation& l : probes_)
     shift += shift_along(apply(least_motion_, l), apply(trusted, l)) / kProbes;
   phase_doubt_ = shift;
   return trusted;
+}
+
+// Whether the variant is the base curve up to a similarity.
+bool CurveMap::keeps_form(const Way& way) const {
+  std::vector<Vector3d> from, to;
+  for (const CurveLocation& l : probes_) {
+    const CurveLocation image = apply(way, l);
+    from.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
+    to.push_back(variant_.model().evaluate_edge(image.edge, image.t).point);
+  }
+  return residual(fit_similarity(from, to), from, to) < kSameForm * variant_.length();
 }
 
 bool CurveMap::runs_backward() const {

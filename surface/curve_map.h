@@ -26,8 +26,9 @@ class CurveMap {
 
   CurveLocation operator()(const CurveLocation& base) const;
 
-  /// For a closed curve mapped by its parameters: the part of a turn by which this differs from the
-  /// phase of least motion, in (-1/2, 1/2]; nullopt for other curves.
+  /// For a closed curve mapped by its parameters that kept its form up to size: the part of a turn
+  /// by which this differs from the phase of least motion, in (-1/2, 1/2]; nullopt for other
+  /// curves.
   std::optional<double> phase_doubt() const { return phase_doubt_; }
 
   /// Takes the phase of least motion: the start of the parametrisation moved, not the part.
@@ -50,6 +51,7 @@ class CurveMap {
   Way best_shift() const;
   Way choose_closed(bool has_equal_links);
   bool is_reparametrised(const Way& way) const;
+  bool keeps_form(const Way& way) const;
   double shift_along(const CurveLocation& from, const CurveLocation& to) const;
   bool runs_backward() const;
   bool is_same_under_alignment() const;

@@ -16,10 +16,11 @@ using Eigen::Vector3d;
 
 constexpr Index kMaxSamples = 1500;
 constexpr int kMinSamplesPerCurve = 6;
-constexpr double kLinear = 1e-10;    // of the domain: values that a linear function explains
-constexpr double kSameJoint = 1e-2;  // of the domain: gaps that pcurves leave at a vertex
-constexpr double kSame = 1e-7;       // of the diagonal: one surface, whatever its parameters
-constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
+constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
+constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave at a vertex
+constexpr double kSame = 1e-7;        // of the diagonal: one surface, whatever its parameters
+constexpr double kDifferent = 1e-6;   // of the diagonal: not the same point
+constexpr double kEqualPhase = 1e-6;  // of a period
 constexpr int kProbes = 24;
 // Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
 // correspond at all.
@@ -76,7 +77,7 @@ class ParameterWarp {
       if ((base_.period[a] > 0) != (variant_.period[a] > 0)) return std::nullopt;
     if (!map_samples()) return std::nullopt;
     find_linear_part();
-    if (!unwrap()) return std::nullopt;
+    unwrap();
     return values_;
   }
 
@@ -139,16 +140,21 @@ class ParameterWarp {
     }
     bool has_curves = false;
     for (std::size_t i = 0; i < domain_.samples().size(); ++i) has_curves |= !is_pole(i);
-    if (has_curves) return;
-    // No curve tells about the other direction either: carry the whole range.
-    for (int a = 0; a < 2; ++a)
-      if (base_.period[a] <= 0) {
-        const double ratio =
-            (variant_.upper[a] - variant_.lower[a]) / (base_.upper[a] - base_.lower[a]);
-        stretch_[a] = std::abs(ratio - 1) < 1e-12 ? 1 : ratio;
-        if (base_.lower[a] != variant_.lower[a] || stretch_[a] != 1)
-          offset_[a] = variant_.lower[a] - stretch_[a] * base_.lower[a];
-      }
+    for (int a = 0; a < 2 && !has_curves; ++a) carry_range(a);
+  }
+
+  // No curve tells about a direction: carry the whole range.
+  void carry_range(int a) {
+    if (base_.period[a] <= 0) {
+      const double ratio =
+          (variant_.upper[a] - variant_.lower[a]) / (base_.upper[a] - base_.lower[a]);
+      stretch_[a] = std::abs(ratio - 1) < 1e-12 ? 1 : ratio;
+    }
+    const bool is_same_range =
+        stretch_[a] == 1 && (base_.period[a] > 0 || base_.lower[a] == variant_.lower[a]);
+    if (is_same_range) return;
+    offset_[a] =
+        (stretch_[a] > 0 ? variant_.lower[a] : variant_.upper[a]) - stretch_[a] * base_.lower[a];
   }
 
   // Whether u' runs with u or against it, by the curves that go round; else by the surfaces'
@@ -174,18 +180,17 @@ class ParameterWarp {
   }
 
   // Displacements, in closed directions by the representative nearest to the first one's.
-  bool unwrap() {
+  void unwrap() {
     const auto& samples = domain_.samples();
     values_.resize(image_.rows(), 2);
     for (Index i = 0; i < image_.rows(); ++i)
       values_.row(i) = image_.row(i) - linear(samples[static_cast<std::size_t>(i)].uv).transpose();
     for (int a = 0; a < 2; ++a)
-      if (variant_.period[a] > 0 && !unwrap_direction(a)) return false;
-    return true;
+      if (variant_.period[a] > 0) unwrap_direction(a);
   }
 
   // At a pole the closed direction has no meaning: it takes the phase of the rest.
-  bool unwrap_direction(int a) {
+  void unwrap_direction(int a) {
     const double period = variant_.period[a];
     std::optional<double> reference;
     for (Index i = 0; i < values_.rows(); ++i) {
@@ -194,19 +199,17 @@ class ParameterWarp {
       values_(i, a) -= period * std::round((values_(i, a) - *reference) / period);
     }
     if (!reference) reference = phase_by_prediction(a);
-    if (!reference) return false;
     for (Index i = 0; i < values_.rows(); ++i)
       if (is_pole(static_cast<std::size_t>(i))) values_(i, a) = *reference;
     if (values_.rows() == 0) offset_[a] += *reference;
-    return true;
   }
 
-  // Phase of a face without curves: that of the projected prediction, where it is one.
-  std::optional<double> phase_by_prediction(int a) const {
+  // Phase of a face without curves: zero, unless the prediction says to the digit that the whole
+  // surface turned in its own parameters: then its seam moved.
+  double phase_by_prediction(int a) const {
     const double period = variant_.period[a];
     std::optional<double> reference;
     double sum = 0, spread = 0;
-    int count = 0;
     constexpr int n = 4;
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
@@ -219,11 +222,9 @@ class ParameterWarp {
         d -= period * std::round((d - *reference) / period);
         sum += d;
         spread = std::max(spread, std::abs(d - *reference));
-        ++count;
       }
-    if (spread > 1e-3 * period) return std::nullopt;
-    const double mean = sum / count;
-    return std::abs(mean) < 1e-9 * period ? 0 : mean;
+    const double mean = sum / (n * n);
+    return spread > kEqualPhase * period || std::abs(mean) < kEqualPhase * period ? 0 : mean;
   }
 
   const FaceDomain& domain_;
@@ -355,7 +356,7 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
         const Vector2d uv = base.pcurve(c, t);
         const bool is_end = i == 0 || i == count;
         if (!is_end || is_new_end(i == 0 ? edge.start : edge.end, uv))
-          samples_.push_back({c, t, uv});
+          samples_.push_back({c, t, uv, edge.tolerance});
       }
     }
   sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
@@ -380,8 +381,17 @@ RowMatrix FaceDomain::embed(const Parameters& uv) const {
   return x;
 }
 
+bool FaceDomain::is_within_tolerance(const Parameters& misfit) const {
+  for (Index i = 0; i < misfit.rows(); ++i)
+    for (int a = 0; a < 2; ++a)
+      if (std::abs(misfit(i, a)) > kLinear * size_[a] &&
+          scale_[a] * std::abs(misfit(i, a)) > samples_[static_cast<std::size_t>(i)].tolerance)
+        return false;
+  return true;
+}
+
 Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& at) const {
-  if (values.rows() == 0 || values.isZero(0)) return Parameters::Zero(at.rows(), 2);
+  if (values.rows() == 0 || is_within_tolerance(values)) return Parameters::Zero(at.rows(), 2);
   const auto basis = [&](const Parameters& uv) {
     Eigen::MatrixXd p = Eigen::MatrixXd::Ones(uv.rows(), 3);
     for (int a = 0; a < 2; ++a)
@@ -392,8 +402,7 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
   };
   const Eigen::MatrixXd p = basis(sample_uv_);
   const Eigen::MatrixXd c = p.colPivHouseholderQr().solve(values);
-  const auto misfit = (values - p * c).cwiseAbs().colwise().maxCoeff();
-  if ((misfit.transpose().array() <= kLinear * size_.array()).all()) return basis(at) * c;
+  if (is_within_tolerance(values - p * c)) return basis(at) * c;
   {
     const std::lock_guard lock(mutex_);
     if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());

@@ -23,6 +23,7 @@ class FaceDomain {
     int coedge;
     double t;
     Eigen::Vector2d uv;
+    double tolerance;  ///< of its edge, millimetres
   };
 
   /// `samples_per_curve`: samples along each edge; scaled down where a face has very many edges.
@@ -36,6 +37,7 @@ class FaceDomain {
   Parameters interpolate(const Parameters& values, const Parameters& at) const;
 
  private:
+  bool is_within_tolerance(const Parameters& misfit) const;
   RowMatrix embed(const Parameters& uv) const;
 
   int face_;

@@ -85,8 +85,10 @@ struct SurfaceMorph::Impl {
   std::vector<CurveMap> map_curves(const ModelPair& pair) const;
   void move_corners(const ModelPair& pair, Points& moved) const;
   void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps, Points& moved) const;
-  std::string move_face(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
-                        Points& moved) const;
+  std::vector<std::string> move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                                      Points& moved) const;
+  std::string unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
+                     const FaceMapResult& mapped, Points& moved) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Points& moved) const;
   Index count_folds(const CadModel& variant, int face, int variant_face, const Parameters& uv,
                     const Points& moved) const;
@@ -246,14 +248,37 @@ Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int var
   return std::min(folds, static_cast<Index>(nodes.facets.size()) - folds);
 }
 
-std::string SurfaceMorph::Impl::move_face(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                                          int face, Points& moved) const {
+// All faces are placed before any is judged: a facet may have nodes of several.
+std::vector<std::string> SurfaceMorph::Impl::move_faces(const ModelPair& pair,
+                                                        const std::vector<CurveMap>& maps,
+                                                        Points& moved) const {
+  const int count = static_cast<int>(faces.size());
+  std::vector<FaceMapResult> mapped(faces.size());
+  for (int f = 0; f < count; ++f) {
+    const FaceNodes& nodes = faces[f];
+    if (nodes.rows.empty()) continue;
+    mapped[f] = map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points);
+    place(pair, f, mapped[f], moved);
+  }
+  std::vector<std::string> warnings;
+  for (int f = 0; f < count; ++f) {
+    if (faces[f].rows.empty()) continue;
+    const std::string note = unfold(pair, maps, f, mapped[f], moved);
+    if (!note.empty())
+      warnings.push_back("face " + std::to_string(f + 1) + " (" + to_string(base->faces()[f].type) +
+                         ", variant face " + std::to_string(pair.match.faces[f] + 1) +
+                         "): " + note);
+  }
+  return warnings;
+}
+
+// Replaces a folded map by a finer one, or by projection, where that folds less. Returns what to
+// say.
+std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                                       int face, const FaceMapResult& mapped, Points& moved) const {
   const FaceNodes& nodes = faces[face];
-  if (nodes.rows.empty()) return {};
   const int variant = pair.match.faces[face];
-  FaceMapResult mapped = map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points);
   std::string note = mapped.note;
-  place(pair, face, mapped, moved);
   Index folds = count_folds(pair.variant, face, variant, mapped.uv, moved);
   const auto improve = [&](const FaceMapResult& other, const char* how) {
     Points trial = moved;
@@ -272,10 +297,7 @@ std::string SurfaceMorph::Impl::move_face(const ModelPair& pair, const std::vect
   if (folds > 0 && !mapped.is_projected)
     improve(project_face(*nodes.domain, pair, maps, nodes.points),
             "its parameter warp folded; predicted positions were projected instead");
-  if (folds > 0) note = std::to_string(folds) + " of its facets are folded";
-  if (note.empty()) return {};
-  return "face " + std::to_string(face + 1) + " (" + to_string(base->faces()[face].type) +
-         ", variant face " + std::to_string(variant + 1) + "): " + note;
+  return folds > 0 ? std::to_string(folds) + " of its facets are folded" : note;
 }
 
 std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
@@ -319,9 +341,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   self.move_corners(pair, moved);
   self.move_edges(pair, maps, moved);
   SurfaceMorphResult result;
-  for (int f = 0; f < static_cast<int>(self.faces.size()); ++f)
-    if (std::string note = self.move_face(pair, maps, f, moved); !note.empty())
-      result.warnings.push_back(std::move(note));
+  result.warnings = self.move_faces(pair, maps, moved);
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
   Index matched = 0;
