@@ -1,0 +1,396 @@
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
+#include <BRep_Builder.hxx>
+#include <Eigen/Geometry>
+#include <TopoDS_Compound.hxx>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "cad/step_reader.h"
+#include "cad/topology_match.h"
+#include "core/errors.h"
+#include "morph_case.h"
+#include "triangulation.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+namespace {
+
+constexpr double kKnown = 1e-8;
+
+Points moved_by(const MorphCase& c, const std::function<Vector3d(const Vector3d&)>& map) {
+  return images(surface_points(c.boundary, c.mesh.points), map);
+}
+
+TopoDS_Shape cylinder(double radius, double height) {
+  return BRepPrimAPI_MakeCylinder(radius, height).Solid();
+}
+
+TopoDS_Shape sphere_at(const Vector3d& centre, double radius) {
+  return BRepPrimAPI_MakeSphere(gp_Pnt(centre.x(), centre.y(), centre.z()), radius).Solid();
+}
+
+/// Two blocks of one width side by side, each with its own copy of the face between them.
+TopoDS_Shape two_blocks(double first, double second) {
+  TopoDS_Compound blocks;
+  BRep_Builder builder;
+  builder.MakeCompound(blocks);
+  builder.Add(blocks, BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(first, 20, 20)).Solid());
+  builder.Add(blocks,
+              BRepPrimAPI_MakeBox(gp_Pnt(first, 0, 0), gp_Pnt(first + second, 20, 20)).Solid());
+  return blocks;
+}
+
+/// A mesh around a cylinder of radius 5 between two symmetry planes, out to radius 30.
+Mesh ring_around_cylinder() {
+  return hex_grid(
+      {8, 40, 6},
+      [](const Vector3d& s) -> Vector3d {
+        const double r = 5 + 25 * s.x() * s.x(), a = 2 * pi * s.y();
+        return {r * std::cos(a), r * std::sin(a), 20 * s.z()};
+      },
+      true);
+}
+
+}  // namespace
+
+TEST_CASE("the unit of the mesh is found and kept", "[surface][unit]") {
+  const gp_Trsf map = similarity(0.4, 1.2, gp_Vec(3, 4, 5));
+  for (const std::string name : {"bracket", "cylinder", "plate_12_holes"})
+    for (const double mm : {1.0, 1000.0, 10.0, 25.4, 304.8}) {
+      DYNAMIC_SECTION(name << " in units of " << mm << " mm") {
+        MorphCase c = shape_case(name);
+        const Points millimetres = c.mesh.points;
+        c.mesh.points /= mm;
+        const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+        CHECK(surface.association().mesh_unit_mm == mm);
+        const CadModel variant =
+            to_model(transformed(read_shape(model_file("shapes/" + name + ".step")), map));
+        const auto result = surface.morph(variant, match_topology(*c.base, variant));
+        const Points expected = images(surface_points(c.boundary, millimetres),
+                                       [&](const Vector3d& x) { return apply(map, x); });
+        CHECK(largest_difference(mm * result.positions, expected) <= kKnown * variant.diagonal());
+      }
+    }
+}
+
+TEST_CASE("a given unit is taken, and a wrong one is refused", "[surface][unit][errors]") {
+  MorphCase c = shape_case("bracket");
+  SurfaceMorphOptions options;
+  options.association.mesh_unit_mm = 1000;
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, options), AssociationError);
+  c.mesh.points /= 1000;
+  CHECK(SurfaceMorph(c.base, c.mesh, c.boundary, options).association().mesh_unit_mm == 1000);
+}
+
+TEST_CASE("the mesh of another part is refused", "[surface][errors]") {
+  for (const auto& [cad, mesh] : std::vector<std::pair<std::string, std::string>>{
+           {"box", "torus"}, {"bracket", "plate_4_holes"}, {"sphere", "cylinder"}}) {
+    DYNAMIC_SECTION("mesh of " << mesh << " on " << cad) {
+      const MorphCase c = file_case("shapes/" + cad + ".step", "shapes/" + mesh + ".vtu");
+      CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary), AssociationError);
+    }
+  }
+}
+
+TEST_CASE("a far field stays while its body grows and shifts", "[surface][far-field]") {
+  const MorphCase c = shape_case("sphere_far_field");
+  const Vector3d centre(2, -1, 1.5);
+  for (const auto policy : {UnmatchedPolicy::Auto, UnmatchedPolicy::Fix, UnmatchedPolicy::Slide}) {
+    SurfaceMorphOptions options;
+    options.unmatched = policy;
+    const auto result = morph_surface(c, to_model(sphere_at(centre, 13)), options);
+    const Points expected = moved_by(c, [&](const Vector3d& x) -> Vector3d {
+      if (x.norm() > 11) return x;
+      return centre + 13 * x.normalized();
+    });
+    CHECK(largest_difference(result.positions, expected) <= 1e-9 * c.diagonal);
+  }
+}
+
+TEST_CASE("an unmatched boundary is refused on request", "[surface][far-field][errors]") {
+  const MorphCase c = shape_case("sphere_far_field");
+  SurfaceMorphOptions options;
+  options.unmatched = UnmatchedPolicy::Error;
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, options), AssociationError);
+}
+
+TEST_CASE("the far field's nodes are told from the body's", "[surface][far-field]") {
+  const MorphCase c = shape_case("sphere_far_field");
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const Association& a = surface.association();
+  Index far = 0;
+  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+    const bool is_far = c.mesh.points.row(c.boundary.nodes[i]).norm() > 11;
+    far += is_far;
+    CHECK((a.dimension[i] == CadDimension::None) == is_far);
+  }
+  CHECK(a.unmatched_nodes == far);
+}
+
+TEST_CASE("symmetry planes slide with the body they touch", "[surface][far-field]") {
+  const MorphCase c = mesh_case(to_model(cylinder(5, 20)), ring_around_cylinder());
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  for (const auto policy : {UnmatchedPolicy::Auto, UnmatchedPolicy::Fix}) {
+    const bool slides = policy == UnmatchedPolicy::Auto;
+    SurfaceMorphOptions options;
+    options.unmatched = policy;
+    const auto result = morph_surface(c, to_model(cylinder(8, 20)), options);
+    double off_plane = 0, off_body = 0, off_rest = 0, off_ray = 0, turned_back = 0;
+    const auto raise = [](double& worst, double value) { worst = std::max(worst, value); };
+    for (Index n = 0; n < old.rows(); ++n) {
+      const Vector3d x = old.row(n), y = result.positions.row(n);
+      const double r = std::hypot(x.x(), x.y()), moved = std::hypot(y.x(), y.y());
+      raise(off_plane, std::abs(y.z() - x.z()));
+      if (r < 5 + 1e-9) {
+        raise(off_body, std::abs(moved - 8));
+      } else if (r > 30 - 1e-9 || !slides) {
+        raise(off_rest, (y - x).norm());
+      } else {
+        // Pushed outwards along its ray, and not through the outer boundary.
+        raise(turned_back, std::max(r - moved, moved - 30));
+        raise(off_ray, std::abs(x.x() * y.y() - x.y() * y.x()) / (r * moved));
+      }
+    }
+    CAPTURE(slides);
+    CHECK(off_plane < 1e-9);
+    CHECK(off_body < 1e-9);
+    CHECK(off_rest < 1e-9);
+    CHECK(off_ray < 1e-3);
+    CHECK(turned_back <= 0);
+  }
+}
+
+TEST_CASE("sliding refuses unmatched boundaries that are not planar",
+          "[surface][far-field][errors]") {
+  const MorphCase c = mesh_case(to_model(cylinder(5, 20)), ring_around_cylinder());
+  SurfaceMorphOptions options;
+  options.unmatched = UnmatchedPolicy::Slide;
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, options), AssociationError);
+}
+
+TEST_CASE("nodes off the CAD keep their offset, and snapping removes it", "[surface][offset]") {
+  for (const std::string name : {"cylinder", "sphere", "torus", "bracket", "blade"}) {
+    DYNAMIC_SECTION(name) {
+      MorphCase c = shape_case(name);
+      const auto file = model_file("shapes/" + name + ".step");
+      const FaceOracle oracle(read_shape(file));
+      const Association clean = SurfaceMorph(c.base, c.mesh, c.boundary).association();
+      double largest = 0;
+      for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+        if (clean.dimension[i] != CadDimension::Face) continue;
+        const auto row = static_cast<Index>(i);
+        const Vector3d normal = c.base->normal(clean.entity[i], clean.uv.row(row).transpose());
+        const double offset = 0.02 * (i % 3 - 1.0) * 1.5;  // millimetres; h is 1.5 to 4.5
+        c.mesh.points.row(c.boundary.nodes[i]) += offset * normal.transpose();
+        largest = std::max(largest, std::abs(offset));
+      }
+      REQUIRE(largest > 0.02);
+      const Points old = surface_points(c.boundary, c.mesh.points);
+
+      const auto same = morph_surface(c, read_step(file));
+      CHECK(largest_difference(same.positions, old) <= 1e-9 * c.diagonal);
+      CHECK(std::abs(same.max_distance - largest) < 1e-6);
+
+      const gp_Trsf map = similarity(0.5, 1.7, gp_Vec(30, -20, 11));
+      const auto carried = morph_surface(c, to_model(transformed(read_shape(file), map)));
+      const Points expected = images(old, [&](const Vector3d& x) { return apply(map, x); });
+      CHECK(largest_difference(carried.positions, expected) <= kKnown * 1.7 * c.diagonal);
+
+      SurfaceMorphOptions options;
+      options.snap = true;
+      const auto snapped = morph_surface(c, read_step(file), options);
+      double worst = 0;
+      for (Index n = 0; n < old.rows(); ++n)
+        worst = std::max(worst, oracle.nearest(snapped.positions.row(n)).second);
+      double tolerance = 1e-7;
+      for (const auto& e : c.base->edges()) tolerance = std::max(tolerance, e.tolerance);
+      CHECK(worst <= tolerance);
+      CHECK(largest_difference(snapped.positions, old) <= 2 * largest);
+    }
+  }
+}
+
+TEST_CASE("chords that leave a curved edge still follow it", "[surface][offset]") {
+  // 24 segments a turn, halved: the new rim nodes are off the circle by 0.065 of their mesh edge.
+  const double segment = 2 * pi / 24;
+  const Mesh mesh = split_triangles(triangulate(cylinder(15, 40), 10, segment * 1.001));
+  const MorphCase c = mesh_case(to_model(cylinder(15, 40)), mesh);
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const Association& a = surface.association();
+  Index on_rim = 0, on_edge = 0;
+  double largest = 0;
+  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+    const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
+    const double off = 15 - std::hypot(x.x(), x.y());
+    if (std::min(std::abs(x.z()), std::abs(x.z() - 40)) > 1e-9 || off > 0.2) continue;
+    ++on_rim;
+    largest = std::max(largest, off);
+    on_edge += a.dimension[i] == CadDimension::Edge;
+  }
+  CHECK(on_edge == on_rim);
+  CHECK(on_rim >= 80);
+  CHECK(largest > 0.05);
+
+  const CadModel taller = to_model(cylinder(15, 60));
+  const auto result = surface.morph(taller, match_topology(*c.base, taller));
+  const Points expected = moved_by(c, [](const Vector3d& x) -> Vector3d {
+    return {x.x(), x.y(), 1.5 * x.z()};
+  });
+  CHECK(largest_difference(result.positions, expected) <= kKnown * c.diagonal);
+}
+
+TEST_CASE("no node of a thin plate changes sides", "[surface][association]") {
+  MorphCase c = mesh_case(to_model(BRepPrimAPI_MakeBox(40, 30, 0.2).Solid()),
+                          hex_grid({20, 15, 1}, [](const Vector3d& s) -> Vector3d {
+                            return {40 * s.x(), 30 * s.y(), 0.2 * s.z()};
+                          }));
+  for (Index n = 0; n < c.mesh.node_count(); ++n)  // a tenth of the tolerance, up and down
+    c.mesh.points(n, 2) += 0.002 * (n % 3 - 1.0);
+  const auto result = morph_surface(c, to_model(BRepPrimAPI_MakeBox(40, 30, 0.6).Solid()));
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  for (Index n = 0; n < old.rows(); ++n) CHECK((result.positions(n, 2) > 0.3) == (old(n, 2) > 0.1));
+}
+
+TEST_CASE("mid-side nodes of quadratic cells are carried by their own parameters",
+          "[surface][quadratic]") {
+  const MorphCase c = shape_case("cylinder_quadratic");
+  const auto result = morph_surface(c, to_model(cylinder(22, 30)));
+  const Points expected = moved_by(c, [](const Vector3d& x) -> Vector3d {
+    return {x.x() * 22 / 15, x.y() * 22 / 15, x.z() * 30 / 40};
+  });
+  CHECK(largest_difference(result.positions, expected) <= kKnown * c.diagonal);
+}
+
+TEST_CASE("both sides of an interface agree when either block changes", "[surface][solids]") {
+  const MorphCase c = shape_case("two_blocks");
+  const Morphed m = morph(c, to_model(two_blocks(36, 14)));
+  const auto stretch = [](const Vector3d& x) -> Vector3d {
+    return {x.x() <= 30 ? x.x() * 36 / 30 : 36 + (x.x() - 30) * 14 / 20, x.y(), x.z()};
+  };
+  CHECK(largest_difference(m.surface.positions, moved_by(c, stretch)) <= kKnown * c.diagonal);
+  Index on_interface = 0;
+  for (Index n = 0; n < c.mesh.node_count(); ++n)
+    if (std::abs(c.mesh.points(n, 0) - 30) < 1e-9) {
+      ++on_interface;
+      CHECK(std::abs(m.points(n, 0) - 36) < kKnown * c.diagonal);
+    }
+  CHECK(on_interface > 20);
+}
+
+TEST_CASE("an interface that is not in the CAD follows the volume", "[surface][solids]") {
+  Mesh mesh = hex_grid({8, 6, 4}, [](const Vector3d& s) -> Vector3d {
+    return {40 * s.x(), 30 * s.y(), 20 * s.z()};
+  });
+  for (Index cell = 0; cell < mesh.cell_count(); ++cell)
+    mesh.regions.push_back(mesh.points(mesh.cell(cell)[0], 0) < 19 ? 1 : 2);
+  const MorphCase c = mesh_case(read_step(model_file("shapes/box.step")), mesh);
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  Index free = 0;
+  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+    const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
+    const bool is_inside =
+        x.x() > 1 && x.x() < 39 && x.y() > 1 && x.y() < 29 && x.z() > 1 && x.z() < 19;
+    free += is_inside;
+    CHECK(static_cast<bool>(surface.association().is_free[i]) == is_inside);
+  }
+  CHECK(free == 5 * 3);
+  const Morphed m = morph(c, to_model(BRepPrimAPI_MakeBox(50, 24, 20).Solid()));
+  const Points expected = images(c.mesh.points, [](const Vector3d& x) -> Vector3d {
+    return {1.25 * x.x(), 0.8 * x.y(), x.z()};
+  });
+  CHECK(largest_difference(m.points, expected) <= kKnown * c.diagonal);
+}
+
+TEST_CASE("a shell mesh of a part is morphed by its surface alone", "[surface][shell]") {
+  const TopoDS_Shape part = read_shape(model_file("shapes/bracket.step"));
+  const MorphCase c = mesh_case(to_model(part), triangulate(part, 0.2));
+  const gp_Trsf map = similarity(0.5, 1.7, gp_Vec(30, -20, 11));
+  const Morphed m = morph(c, to_model(transformed(part, map)));
+  const Points expected = images(c.mesh.points, [&](const Vector3d& x) { return apply(map, x); });
+  CHECK(largest_difference(m.points, expected) <= kKnown * 1.7 * c.diagonal);
+}
+
+TEST_CASE("holes that move carry their own walls", "[surface][match]") {
+  const std::vector<Vector2d> old_centres{{15, 15}, {15, 45}, {45, 15}, {45, 45}};
+  const std::vector<Vector2d> new_centres{{16, 17}, {13, 44}, {46, 14}, {44, 47}};
+  const TopoDS_Shape base = drilled_plate(60, 60, 10, 8, old_centres);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.2));
+  const CadModel variant = to_model(drilled_plate(
+      60, 60, 10, 7, {new_centres[2], new_centres[0], new_centres[3], new_centres[1]}));
+  const auto result = morph_surface(c, variant);
+  Index on_walls = 0;
+  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+    const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
+    for (int h = 0; h < 4; ++h) {
+      const Vector2d from = x.head<2>() - old_centres[h];
+      if (std::abs(from.norm() - 8) > 1e-6) continue;
+      ++on_walls;
+      const Vector2d at = new_centres[h] + from * 7 / 8;
+      const Vector3d expected(at.x(), at.y(), x.z());
+      CHECK((result.positions.row(static_cast<Index>(i)).transpose() - expected).norm() <=
+            kKnown * c.diagonal);
+    }
+  }
+  CHECK(on_walls > 100);
+}
+
+TEST_CASE("the seam of a shaft with an off-centre bore turns alone", "[surface][seam]") {
+  // The bore fixes the part's position; the seam of the shaft's mantle moves by 70 degrees.
+  const auto shaft = [](double radius, double height, double seam) -> TopoDS_Shape {
+    const gp_Ax2 axes(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1), gp_Dir(std::cos(seam), std::sin(seam), 0));
+    const gp_Ax2 bore(gp_Pnt(radius / 2, 0, -1), gp_Dir(0, 0, 1));
+    return BRepAlgoAPI_Cut(BRepPrimAPI_MakeCylinder(axes, radius, height).Solid(),
+                           BRepPrimAPI_MakeCylinder(bore, radius / 5, height + 2).Solid())
+        .Shape();
+  };
+  const TopoDS_Shape base = shaft(20, 30, 0);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.1));
+  for (const double seam : {0.0, 70.0, 180.0, -45.0}) {
+    DYNAMIC_SECTION("seam at " << seam) {
+      // Larger and taller too: an affine map that keeps the angles.
+      const auto result = morph_surface(c, to_model(shaft(24, 45, seam * pi / 180)));
+      const Points expected = moved_by(c, [](const Vector3d& x) -> Vector3d {
+        return {1.2 * x.x(), 1.2 * x.y(), 1.5 * x.z()};
+      });
+      // The phase of a circle whose seam moved is found by least motion, not by parameters.
+      CHECK(largest_difference(result.positions, expected) <= 1e-3 * c.diagonal);
+    }
+  }
+}
+
+TEST_CASE("every node is associated with an entity that it lies on", "[surface][association]") {
+  for (const auto& name : all_shapes()) {
+    DYNAMIC_SECTION(name) {
+      const MorphCase c = shape_case(name);
+      const FaceOracle oracle(read_shape(model_file("shapes/" + name + ".step")));
+      const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+      const Association& a = surface.association();
+      double tolerance = 1e-6 * c.diagonal;
+      for (const auto& e : c.base->edges()) tolerance = std::max(tolerance, e.tolerance);
+      for (Index i = 0; i < std::ssize(c.boundary.nodes); ++i) {
+        const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
+        if (a.dimension[i] == CadDimension::Face) CHECK(oracle.is_near(a.entity[i], x, tolerance));
+        if (a.dimension[i] == CadDimension::Vertex)
+          CHECK((c.base->vertices()[a.entity[i]].point - x).norm() <= tolerance);
+        if (a.dimension[i] == CadDimension::Edge)
+          CHECK((c.base->evaluate_edge(a.entity[i], a.uv(i, 0)).point - x).norm() <= tolerance);
+        CHECK(a.dimension[i] != CadDimension::None);
+      }
+      for (Index f = 0; f < c.boundary.facet_count(); ++f) {
+        CHECK(a.facet_face[f] >= 0);
+        for (const Index n : c.boundary.facet(f))
+          CHECK(oracle.is_near(a.facet_face[f], c.mesh.points.row(n), tolerance));
+      }
+      CHECK(a.vertex_nodes + a.edge_nodes + a.face_nodes == std::ssize(c.boundary.nodes));
+      CHECK(a.max_distance <= tolerance);
+    }
+  }
+}
