@@ -71,7 +71,8 @@ ExitCode run_quality(const CommandLine& line) {
   const Orientation orientation = detect_orientation(mesh);
   const QualityReport quality = measure_quality(mesh, mesh.points, orientation);
   const ValidityReport validity = check_validity(mesh, mesh.points, orientation);
-  const QualityChecks checks = check_quality(mesh, mesh.points, find_cell_faces(mesh, orientation));
+  const QualityChecks checks =
+      check_quality(mesh, mesh.points, find_cell_neighbours(mesh), orientation);
   const bool is_poor =
       line.pipeline.min_scaled_jacobian && quality.min < *line.pipeline.min_scaled_jacobian;
   const bool is_good = quality.inverted == 0 && validity.invalid == 0 && !is_poor;

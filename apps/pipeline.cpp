@@ -119,10 +119,11 @@ struct MorphJob::Impl {
 
   void measure_base() {
     orientation = detect_orientation(mesh());
-    cell_faces = find_cell_faces(mesh(), orientation);
+    neighbours = find_cell_neighbours(mesh());
     quality = measure_quality(mesh(), mesh().points, orientation);
     validity = check_validity(mesh(), mesh().points, orientation);
-    set_quality(report.before, quality, validity, check_quality(mesh(), mesh().points, cell_faces));
+    set_quality(report.before, quality, validity,
+                check_quality(mesh(), mesh().points, neighbours, orientation));
   }
 
   void fill_report() {
@@ -262,7 +263,7 @@ struct MorphJob::Impl {
   std::shared_ptr<const MeshFile> mesh_file;
   Boundary boundary;
   Orientation orientation;
-  CellFaces cell_faces;
+  CellNeighbours neighbours;
   QualityReport quality;
   ValidityReport validity;
   std::optional<SurfaceMorph> surface;
@@ -311,7 +312,7 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
   clock.start("quality after");
   result.quality = measure_quality(mesh(), result.positions, job.orientation);
   set_quality(report.after, result.quality, result.validity,
-              check_quality(mesh(), result.positions, job.cell_faces));
+              check_quality(mesh(), result.positions, job.neighbours, job.orientation));
   report.max_displacement =
       report.mesh_unit_mm * (result.positions - mesh().points).rowwise().norm().maxCoeff();
   job.judge(result, surface_positions);

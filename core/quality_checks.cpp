@@ -1,7 +1,10 @@
 #include "core/quality_checks.h"
 
+#include <oneapi/tbb/parallel_sort.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -19,12 +22,36 @@ constexpr double kSevereNonOrthogonality = 70;
 constexpr double kHighSkewness = 4;
 constexpr double kHighAspectRatio = 1000;
 
-// One face of one cell.
-struct CellFace {
+constexpr Index kGrain = 2048;  // cells a task
+
+// Calls visit(local_face, corner_nodes) for each face of solid cell c, in the order of cell_facets.
+template <class Visit>
+void for_each_face(const Mesh& mesh, Index c, Visit&& visit) {
+  int local = 0;
+  if (mesh.types[c] == CellType::Polyhedron) {
+    for_each_polyhedron_face(mesh, c, [&](std::span<const Index> face) { visit(local++, face); });
+    return;
+  }
+  const auto cell = mesh.cell(c);
+  std::array<Index, 4> corners;
+  for (const LocalFace& face : local_faces(mesh.types[c])) {
+    const auto count = static_cast<std::size_t>(corner_count(face.type, face.count));
+    for (std::size_t i = 0; i < count; ++i) corners[i] = cell[face.nodes[i]];
+    visit(local++, std::span<const Index>(corners.data(), count));
+  }
+}
+
+bool is_solid(const Mesh& mesh, Index c) { return dimension(mesh.types[c]) == 3; }
+
+// One face of one cell, by a number that does not depend on the order of its nodes. Two faces of a
+// mesh of 10^8 share one by chance with a probability below 10^-3, and then one figure is off.
+struct FaceKey {
   std::uint64_t key;
-  Index cell;
-  Index first;  ///< position in the shared list of corners
-  int count;
+  std::uint32_t cell;
+  std::uint32_t local;
+  bool operator<(const FaceKey& other) const {
+    return key != other.key ? key < other.key : cell < other.cell;
+  }
 };
 
 std::uint64_t mix(std::uint64_t x) {
@@ -35,53 +62,10 @@ std::uint64_t mix(std::uint64_t x) {
   return x ^ (x >> 33);
 }
 
-// The same for every order of the nodes.
 std::uint64_t key_of(std::span<const Index> nodes) {
   std::uint64_t sum = 0;
   for (const Index node : nodes) sum += mix(static_cast<std::uint64_t>(node) + 1);
   return sum;
-}
-
-class FaceCollector {
- public:
-  void add(Index cell, std::span<const Index> corners, bool is_mirrored) {
-    faces.push_back({key_of(corners), cell, static_cast<Index>(nodes.size()),
-                     static_cast<int>(corners.size())});
-    if (is_mirrored)
-      nodes.insert(nodes.end(), corners.rbegin(), corners.rend());
-    else
-      nodes.insert(nodes.end(), corners.begin(), corners.end());
-  }
-  bool are_same(const CellFace& a, const CellFace& b) const {
-    return a.key == b.key && a.count == b.count &&
-           std::is_permutation(nodes.begin() + a.first, nodes.begin() + a.first + a.count,
-                               nodes.begin() + b.first);
-  }
-
-  std::vector<CellFace> faces;
-  std::vector<Index> nodes;
-};
-
-FaceCollector collect(const Mesh& mesh, const Orientation& orientation) {
-  FaceCollector all;
-  std::vector<Index> corners;
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    if (dimension(mesh.types[c]) != 3) continue;
-    const bool is_mirrored = orientation[static_cast<std::size_t>(mesh.types[c])] < 0;
-    if (mesh.types[c] == CellType::Polyhedron) {
-      for_each_polyhedron_face(mesh, c,
-                               [&](std::span<const Index> face) { all.add(c, face, is_mirrored); });
-      continue;
-    }
-    const auto cell = mesh.cell(c);
-    for (const LocalFace& face : local_faces(mesh.types[c])) {
-      corners.clear();
-      for (int i = 0; i < corner_count(face.type, face.count); ++i)
-        corners.push_back(cell[face.nodes[i]]);
-      all.add(c, corners, is_mirrored);
-    }
-  }
-  return all;
 }
 
 // Centre and area vector of a polygon, split around the mean of its corners.
@@ -95,71 +79,62 @@ FaceShape face_shape(const Points& points, std::span<const Index> nodes) {
   middle /= static_cast<double>(nodes.size());
   Vector3d area = Vector3d::Zero(), moment = Vector3d::Zero();
   double total = 0;
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    const Vector3d a = points.row(nodes[i]).transpose();
-    const Vector3d b = points.row(nodes[(i + 1) % nodes.size()]).transpose();
+  Vector3d a = points.row(nodes.back()).transpose();
+  for (const Index node : nodes) {
+    const Vector3d b = points.row(node).transpose();
     const Vector3d part = (a - middle).cross(b - middle) / 2;
+    const double size = part.norm();
     area += part;
-    total += part.norm();
-    moment += part.norm() * (a + b + middle) / 3;
+    total += size;
+    moment += size * (a + b + middle) / 3;
+    a = b;
   }
   return {total > 0 ? Vector3d(moment / total) : middle, area};
 }
 
-// Shapes of faces and cells at one set of positions.
-struct Geometry {
-  std::vector<FaceShape> faces;
-  std::vector<Vector3d> centres;  ///< of cells
-  std::vector<double> volumes;
-  std::vector<Vector3d> projections;  ///< per cell, sums of |area components|
+struct CellShape {
+  Vector3d centre = Vector3d::Zero();
+  double volume = 0;
+  Vector3d projection = Vector3d::Zero();  ///< sums of |area components|
 };
 
-void add_pyramid(Geometry& geometry, const FaceShape& face, Index cell, const Vector3d& guess,
-                 double sign) {
-  const double volume = sign * face.area.dot(face.centre - guess) / 3;
-  geometry.volumes[cell] += volume;
-  geometry.centres[cell] += volume * (0.75 * face.centre + 0.25 * guess);
-  geometry.projections[cell] += face.area.cwiseAbs();
+CellShape cell_shape(const Mesh& mesh, const Points& points, Index c, double sign) {
+  std::vector<FaceShape> faces;
+  Vector3d guess = Vector3d::Zero();
+  for_each_face(mesh, c, [&](int, std::span<const Index> nodes) {
+    faces.push_back(face_shape(points, nodes));
+    guess += faces.back().centre;
+  });
+  guess /= static_cast<double>(faces.size());
+  CellShape cell;
+  for (const FaceShape& face : faces) {
+    const double volume = sign * face.area.dot(face.centre - guess) / 3;
+    cell.volume += volume;
+    cell.centre += volume * (0.75 * face.centre + 0.25 * guess);
+    cell.projection += face.area.cwiseAbs();
+  }
+  cell.centre = cell.volume != 0 ? Vector3d(cell.centre / cell.volume) : guess;
+  return cell;
 }
 
-Geometry measure(const Mesh& mesh, const Points& points, const CellFaces& faces) {
-  Geometry geometry;
-  geometry.faces.resize(faces.face_count());
-  parallel_for(faces.face_count(), 4096, [&](Index begin, Index end) {
-    for (Index f = begin; f < end; ++f) geometry.faces[f] = face_shape(points, faces.face(f));
+std::vector<CellShape> cell_shapes(const Mesh& mesh, const Points& points,
+                                   const Orientation& orientation) {
+  std::vector<CellShape> shapes(mesh.cell_count());
+  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c)
+      if (is_solid(mesh, c))
+        shapes[c] =
+            cell_shape(mesh, points, c, orientation[static_cast<std::size_t>(mesh.types[c])]);
   });
-  const Index cells = mesh.cell_count();
-  geometry.centres.assign(cells, Vector3d::Zero());
-  geometry.projections.assign(cells, Vector3d::Zero());
-  geometry.volumes.assign(cells, 0);
-  std::vector<Vector3d> guesses(cells, Vector3d::Zero());
-  std::vector<int> counts(cells, 0);
-  const auto each_side = [&](const auto& visit) {
-    for (Index f = 0; f < faces.face_count(); ++f) {
-      visit(f, faces.owner[f], 1.0);
-      if (faces.neighbour[f] >= 0) visit(f, faces.neighbour[f], -1.0);
-    }
-  };
-  each_side([&](Index f, Index c, double) {
-    guesses[c] += geometry.faces[f].centre;
-    ++counts[c];
-  });
-  for (Index c = 0; c < cells; ++c)
-    if (counts[c] > 0) guesses[c] /= counts[c];
-  each_side([&](Index f, Index c, double sign) {
-    add_pyramid(geometry, geometry.faces[f], c, guesses[c], sign);
-  });
-  for (Index c = 0; c < cells; ++c)
-    geometry.centres[c] =
-        geometry.volumes[c] != 0 ? Vector3d(geometry.centres[c] / geometry.volumes[c]) : guesses[c];
-  return geometry;
+  return shapes;
 }
 
 double angle_deg(const Vector3d& a, const Vector3d& b) {
   return std::atan2(a.cross(b).norm(), std::abs(a.dot(b))) * 180 / std::numbers::pi;
 }
 
-// Distance of the face centre from where the line `d` from `from` meets the face, in face sizes.
+// Distance of the face centre from where the line along `d` from `from` meets the face, in sizes of
+// the face seen in that direction.
 double skewness(const Points& points, std::span<const Index> nodes, const FaceShape& face,
                 const Vector3d& from, const Vector3d& d) {
   const Vector3d to_face = face.centre - from;
@@ -175,86 +150,136 @@ double skewness(const Points& points, std::span<const Index> nodes, const FaceSh
   return length / size;
 }
 
-double aspect_ratio(const Vector3d& projection, double volume) {
-  const double by_projection = projection.maxCoeff() / projection.minCoeff();
-  const double by_volume = projection.sum() / 6 / std::pow(std::abs(volume), 2.0 / 3);
+double aspect_ratio(const CellShape& cell) {
+  const double by_projection = cell.projection.maxCoeff() / cell.projection.minCoeff();
+  const double by_volume = cell.projection.sum() / 6 / std::pow(std::abs(cell.volume), 2.0 / 3);
   return std::max(by_projection, by_volume);
 }
 
-void check_faces(const Points& points, const CellFaces& faces, const Geometry& geometry,
-                 QualityChecks& checks) {
-  double sum = 0;
+// The figures of some cells and the faces they own.
+struct Part {
+  QualityChecks checks;
+  double angles = 0;
   Index internal = 0;
-  for (Index f = 0; f < faces.face_count(); ++f) {
-    const FaceShape& face = geometry.faces[f];
-    const Index owner = faces.owner[f], other = faces.neighbour[f];
-    const Vector3d from = geometry.centres[owner];
-    Vector3d d =
-        other >= 0
-            ? Vector3d(geometry.centres[other] - from)
-            : Vector3d(face.area * face.area.dot(face.centre - from) / face.area.squaredNorm());
-    const double skew = skewness(points, faces.face(f), face, from, d);
-    if (skew > kHighSkewness) ++checks.highly_skew;
-    if (skew > checks.max_skewness) {
-      checks.max_skewness = skew;
-      checks.worst_skew_cell = owner;
-    }
-    if (other < 0) continue;
-    const double angle = angle_deg(face.area, d);
-    sum += angle;
+
+  Part() { checks.min_volume = std::numeric_limits<double>::infinity(); }
+
+  void add_angle(double angle, Index cell) {
+    angles += angle;
     ++internal;
     if (angle > kSevereNonOrthogonality) ++checks.severely_non_orthogonal;
-    if (angle > checks.max_non_orthogonality_deg) {
-      checks.max_non_orthogonality_deg = angle;
-      checks.worst_non_orthogonal_cell = owner;
-    }
+    if (angle <= checks.max_non_orthogonality_deg) return;
+    checks.max_non_orthogonality_deg = angle;
+    checks.worst_non_orthogonal_cell = cell;
   }
-  if (internal > 0) checks.mean_non_orthogonality_deg = sum / static_cast<double>(internal);
-}
-
-void check_cells(const Mesh& mesh, const Geometry& geometry, QualityChecks& checks) {
-  checks.min_volume = std::numeric_limits<double>::infinity();
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    if (dimension(mesh.types[c]) != 3) continue;
-    const double aspect = aspect_ratio(geometry.projections[c], geometry.volumes[c]);
+  void add_skewness(double skew, Index cell) {
+    if (skew > kHighSkewness) ++checks.highly_skew;
+    if (skew <= checks.max_skewness) return;
+    checks.max_skewness = skew;
+    checks.worst_skew_cell = cell;
+  }
+  void add_cell(const CellShape& shape, Index cell) {
+    const double aspect = aspect_ratio(shape);
+    checks.min_volume = std::min(checks.min_volume, shape.volume);
     if (aspect > kHighAspectRatio) ++checks.high_aspect;
-    if (aspect > checks.max_aspect_ratio) {
-      checks.max_aspect_ratio = aspect;
-      checks.worst_aspect_cell = c;
-    }
-    checks.min_volume = std::min(checks.min_volume, geometry.volumes[c]);
+    if (aspect <= checks.max_aspect_ratio) return;
+    checks.max_aspect_ratio = aspect;
+    checks.worst_aspect_cell = cell;
   }
+
+  void merge(const Part& other) {
+    const QualityChecks& from = other.checks;
+    angles += other.angles;
+    internal += other.internal;
+    checks.severely_non_orthogonal += from.severely_non_orthogonal;
+    checks.highly_skew += from.highly_skew;
+    checks.high_aspect += from.high_aspect;
+    checks.min_volume = std::min(checks.min_volume, from.min_volume);
+    if (from.max_non_orthogonality_deg > checks.max_non_orthogonality_deg) {
+      checks.max_non_orthogonality_deg = from.max_non_orthogonality_deg;
+      checks.worst_non_orthogonal_cell = from.worst_non_orthogonal_cell;
+    }
+    if (from.max_skewness > checks.max_skewness) {
+      checks.max_skewness = from.max_skewness;
+      checks.worst_skew_cell = from.worst_skew_cell;
+    }
+    if (from.max_aspect_ratio > checks.max_aspect_ratio) {
+      checks.max_aspect_ratio = from.max_aspect_ratio;
+      checks.worst_aspect_cell = from.worst_aspect_cell;
+    }
+  }
+};
+
+void check_faces(const Mesh& mesh, const Points& points, const CellNeighbours& neighbours,
+                 const std::vector<CellShape>& cells, Index c, Part& part) {
+  for_each_face(mesh, c, [&](int local, std::span<const Index> nodes) {
+    const Index other = neighbours.neighbour[neighbours.offsets[c] + local];
+    if (other >= 0 && other < c) return;  // done from the other side
+    const FaceShape face = face_shape(points, nodes);
+    const Vector3d from = cells[c].centre;
+    Vector3d d;
+    if (other >= 0) {
+      d = cells[other].centre - from;
+      part.add_angle(angle_deg(face.area, d), c);
+    } else {
+      d = face.area * (face.area.dot(face.centre - from) / face.area.squaredNorm());
+    }
+    part.add_skewness(skewness(points, nodes, face, from, d), c);
+  });
 }
 
 }  // namespace
 
-CellFaces find_cell_faces(const Mesh& mesh, const Orientation& orientation) {
-  FaceCollector all = collect(mesh, orientation);
-  std::ranges::sort(all.faces, [](const CellFace& a, const CellFace& b) {
-    return std::pair(a.key, a.cell) < std::pair(b.key, b.cell);
+CellNeighbours find_cell_neighbours(const Mesh& mesh) {
+  CellNeighbours result;
+  result.offsets.assign(mesh.cell_count() + 1, 0);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    Index faces = 0;
+    if (mesh.types[c] == CellType::Polyhedron)
+      for_each_polyhedron_face(mesh, c, [&](std::span<const Index>) { ++faces; });
+    else
+      faces = static_cast<Index>(local_faces(mesh.types[c]).size());
+    result.offsets[c + 1] = result.offsets[c] + faces;
+  }
+  std::vector<FaceKey> keys(result.offsets.back());
+  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c)
+      if (is_solid(mesh, c))
+        for_each_face(mesh, c, [&](int local, std::span<const Index> nodes) {
+          keys[result.offsets[c] + local] = {key_of(nodes), static_cast<std::uint32_t>(c),
+                                             static_cast<std::uint32_t>(local)};
+        });
   });
-  CellFaces result;
-  result.offsets.push_back(0);
-  for (std::size_t i = 0; i < all.faces.size(); ++i) {
-    const CellFace& face = all.faces[i];
-    const bool is_shared = i + 1 < all.faces.size() && all.are_same(face, all.faces[i + 1]);
-    result.owner.push_back(face.cell);
-    result.neighbour.push_back(is_shared ? all.faces[i + 1].cell : -1);
-    result.connectivity.insert(result.connectivity.end(), all.nodes.begin() + face.first,
-                               all.nodes.begin() + face.first + face.count);
-    result.offsets.push_back(static_cast<Index>(result.connectivity.size()));
-    if (is_shared) ++i;
+  tbb::parallel_sort(keys.begin(), keys.end());
+  result.neighbour.assign(keys.size(), -1);
+  for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
+    const FaceKey &a = keys[i], &b = keys[i + 1];
+    if (a.key != b.key) continue;
+    result.neighbour[result.offsets[a.cell] + a.local] = b.cell;
+    result.neighbour[result.offsets[b.cell] + b.local] = a.cell;
+    ++i;
   }
   return result;
 }
 
-QualityChecks check_quality(const Mesh& mesh, const Points& points, const CellFaces& faces) {
-  QualityChecks checks;
-  if (faces.face_count() == 0) return checks;
-  const Geometry geometry = measure(mesh, points, faces);
-  check_faces(points, faces, geometry, checks);
-  check_cells(mesh, geometry, checks);
-  return checks;
+QualityChecks check_quality(const Mesh& mesh, const Points& points,
+                            const CellNeighbours& neighbours, const Orientation& orientation) {
+  if (neighbours.neighbour.empty()) return {};
+  const std::vector<CellShape> cells = cell_shapes(mesh, points, orientation);
+  std::vector<Part> parts((mesh.cell_count() + kGrain - 1) / kGrain);
+  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
+    Part& part = parts[begin / kGrain];
+    for (Index c = begin; c < end; ++c) {
+      if (!is_solid(mesh, c)) continue;
+      part.add_cell(cells[c], c);
+      check_faces(mesh, points, neighbours, cells, c, part);
+    }
+  });
+  Part all;
+  for (const Part& part : parts) all.merge(part);
+  if (all.internal > 0)
+    all.checks.mean_non_orthogonality_deg = all.angles / static_cast<double>(all.internal);
+  return all.checks;
 }
 
 }  // namespace cadmorph

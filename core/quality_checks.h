@@ -17,26 +17,19 @@ struct QualityChecks {
   Index worst_non_orthogonal_cell = -1, worst_skew_cell = -1, worst_aspect_cell = -1;
 };
 
-/// The faces of all solid cells, each once. Depends on the connectivity alone.
-struct CellFaces {
-  std::vector<Index> owner;         ///< cell the normal points out of
-  std::vector<Index> neighbour;     ///< the other cell, -1 on the outside
-  std::vector<Index> offsets;       ///< faces + 1
-  std::vector<Index> connectivity;  ///< corner nodes
-  Index face_count() const { return static_cast<Index>(owner.size()); }
-  std::span<const Index> face(Index f) const {
-    return {connectivity.data() + offsets[f],
-            static_cast<std::size_t>(offsets[f + 1] - offsets[f])};
-  }
+/// The cell on the other side of each face of each solid cell. Depends on the connectivity alone.
+struct CellNeighbours {
+  std::vector<Index> offsets;    ///< cells + 1 positions in `neighbour`; no faces for other cells
+  std::vector<Index> neighbour;  ///< by local face as cell_facets orders them; -1 on the outside
 };
 
-/// Pairs the faces of the solid cells by their corner nodes; normals point out of the owner also
-/// where the mesh uses the mirrored node order. O(F log F) for F cell faces.
-CellFaces find_cell_faces(const Mesh& mesh, const Orientation& orientation);
+/// Pairs the faces of the solid cells by their corner nodes. Parallel; O(F log F) for F cell faces.
+CellNeighbours find_cell_neighbours(const Mesh& mesh);
 
 /// Measures all solid cells by their corner nodes at positions `points` (N x 3). Cells are
-/// polyhedra with faces split around their centre, as in OpenFOAM. Node orders mirrored against
-/// VTK's give the same figures. All zero for a mesh without solid cells.
-QualityChecks check_quality(const Mesh& mesh, const Points& points, const CellFaces& faces);
+/// polyhedra with faces split around their centre, as in OpenFOAM. All zero for a mesh without
+/// solid cells. Parallel; O(F).
+QualityChecks check_quality(const Mesh& mesh, const Points& points,
+                            const CellNeighbours& neighbours, const Orientation& orientation);
 
 }  // namespace cadmorph

@@ -1,5 +1,7 @@
 #include "core/quality_checks.h"
 
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 
 #include "sample_meshes.h"
@@ -11,7 +13,7 @@ using namespace testing;
 
 QualityChecks check(const Mesh& mesh) {
   const Orientation orientation = detect_orientation(mesh);
-  return check_quality(mesh, mesh.points, find_cell_faces(mesh, orientation));
+  return check_quality(mesh, mesh.points, find_cell_neighbours(mesh), orientation);
 }
 
 // Rounding of the unit cube's coordinates in angles of degrees.
@@ -82,12 +84,23 @@ TEST_CASE("The cells of every type fill the cube, in either node order", "[core]
   }
 }
 
-TEST_CASE("Each inner face is found once, with both its cells", "[core][checks]") {
+TEST_CASE("Each inner face has the cell on its other side as neighbour", "[core][checks]") {
   const Mesh mesh = cube(CellType::Hexahedron, 3);
-  const CellFaces faces = find_cell_faces(mesh, detect_orientation(mesh));
-  // 3 x 3 x 4 faces in each direction, of which 3 x 3 x 2 are inside.
-  CHECK(faces.face_count() == 3 * 36);
+  const CellNeighbours faces = find_cell_neighbours(mesh);
+  REQUIRE(faces.neighbour.size() == 27 * 6);
   CHECK(std::count(faces.neighbour.begin(), faces.neighbour.end(), -1) == 54);
+  // Cells i and j are neighbours when their centres are a third apart.
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    for (int local = 0; local < 6; ++local) {
+      const Index other = faces.neighbour[6 * c + local];
+      if (other < 0) continue;
+      Eigen::RowVector3d gap = Eigen::RowVector3d::Zero();
+      for (int i = 0; i < 8; ++i)
+        gap += (mesh.points.row(mesh.cell(other)[i]) - mesh.points.row(mesh.cell(c)[i])) / 8;
+      CHECK(gap.norm() == Approx(1.0 / 3));
+      const auto facet = cell_facets(mesh, c)[local];
+      for (const Index node : facet.nodes) CHECK(std::ranges::count(mesh.cell(other), node) == 1);
+    }
 }
 
 }  // namespace cadmorph
