@@ -9,7 +9,7 @@
 namespace cadmorph {
 
 struct H2Options {
-  Index leaf_size = 450;    ///< points in a leaf at most
+  Index leaf_size = 300;    ///< points in a leaf at most
   double separation = 0.6;  ///< balls interact by skeletons when r_a + r_b <= separation * distance
   double accuracy = 1e-6;   ///< tolerance at a node of radius R is accuracy * (h_min / R)^3
 };

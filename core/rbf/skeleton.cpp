@@ -18,8 +18,8 @@ constexpr int kMoments = 10;
 
 // Proxies that resolve a tolerance: more digits need more angles.
 Index proxy_count(double tolerance) {
-  const double count = 200 + 55 * std::log10(1e-5 / tolerance);
-  return std::clamp<Index>(static_cast<Index>(count), 200, kProxies);
+  const double count = 120 + 40 * std::log10(1e-5 / tolerance);
+  return std::clamp<Index>(static_cast<Index>(count), 100, kProxies);
 }
 
 // Weight of the moment rows: they are to be kept to about 1e-17 / tolerance of the kernel rows.
