@@ -40,11 +40,12 @@ void warn(const CommandLine& line, const std::vector<std::string>& warnings) {
 
 void complain(const PipelineReport& report, const PipelineOptions& options) {
   const Diagnosis& diagnosis = *report.diagnosis;
-  const std::string what =
-      report.outcome == Outcome::Inverted
-          ? with_commas(diagnosis.bad_cells) + " elements are inverted"
-          : with_commas(diagnosis.bad_cells) +
-                format(" elements have a scaled Jacobian below %g", *options.min_scaled_jacobian);
+  const bool is_one = diagnosis.bad_cells == 1;
+  std::string what = with_commas(diagnosis.bad_cells) + (is_one ? " element" : " elements");
+  what += report.outcome == Outcome::Inverted ? (is_one ? " is inverted" : " are inverted")
+                                              : format(is_one ? " has a scaled Jacobian below %g"
+                                                              : " have a scaled Jacobian below %g",
+                                                       *options.min_scaled_jacobian);
   std::fprintf(stderr, "cadmorph: error: %s; the refused mesh is %s (cell array cadmorph_bad)\n%s",
                what.c_str(), report.written.c_str(), diagnosis_text(diagnosis).c_str());
 }

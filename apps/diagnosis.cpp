@@ -41,6 +41,11 @@ int most_frequent_face(const Mesh& mesh, const Boundary& boundary, const Associa
   return most_first(votes).front().first;
 }
 
+bool is_held(const Mesh& mesh, const Boundary& boundary, Index c) {
+  return std::ranges::all_of(
+      mesh.cell(c), [&](Index node) { return std::ranges::binary_search(boundary.nodes, node); });
+}
+
 double first_inversion(const Mesh& mesh, const Orientation& orientation,
                        const PositionsAt& positions_at) {
   const auto is_valid = [&](double share) {
@@ -67,6 +72,7 @@ Diagnosis diagnose(const CadModel& cad, const Mesh& mesh, const Boundary& bounda
   std::map<int, Index> regions;
   for (const Index c : bad_cells) {
     ++regions[mesh.region(c)];
+    if (is_held(mesh, boundary, c)) ++result.held_cells;
     if (std::ranges::binary_search(in_base, c)) ++result.bad_in_base;
   }
   result.regions = most_first(regions);

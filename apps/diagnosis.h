@@ -16,6 +16,7 @@ namespace cadmorph {
 struct Diagnosis {
   Index bad_cells = 0;    ///< inverted, or below the asked quality
   Index bad_in_base = 0;  ///< of these: inverted in the input already
+  Index held_cells = 0;   ///< of these: all nodes on the surface
   Index worst_cell = -1;
   Eigen::Vector3d location = Eigen::Vector3d::Zero();  ///< of its centroid, in the mesh's unit
   std::vector<std::pair<int, Index>> regions;  ///< region id and bad cells in it, most first

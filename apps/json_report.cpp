@@ -83,6 +83,7 @@ Json to_json(const Diagnosis& diagnosis) {
     regions.push_back({{"region", region}, {"bad_cells", cells}});
   return {{"bad_cells", diagnosis.bad_cells},
           {"bad_in_base", diagnosis.bad_in_base},
+          {"held_cells", diagnosis.held_cells},
           {"worst_cell", diagnosis.worst_cell},
           {"location", to_json(diagnosis.location)},
           {"regions", regions},

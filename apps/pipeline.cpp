@@ -245,6 +245,10 @@ struct MorphJob::Impl {
     if (figures.diagnosis->bad_in_base > 0)
       lines.push_back("repair the input mesh: " + std::to_string(figures.diagnosis->bad_in_base) +
                       " of these cells are inverted in it already");
+    if (figures.diagnosis->held_cells > 0)
+      lines.push_back("refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
+                      " of these cells have all their nodes on the surface, so that only the CAD "
+                      "moves them");
     if (figures.outcome == Outcome::PoorQuality && options.untangle != UntangleMode::Always)
       lines.push_back("raise the poor cells with --untangle always");
     if (figures.outcome == Outcome::Inverted && options.untangle == UntangleMode::Never)

@@ -190,8 +190,7 @@ std::string summary_text(const PipelineReport& report) {
 }
 
 std::string diagnosis_text(const Diagnosis& diagnosis) {
-  std::string text = "  " + with_commas(diagnosis.bad_cells) + " bad cells; the worst is cell " +
-                     std::to_string(diagnosis.worst_cell) +
+  std::string text = "  the worst is cell " + std::to_string(diagnosis.worst_cell) +
                      format(" at (%.6g, %.6g, %.6g)", diagnosis.location[0], diagnosis.location[1],
                             diagnosis.location[2]);
   if (diagnosis.regions.size() > 1 || diagnosis.regions.front().first != 0)

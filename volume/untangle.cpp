@@ -91,6 +91,16 @@ Neighbourhood grow(const Mesh& mesh, const NodeCells& incidence, const std::vect
   return result;
 }
 
+// Seeds with a node that may move; nothing helps the others.
+std::vector<Index> movable(const Mesh& mesh, const std::vector<Index>& seeds,
+                           const std::vector<char>& is_fixed) {
+  std::vector<Index> result;
+  for (const Index c : seeds)
+    if (std::ranges::any_of(mesh.cell(c), [&](Index node) { return !is_fixed[node]; }))
+      result.push_back(c);
+  return result;
+}
+
 // The base shape a sample is compared with: its own Jacobian, or a cube's where that is flat.
 Matrix3d reference_jacobian(const Matrix3d& base, int orientation) {
   const double edges = base.colwise().norm().prod();
@@ -284,6 +294,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   if (!seeds.empty()) {
     const NodeCells incidence(mesh);
     const auto fixed = immovable(mesh, is_fixed);
+    seeds = movable(mesh, seeds, fixed);
     for (int attempt = 0; attempt < options.attempts && !seeds.empty(); ++attempt) {
       if (options.progress) options.progress("untangle", 1.0 * attempt / options.attempts);
       const int rings = options.rings << attempt;
@@ -298,7 +309,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
         result.positions = std::move(moved);
         report.validity = std::move(validity);
       }
-      seeds = report.validity.invalid_cells;
+      seeds = movable(mesh, report.validity.invalid_cells, fixed);
     }
   }
   report.after = report.validity.invalid;

@@ -29,6 +29,12 @@ fs::path new_folder() {
 
 int exit_code_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) : -1; }
 
+void make_fixtures(const fs::path& folder, const std::string& argument) {
+  const std::string command = std::string("'") + CADMORPH_STEP_FIXTURES + "' '" + folder.string() +
+                              "' " + argument + " > /dev/null";
+  if (std::system(command.c_str()) != 0) throw std::runtime_error("no STEP files for the test");
+}
+
 }  // namespace
 
 RunResult run_cadmorph(const fs::path& folder, const std::string& arguments,
@@ -44,15 +50,17 @@ RunResult run_cadmorph(const fs::path& folder, const std::string& arguments,
 }
 
 Workplace::Workplace() : folder_(new_folder()) {
-  const std::string command =
-      std::string("'") + CADMORPH_STEP_FIXTURES + "' '" + folder_.string() + "' > /dev/null";
-  if (std::system(command.c_str()) != 0) throw std::runtime_error("no STEP files for the test");
+  make_fixtures(folder_, "");
   write_mesh(folder_ / "box.vtu", box_mesh(3));
 }
 
 Workplace::~Workplace() {
   std::error_code ignored;
   fs::remove_all(folder_, ignored);
+}
+
+void Workplace::make_moved_sphere(double shift) const {
+  make_fixtures(folder_, std::to_string(shift));
 }
 
 void Workplace::write(const std::string& name, const std::string& text) const {

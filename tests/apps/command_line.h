@@ -32,6 +32,9 @@ class Workplace {
   RunResult run(const std::string& arguments, const std::string& setup = "") const {
     return run_cadmorph(folder_, arguments, setup);
   }
+  /// Writes sphere_moved.step: the sphere of models/shapes/sphere_in_box.step moved along x.
+  void make_moved_sphere(double shift) const;
+
   void write(const std::string& name, const std::string& text) const;
   std::string read(const std::string& name) const;
   bool has(const std::string& name) const { return std::filesystem::exists(folder_ / name); }

@@ -163,6 +163,52 @@ TEST_CASE("Poor quality ends with 5, a mesh marked as failed, and a diagnosis", 
   CHECK(report["diagnosis"]["bad_cells"] == 8);
 }
 
+TEST_CASE("A sphere moved far in its box takes steps, then untangling, then is refused",
+          "[apps][main]") {
+  const Workplace place;
+  const std::string files =
+      source_file("models/shapes/sphere_in_box.step").string() + " sphere_moved.step " +
+      source_file("models/shapes/sphere_in_box.vtu").string() + " -o out.vtu --json report.json ";
+  // The wall is 18 mm from the sphere, the elements 8 mm wide.
+  place.make_moved_sphere(12);
+  REQUIRE(place.run(files).exit_code == 0);
+  CHECK(Json::parse(place.read("report.json"))["stepping"]["steps"] == 1);
+
+  place.make_moved_sphere(17);
+  CHECK(place.run(files + "--steps 1 --untangle never").exit_code == 5);
+  const RunResult stepped = place.run(files + "--untangle never");
+  INFO(stepped.err);
+  REQUIRE(stepped.exit_code == 0);
+  Json report = Json::parse(place.read("report.json"));
+  CHECK(report["stepping"]["steps"].get<int>() > 1);
+  CHECK(report["after"]["invalid_exact"] == 0);
+
+  place.make_moved_sphere(17.5);
+  REQUIRE(place.run(files + "--steps 1").exit_code == 0);
+  report = Json::parse(place.read("report.json"));
+  CHECK(report["untangling"]["invalid_before"].get<int>() > 0);
+  CHECK(report["untangling"]["invalid_after"] == 0);
+  CHECK(report["after"]["inverted_corner_jacobian"] == 0);
+
+  std::filesystem::remove(place.folder() / "out.vtu");
+  const RunResult refused = place.run(files + "--steps 1 --untangle never");
+  CHECK(refused.exit_code == 5);
+  CHECK_FALSE(place.has("out.vtu"));
+  report = Json::parse(place.read("report.json"))["diagnosis"];
+  CHECK(report["bad_cells"].get<int>() > 0);
+  const double share = report["first_inversion_share"].get<double>();
+  CHECK(share > 0.6);
+  CHECK(share < 1);
+  // The sphere itself or the wall at x = 60 it comes near to.
+  CHECK(report["location"][0].get<double>() > 50);
+  CHECK_THAT(refused.err, Catch::Matchers::Contains("nearest CAD face"));
+  // Just below the share that the diagnosis names, one step does.
+  place.make_moved_sphere(17.5 * (share - 0.02));
+  CHECK(place.run(files + "--steps 1 --untangle never").exit_code == 0);
+  place.make_moved_sphere(17.5 * (share + 0.01));
+  CHECK(place.run(files + "--steps 1 --untangle never").exit_code == 5);
+}
+
 TEST_CASE("Poor elements are raised by untangling always", "[apps][main]") {
   const Workplace place;
   Mesh mesh = box_mesh(4);

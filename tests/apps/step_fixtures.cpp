@@ -1,14 +1,17 @@
-// step_fixtures FOLDER: writes box.step (6 faces), box_moved.step (the same, longer),
-// box_chamfer.step (one face more) and box_inch.step (the same in inches) into a folder.
+// step_fixtures FOLDER [SHIFT]: writes box.step (6 faces), box_moved.step (the same, longer),
+// box_chamfer.step (one face more) and box_inch.step (the same in inches) into a folder; with SHIFT
+// only sphere_moved.step: models/shapes/sphere_in_box.step with the sphere moved along x.
 
+#include <BRepAlgoAPI_Cut.hxx>
 #include <BRepFilletAPI_MakeChamfer.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
 #include <Interface_Static.hxx>
 #include <STEPControl_Controller.hxx>
 #include <STEPControl_Writer.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
-#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 
 namespace {
@@ -30,11 +33,19 @@ TopoDS_Shape chamfered() {
   return chamfer.Shape();
 }
 
+TopoDS_Shape sphere_in_box(double shift) {
+  const TopoDS_Shape outside = BRepPrimAPI_MakeBox(60, 60, 60).Solid();
+  const TopoDS_Shape sphere = BRepPrimAPI_MakeSphere(gp_Pnt(30 + shift, 30, 30), 12).Solid();
+  return BRepAlgoAPI_Cut(outside, sphere).Shape();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 2) return 1;
+  if (argc < 2) return 1;
   const std::filesystem::path folder = argv[1];
+  if (argc == 3)
+    return write(sphere_in_box(std::atof(argv[2])), folder / "sphere_moved.step") ? 0 : 1;
   const bool is_done = write(box(10), folder / "box.step") &&
                        write(box(12), folder / "box_moved.step") &&
                        write(chamfered(), folder / "box_chamfer.step") &&
