@@ -24,8 +24,9 @@ using Eigen::MatrixXd;
 // the matrix is then singular to rounding. Sound systems reach 1e-11.
 constexpr double kDenseAccuracy = 1e-6;
 
-// Above this part of the largest value one step of iterative refinement is worth its O(N^2).
+// Above this part of the largest value iterative refinement is worth its O(N^2) a step.
 constexpr double kRefine = 1e-13;
+constexpr int kRefinements = 5;
 
 // Number of centres from which on the fast solver beats Cholesky (docs/fast-solver.md).
 constexpr Index kFastCentres = 2000;
@@ -326,15 +327,14 @@ std::shared_ptr<const UnitField> RbfSystem::Impl::solve_dense(const DenseSolver&
                                                               RbfReport& into) const {
   SaddleSolution solution = solver.solve(values);
   MatrixXd missed = residual(values, solution);
-  if (largest(missed) > kRefine * scale) {
+  for (int step = 0; step < kRefinements && largest(missed) > kRefine * scale; ++step) {
     SaddleSolution refined = solver.solve(missed);
     refined.weights += solution.weights;
     refined.coefficients += solution.coefficients;
     MatrixXd remaining = residual(values, refined);
-    if (largest(remaining) < largest(missed)) {
-      solution = std::move(refined);
-      missed = std::move(remaining);
-    }
+    if (!(largest(remaining) < 0.5 * largest(missed))) break;
+    solution = std::move(refined);
+    missed = std::move(remaining);
   }
   into.max_residual = in_local_lengths(missed);
   if (!(largest(missed) <= kDenseAccuracy * scale))
