@@ -29,6 +29,8 @@ constexpr double kFlat = 1e-9;
 constexpr double kLeastEpsilon = 1e-10;
 // Minimisations end when they lower the energy by less than this share, all samples positive.
 constexpr double kSettled = 1e-3;
+// Neighbourhoods in a row that may repair nothing.
+constexpr int kIdleAttempts = 2;
 
 // chi(D, eps) = (D + sqrt(eps^2 + D^2)) / 2 (Garanzha et al. 2021, eq. 3): positive, near D for D >
 // 0.
@@ -295,7 +297,9 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     const NodeCells incidence(mesh);
     const auto fixed = immovable(mesh, is_fixed);
     seeds = movable(mesh, seeds, fixed);
-    for (int attempt = 0; attempt < options.attempts && !seeds.empty(); ++attempt) {
+    int idle = 0;
+    for (int attempt = 0; attempt < options.attempts && !seeds.empty() && idle < kIdleAttempts;
+         ++attempt) {
       if (options.progress) options.progress("untangle", 1.0 * attempt / options.attempts);
       const int rings = options.rings << attempt;
       const Neighbourhood around = grow(mesh, incidence, seeds, rings, fixed);
@@ -305,6 +309,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
       ValidityReport validity = check_validity(mesh, moved, orientation);
       report.rings = rings;
       report.moved_nodes = static_cast<Index>(around.nodes.size());
+      idle = validity.invalid < report.validity.invalid ? 0 : idle + 1;
       if (validity.invalid <= report.validity.invalid) {
         result.positions = std::move(moved);
         report.validity = std::move(validity);
