@@ -1,0 +1,336 @@
+#include "cad/brep.h"
+
+#include <BRepBuilderAPI_MakeEdge.hxx>
+#include <BRepClass3d_SolidClassifier.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <TopExp_Explorer.hxx>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "cad/step_reader.h"
+#include "cad_variants.h"
+#include "core/errors.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+namespace {
+
+TopoDS_Shape shape(const std::string& name) {
+  return read_shape(model_file("shapes/" + name + ".step"));
+}
+
+const std::vector<std::string> kShapes{
+    "box",          "plate_12_holes", "bracket",  "stepped_shaft", "sphere",     "torus",
+    "cone_frustum", "cone",           "cylinder", "blade",         "two_blocks", "sphere_in_box"};
+
+int seams(const CadModel& model) {
+  int count = 0;
+  for (const auto& e : model.edges()) count += e.is_seam;
+  return count;
+}
+
+int degenerate_edges(const CadModel& model) {
+  int count = 0;
+  for (const auto& e : model.edges()) count += e.is_degenerate;
+  return count;
+}
+
+/// Points of a face's domain, and beyond it by a tenth.
+std::vector<Vector2d> random_parameters(const CadFace& face, int count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> draw(-0.1, 1.1);
+  std::vector<Vector2d> all;
+  for (int i = 0; i < count; ++i) {
+    const double a = draw(random), b = draw(random);
+    all.push_back(face.lower + Vector2d(a, b).cwiseProduct(face.upper - face.lower));
+  }
+  return all;
+}
+
+/// Least distance of parameters to the pcurves of a face, in parts of the domain.
+double distance_to_wires(const CadModel& model, int face, const Vector2d& uv) {
+  const Vector2d size = model.faces()[face].upper - model.faces()[face].lower;
+  double least = 1e300;
+  for (const auto& wire : model.faces()[face].wires)
+    for (const int c : wire) {
+      const CadEdge& e = model.edges()[model.coedges()[c].edge];
+      for (int i = 0; i <= 400; ++i) {
+        const Vector2d p = model.pcurve(c, e.first + (e.last - e.first) * i / 400);
+        least = std::min(least, (p - uv).cwiseQuotient(size).norm());
+      }
+    }
+  return least;
+}
+
+}  // namespace
+
+TEST_CASE("a box has 6 faces, 12 edges and 8 corners", "[cad][brep]") {
+  const CadModel box = to_model(shape("box"));
+  CHECK(box.faces().size() == 6);
+  CHECK(box.edges().size() == 12);
+  CHECK(box.vertices().size() == 8);
+  CHECK(box.coedges().size() == 24);
+  CHECK(box.solid_count() == 1);
+  CHECK(box.skeleton().curves.size() == 12);
+  CHECK(box.skeleton().corners.size() == 8);
+  CHECK(std::abs(box.diagonal() - std::sqrt(40. * 40 + 30 * 30 + 20 * 20)) < 1e-9);
+  for (const auto& face : box.faces()) {
+    CHECK(face.type == SurfaceType::Plane);
+    CHECK(face.period.isZero(0));
+    CHECK(face.wires.size() == 1);
+    CHECK(face.solid == 0);
+  }
+  for (const auto& edge : box.edges()) {
+    CHECK(edge.is_physical());
+    CHECK(edge.coedges.size() == 2);
+  }
+  for (const auto& curve : box.skeleton().curves) {
+    CHECK(curve.faces.size() == 2);
+    CHECK(!curve.is_closed());
+  }
+}
+
+TEST_CASE("a cylinder's seam is no physical curve", "[cad][brep]") {
+  const CadModel cylinder = to_model(shape("cylinder"));
+  CHECK(cylinder.faces().size() == 3);
+  CHECK(cylinder.edges().size() == 3);
+  CHECK(seams(cylinder) == 1);
+  CHECK(degenerate_edges(cylinder) == 0);
+  CHECK(cylinder.skeleton().corners.empty());
+  REQUIRE(cylinder.skeleton().curves.size() == 2);
+  for (const auto& curve : cylinder.skeleton().curves) {
+    CHECK(curve.is_closed());
+    CHECK(curve.faces.size() == 2);
+    CHECK(std::abs(curve.length - 2 * pi * 15) < 1e-2 * 2 * pi * 15);
+  }
+  for (const auto& face : cylinder.faces()) {
+    const bool is_mantle = face.type == SurfaceType::Cylinder;
+    CHECK(std::abs(face.period.x() - (is_mantle ? 2 * pi : 0)) < 1e-9);
+    CHECK(face.period.y() == 0);
+  }
+}
+
+TEST_CASE("a torus has two seams and no physical curve", "[cad][brep]") {
+  const CadModel torus = to_model(shape("torus"));
+  CHECK(torus.faces().size() == 1);
+  CHECK(torus.edges().size() == 2);
+  CHECK(seams(torus) == 2);
+  CHECK(torus.skeleton().curves.empty());
+  CHECK(torus.skeleton().corners.empty());
+  CHECK((torus.faces()[0].period - Vector2d(2 * pi, 2 * pi)).norm() < 1e-9);
+}
+
+TEST_CASE("a sphere has a seam and two poles", "[cad][brep]") {
+  const CadModel sphere = to_model(shape("sphere"));
+  CHECK(sphere.faces().size() == 1);
+  CHECK(seams(sphere) == 1);
+  CHECK(degenerate_edges(sphere) == 2);
+  CHECK(sphere.skeleton().curves.empty());
+  CHECK(sphere.skeleton().corners.empty());
+  CHECK(std::abs(sphere.faces()[0].period.x() - 2 * pi) < 1e-9);
+  CHECK(sphere.faces()[0].period.y() == 0);
+}
+
+TEST_CASE("a cone has a seam and its apex as a pole", "[cad][brep]") {
+  const CadModel cone = to_model(shape("cone"));
+  CHECK(cone.faces().size() == 2);
+  CHECK(seams(cone) == 1);
+  CHECK(degenerate_edges(cone) == 1);
+  CHECK(cone.skeleton().curves.size() == 1);
+  CHECK(cone.skeleton().corners.empty());
+}
+
+TEST_CASE("holes are wires and solids keep their faces apart", "[cad][brep]") {
+  const CadModel plate = to_model(shape("plate_12_holes"));
+  CHECK(plate.faces().size() == 18);
+  int with_holes = 0;
+  for (const auto& face : plate.faces()) with_holes += face.wires.size() == 13;
+  CHECK(with_holes == 2);
+
+  const CadModel blocks = to_model(shape("two_blocks"));
+  CHECK(blocks.solid_count() == 2);
+  CHECK(blocks.faces().size() == 12);
+  int of_first = 0;
+  for (const auto& face : blocks.faces()) of_first += face.solid == 0;
+  CHECK(of_first == 6);
+}
+
+TEST_CASE("a shape without a face is no model", "[cad][brep][errors]") {
+  CHECK_THROWS_AS(to_model(BRepBuilderAPI_MakeEdge(gp_Pnt(0, 0, 0), gp_Pnt(1, 2, 3)).Edge()),
+                  CadError);
+}
+
+TEST_CASE("pcurves run along their edges", "[cad][brep]") {
+  for (const auto& name : kShapes) {
+    DYNAMIC_SECTION(name) {
+      const CadModel model = to_model(shape(name));
+      for (std::size_t c = 0; c < model.coedges().size(); ++c) {
+        const CadCoedge& use = model.coedges()[c];
+        const CadEdge& e = model.edges()[use.edge];
+        for (int i = 0; i <= 10; ++i) {
+          const double t = e.first + (e.last - e.first) * i / 10;
+          const Vector3d on_face =
+              model.evaluate(use.face, model.pcurve(static_cast<int>(c), t)).point;
+          CHECK((on_face - model.evaluate_edge(use.edge, t).point).norm() <=
+                std::max(e.tolerance, 1e-7));
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("a face's material lies to the left of its coedges", "[cad][brep]") {
+  for (const auto& name : kShapes) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape solid = shape(name);
+      const CadModel model = to_model(solid);
+      const FaceOracle oracle(solid);
+      for (const auto& use : model.coedges()) {
+        const CadEdge& e = model.edges()[use.edge];
+        if (!e.is_physical()) continue;
+        const CurvePoint p = model.evaluate_edge(use.edge, e.first + 0.37 * (e.last - e.first));
+        const Vector2d at = oracle.parameters(use.face, p.point);
+        const Vector3d along = (use.is_reversed ? -1.0 : 1.0) * p.dt.normalized();
+        const Vector3d left = model.normal(use.face, at).cross(along);
+        const double step = 1e-3 * e.length;
+        // On curved faces a tangential step leaves the face by far less than its own length.
+        CHECK(oracle.side(use.face, oracle.parameters(use.face, p.point + step * left)) == 1);
+        CHECK(oracle.distance(use.face, p.point + step * left) <
+              0.2 * oracle.distance(use.face, p.point - step * left));
+      }
+    }
+  }
+}
+
+TEST_CASE("normals point out of the solids", "[cad][brep]") {
+  for (const auto& name : kShapes) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape part = shape(name);
+      const CadModel model = to_model(part);
+      std::vector<TopoDS_Shape> solids;
+      for (TopExp_Explorer it(part, TopAbs_SOLID); it.More(); it.Next())
+        solids.push_back(it.Current());
+      const FaceOracle oracle(part);
+      for (int f = 0; f < oracle.face_count(); ++f)
+        for (const Vector2d& uv : random_parameters(model.faces()[f], 8, 5)) {
+          if (oracle.side(f, uv) != 1) continue;
+          const Vector3d n = model.normal(f, uv), x = model.evaluate(f, uv).point;
+          if (n.isZero(0)) continue;  // a pole
+          CHECK(std::abs(n.norm() - 1) < 1e-12);
+          const auto state = [&](const Vector3d& p) {
+            BRepClass3d_SolidClassifier inside(solids[model.faces()[f].solid],
+                                               gp_Pnt(p.x(), p.y(), p.z()), 1e-9);
+            return inside.State();
+          };
+          CHECK(state(x + 1e-3 * n) == TopAbs_OUT);
+          CHECK(state(x - 1e-3 * n) == TopAbs_IN);
+        }
+    }
+  }
+}
+
+TEST_CASE("derivatives agree with differences of points", "[cad][brep]") {
+  constexpr double kStep = 1e-5;
+  for (const std::string name : {"bracket", "torus", "cone_frustum", "blade", "sphere"}) {
+    DYNAMIC_SECTION(name) {
+      const CadModel model = to_model(shape(name));
+      for (int f = 0; f < static_cast<int>(model.faces().size()); ++f) {
+        const CadFace& face = model.faces()[f];
+        const Vector2d uv = face.lower + Vector2d(0.37, 0.59).cwiseProduct(face.upper - face.lower);
+        const Vector2d h = kStep * (face.upper - face.lower);
+        const auto at = [&](double a, double b) {
+          return model.evaluate(f, uv + Vector2d(a, b).cwiseProduct(h));
+        };
+        const SurfaceCurvature s = model.evaluate_second(f, uv);
+        const double size = face.upper.x() - face.lower.x();
+        const double size_v = face.upper.y() - face.lower.y();
+        // Central differences leave an error of the square of the step, in model units.
+        const double tolerance = 1e-6 * model.diagonal();
+        CHECK((at(0, 0).du - s.first.du).norm() < 1e-12 * s.first.du.norm());
+        CHECK(((at(1, 0).point - at(-1, 0).point) / (2 * kStep) - size * s.first.du).norm() <
+              tolerance);
+        CHECK(((at(0, 1).point - at(0, -1).point) / (2 * kStep) - size_v * s.first.dv).norm() <
+              tolerance);
+        CHECK((size * (at(1, 0).du - at(-1, 0).du) / (2 * kStep) - size * size * s.duu).norm() <
+              tolerance);
+        CHECK((size * (at(0, 1).du - at(0, -1).du) / (2 * kStep) - size * size_v * s.duv).norm() <
+              tolerance);
+        CHECK(
+            (size_v * (at(0, 1).dv - at(0, -1).dv) / (2 * kStep) - size_v * size_v * s.dvv).norm() <
+            tolerance);
+      }
+    }
+  }
+}
+
+TEST_CASE("is_inside agrees with OCCT's classifier", "[cad][brep]") {
+  for (const auto& name : kShapes) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape part = shape(name);
+      const CadModel model = to_model(part);
+      const FaceOracle oracle(part);
+      int compared = 0, different = 0;
+      for (int f = 0; f < oracle.face_count(); ++f)
+        for (const Vector2d& uv : random_parameters(model.faces()[f], 150, 7u + f)) {
+          // Polygons follow curved wires to within a small part of the domain.
+          if (distance_to_wires(model, f, uv) < 5e-3) continue;
+          const Vector2d wrapped = model.into_domain(f, uv);
+          ++compared;
+          different += model.is_inside(f, uv) != (oracle.side(f, wrapped) == 1);
+        }
+      CHECK(different == 0);
+      CHECK(compared > 50 * oracle.face_count());
+    }
+  }
+}
+
+TEST_CASE("crossings bound the inside along lines of constant v", "[cad][brep]") {
+  for (const std::string name : {"plate_12_holes", "bracket", "blade", "cylinder"}) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape part = shape(name);
+      const CadModel model = to_model(part);
+      const FaceOracle oracle(part);
+      for (int f = 0; f < oracle.face_count(); ++f) {
+        const CadFace& face = model.faces()[f];
+        for (const double part_of : {0.137, 0.481, 0.873}) {
+          const double v = face.lower.y() + part_of * (face.upper.y() - face.lower.y());
+          const auto u = model.crossings(f, v);
+          REQUIRE(u.size() % 2 == 0);
+          REQUIRE(!u.empty());
+          CHECK(std::is_sorted(u.begin(), u.end()));
+          for (std::size_t i = 0; i + 1 < u.size(); ++i) {
+            if (u[i + 1] - u[i] < 1e-2 * (face.upper.x() - face.lower.x())) continue;
+            const Vector2d middle(0.5 * (u[i] + u[i + 1]), v);
+            CHECK((oracle.side(f, middle) == 1) == (i % 2 == 0));
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("parameters wrap into the domain of periodic faces", "[cad][brep]") {
+  const CadModel torus = to_model(shape("torus"));
+  const CadFace& face = torus.faces()[0];
+  const Vector2d uv = face.lower + Vector2d(0.3, 0.8).cwiseProduct(face.upper - face.lower);
+  for (const int i : {-3, -1, 0, 1, 2})
+    for (const int j : {-2, 0, 1})
+      CHECK((torus.into_domain(0, uv + 2 * pi * Vector2d(i, j)) - uv).norm() < 1e-9);
+}
+
+TEST_CASE("vertices that only end a seam are no corners", "[cad][brep][skeleton]") {
+  const CadModel shaft = to_model(shape("stepped_shaft"));
+  CHECK(shaft.skeleton().corners.empty());
+  for (const auto& curve : shaft.skeleton().curves) CHECK(curve.is_closed());
+  // Rings of the outline: every corner of the half profile off the axis turns into a circle.
+  CHECK(shaft.skeleton().curves.size() == 7);
+  const CadModel bracket = to_model(shape("bracket"));
+  for (int e = 0; e < static_cast<int>(bracket.edges().size()); ++e)
+    CHECK((bracket.skeleton().curve_of_edge[e] >= 0) == bracket.edges()[e].is_physical());
+}

@@ -1,0 +1,93 @@
+#include "cad/curve_table.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "cad_variants.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+namespace {
+
+CadModel model(const std::string& name) {
+  return to_model(read_shape(model_file("shapes/" + name + ".step")));
+}
+
+}  // namespace
+
+TEST_CASE("length fractions on a circle are angles", "[cad][curve]") {
+  const CadModel cylinder = model("cylinder");
+  for (int c = 0; c < 2; ++c) {
+    const CurveTable table(cylinder, c);
+    CHECK(table.is_closed());
+    CHECK(std::abs(table.length() / (2 * pi * 15) - 1) < 1e-3);
+    const Vector3d start = table.point(0);
+    for (int i = 0; i < 50; ++i) {
+      const double fraction = i / 50.0;
+      const Vector3d p = table.point(fraction);
+      CHECK(std::abs(std::hypot(p.x(), p.y()) - 15) < 1e-9);
+      const double angle =
+          std::acos(std::clamp((start.x() * p.x() + start.y() * p.y()) / (15 * 15), -1.0, 1.0));
+      CHECK(std::abs(angle - 2 * pi * std::min(fraction, 1 - fraction)) < 1e-3);
+      CHECK((table.point(fraction + 1) - p).norm() < 1e-9);
+      CHECK((table.point(fraction - 2) - p).norm() < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("fractions and locations are inverse", "[cad][curve]") {
+  for (const std::string name : {"bracket", "blade", "cylinder", "plate_4_holes"}) {
+    DYNAMIC_SECTION(name) {
+      const CadModel part = model(name);
+      for (int c = 0; c < static_cast<int>(part.skeleton().curves.size()); ++c) {
+        const CurveTable table(part, c);
+        for (const double fraction : {0.013, 0.25, 0.5001, 0.77, 0.99})
+          CHECK(std::abs(table.fraction(table.locate(fraction)) - fraction) < 1e-9);
+      }
+    }
+  }
+}
+
+TEST_CASE("open curves clamp at their ends, which are their corners", "[cad][curve]") {
+  const CadModel box = model("box");
+  for (int c = 0; c < 12; ++c) {
+    const CurveTable table(box, c);
+    const CadCurve& curve = box.skeleton().curves[c];
+    const auto corner = [&](int i) { return box.vertices()[box.skeleton().corners[i]].point; };
+    CHECK(!table.is_closed());
+    CHECK((table.point(0) - corner(curve.start)).norm() < 1e-9);
+    CHECK((table.point(1) - corner(curve.end)).norm() < 1e-9);
+    CHECK((table.point(1.5) - corner(curve.end)).norm() < 1e-9);
+    CHECK((table.point(-1) - corner(curve.start)).norm() < 1e-9);
+    CHECK((table.point(0.25) - (0.75 * corner(curve.start) + 0.25 * corner(curve.end))).norm() <
+          1e-9);
+    CHECK(std::abs(table.length() - (corner(curve.end) - corner(curve.start)).norm()) < 1e-9);
+  }
+}
+
+TEST_CASE("the nearest point of a curve agrees with brute force", "[cad][curve]") {
+  constexpr int kSamples = 3000;
+  for (const std::string name : {"bracket", "blade", "cylinder"}) {
+    DYNAMIC_SECTION(name) {
+      const CadModel part = model(name);
+      for (int c = 0; c < static_cast<int>(part.skeleton().curves.size()); ++c) {
+        const CurveTable table(part, c);
+        for (int i = 0; i < 12; ++i) {
+          const Vector3d x = table.point((i + 0.3) / 12) +
+                             0.03 * table.length() * Vector3d(std::sin(i), std::cos(3 * i), 0.2);
+          double least = 1e300;
+          for (int j = 0; j <= kSamples; ++j)
+            least = std::min(least, (table.point(double(j) / kSamples) - x).norm());
+          const EdgeFoot foot = table.nearest(x);
+          CHECK(foot.distance <= least + 1e-9 * part.diagonal());
+          CHECK((part.evaluate_edge(foot.edge, foot.t).point - x).norm() ==
+                Approx(foot.distance).margin(1e-9));
+        }
+      }
+    }
+  }
+}

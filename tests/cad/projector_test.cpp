@@ -1,0 +1,184 @@
+#include "cad/projector.h"
+
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "cad/face_sampler.h"
+#include "cad_variants.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+TopoDS_Shape shape(const std::string& name) {
+  return read_shape(model_file("shapes/" + name + ".step"));
+}
+
+/// Points off a face by up to `reach` along its normal, above random places inside its wires.
+struct Probe {
+  Vector2d uv;
+  Vector3d x;
+  double offset;
+};
+
+std::vector<Probe> probes(const CadModel& model, const FaceOracle& oracle, int face, double reach) {
+  std::mt19937 random(17u + static_cast<unsigned>(face));
+  std::uniform_real_distribution<double> unit(0, 1);
+  const CadFace& f = model.faces()[face];
+  std::vector<Probe> all;
+  for (int tries = 0; all.size() < 20 && tries < 400; ++tries) {
+    const double a = unit(random), b = unit(random), offset = reach * (2 * unit(random) - 1);
+    const Vector2d uv = f.lower + Vector2d(a, b).cwiseProduct(f.upper - f.lower);
+    const Vector3d n = model.normal(face, uv);
+    if (oracle.side(face, uv) != 1 || n.isZero(0)) continue;
+    all.push_back({uv, model.evaluate(face, uv).point + offset * n, offset});
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("projection from a near seed finds the foot that OCCT's global search finds",
+          "[cad][projector]") {
+  for (const std::string name : {"bracket", "torus", "sphere", "cone", "cylinder", "blade"})
+    for (const bool is_nurbs : {false, true}) {
+      DYNAMIC_SECTION(name << (is_nurbs ? " as NURBS" : "")) {
+        const TopoDS_Shape part = is_nurbs ? to_nurbs(shape(name)) : shape(name);
+        const CadModel model = to_model(part);
+        const FaceOracle oracle(part);
+        for (int f = 0; f < oracle.face_count(); ++f) {
+          const CadFace& face = model.faces()[f];
+          for (const Probe& p : probes(model, oracle, f, 0.01 * model.diagonal())) {
+            const Vector2d seed =
+                p.uv + Vector2d(0.02, -0.015).cwiseProduct(face.upper - face.lower);
+            const FaceFoot foot = project_on_face(model, f, p.x, seed);
+            const Vector3d known = oracle.point(f, oracle.parameters(f, p.x));
+            CHECK(foot.distance <= (known - p.x).norm() + 1e-9 * model.diagonal());
+            CHECK((model.evaluate(f, foot.uv).point - foot.point).norm() <
+                  1e-12 * model.diagonal());
+            CHECK(std::abs((foot.point - p.x).norm() - foot.distance) < 1e-12 * model.diagonal());
+          }
+        }
+      }
+    }
+}
+
+TEST_CASE("points on a face project onto themselves to rounding", "[cad][projector]") {
+  for (const std::string name : {"bracket", "torus", "sphere", "cone", "blade"}) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape part = shape(name);
+      const CadModel model = to_model(part);
+      const FaceOracle oracle(part);
+      for (int f = 0; f < oracle.face_count(); ++f)
+        for (const Probe& p : probes(model, oracle, f, 0)) {
+          const CadFace& face = model.faces()[f];
+          const Vector2d seed = p.uv + Vector2d(-0.03, 0.01).cwiseProduct(face.upper - face.lower);
+          CHECK(project_on_face(model, f, p.x, seed).distance < 1e-10 * model.diagonal());
+        }
+    }
+  }
+}
+
+TEST_CASE("global projection needs no seed and agrees with brute force", "[cad][projector]") {
+  constexpr int kGrid = 150;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(-0.2, 1.2);
+  for (const std::string name : {"torus", "sphere", "blade", "cone_frustum"}) {
+    DYNAMIC_SECTION(name) {
+      const CadModel model = to_model(shape(name));
+      for (int f = 0; f < static_cast<int>(model.faces().size()); ++f) {
+        const CadFace& face = model.faces()[f];
+        for (int i = 0; i < 15; ++i) {
+          const double a = unit(random), b = unit(random), c = unit(random);
+          const Vector3d x =
+              model.lower() + Vector3d(a, b, c).cwiseProduct(model.upper() - model.lower());
+          double least = 1e300;
+          for (int j = 0; j <= kGrid; ++j)
+            for (int k = 0; k <= kGrid; ++k) {
+              const Vector2d uv = face.lower + Vector2d(double(j) / kGrid, double(k) / kGrid)
+                                                   .cwiseProduct(face.upper - face.lower);
+              least = std::min(least, (model.evaluate(f, uv).point - x).norm());
+            }
+          // The grid's best point is never nearer than the true foot in the same domain.
+          CHECK(project_globally(model, f, x).distance <= least + 1e-9 * model.diagonal());
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("projection on an edge agrees with brute force and stays on the edge",
+          "[cad][projector]") {
+  constexpr int kSamples = 4000;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const std::string name : {"bracket", "blade", "cylinder"}) {
+    DYNAMIC_SECTION(name) {
+      const CadModel model = to_model(shape(name));
+      for (int edge = 0; edge < static_cast<int>(model.edges().size()); ++edge) {
+        const CadEdge& e = model.edges()[edge];
+        if (!e.is_physical()) continue;
+        for (int i = 0; i < 10; ++i) {
+          const double t = e.first + (e.last - e.first) * i / 9;
+          const double a = unit(random), b = unit(random), c = unit(random);
+          const Vector3d x =
+              model.evaluate_edge(edge, t).point + 0.05 * e.length * Vector3d(a, b, c);
+          std::pair<double, double> best{1e300, 0};
+          for (int j = 0; j <= kSamples; ++j) {
+            const double s = e.first + (e.last - e.first) * j / kSamples;
+            best = std::min(best, {(model.evaluate_edge(edge, s).point - x).norm(), s});
+          }
+          const EdgeFoot foot = project_on_edge(model, edge, x, best.second);
+          CHECK(foot.edge == edge);
+          CHECK(foot.t >= e.first);
+          CHECK(foot.t <= e.last);
+          CHECK(foot.distance <= best.first + 1e-9 * model.diagonal());
+          CHECK((model.evaluate_edge(edge, foot.t).point - foot.point).norm() < 1e-12);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("samples lie inside their faces and leave no gap above their spacing", "[cad][sampler]") {
+  for (const std::string name : {"plate_12_holes", "bracket", "torus", "sphere", "blade"}) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape part = shape(name);
+      const CadModel model = to_model(part);
+      const FaceOracle oracle(part);
+      constexpr Index kCount = 5000;
+      const FaceSamples samples = sample_faces(model, kCount);
+      REQUIRE(samples.points.rows() == std::ssize(samples.uv));
+      CHECK(samples.points.rows() > kCount / 4);
+      CHECK(samples.points.rows() < kCount * 4);
+      std::vector<int> count(model.faces().size(), 0);
+      double off = 0, outside = 0;
+      for (Index i = 0; i < samples.points.rows(); ++i) {
+        const int f = samples.face[i];
+        ++count[f];
+        const Vector3d x = samples.points.row(i);
+        off = std::max(off, (model.evaluate(f, samples.uv[i]).point - x).norm());
+        if (i % 7 == 0) outside = std::max(outside, oracle.distance(f, x));
+      }
+      CHECK(off < 1e-12 * model.diagonal());
+      // Samples along curved wires sit on pcurves, which leave edges by their tolerance at most.
+      double tolerance = 1e-6;
+      for (const auto& e : model.edges()) tolerance = std::max(tolerance, e.tolerance);
+      CHECK(outside <= tolerance);
+
+      for (int f = 0; f < oracle.face_count(); ++f) {
+        if (model.faces()[f].type != SurfaceType::Plane) CHECK(count[f] >= 25);
+        for (const Probe& p : probes(model, oracle, f, 0)) {
+          double least = 1e300;
+          for (Index i = 0; i < samples.points.rows(); ++i)
+            if (samples.face[i] == f)
+              least = std::min(least, (samples.points.row(i).transpose() - p.x).norm());
+          CHECK(least <= samples.spacing);
+        }
+      }
+    }
+  }
+}

@@ -1,0 +1,125 @@
+#include "cad/step_reader.h"
+
+#include <BRepBuilderAPI_MakeEdge.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <sstream>
+
+#include "cad_variants.h"
+#include "core/errors.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Catch::Matchers::Contains;
+
+namespace {
+
+std::string text_of(const std::string& name) {
+  std::ifstream in(model_file(name), std::ios::binary);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos;
+       at = text.find(from, at + to.size()))
+    text.replace(at, from.size(), to);
+  return text;
+}
+
+CadModel read_text(const std::string& text) {
+  const TemporaryFile file(".step");
+  std::ofstream(file.path(), std::ios::binary) << text;
+  return read_step(file.path());
+}
+
+std::string error_of(const std::string& text) {
+  try {
+    read_text(text);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("a missing STEP file, or a folder, can't be read", "[cad][step][errors]") {
+  const TemporaryFile nothing(".step");
+  CHECK_THROWS_AS(read_step(nothing.path()), IoError);
+  CHECK_THROWS_WITH(read_step(nothing.path()), Contains(nothing.path().filename().string()));
+  CHECK_THROWS_AS(read_step(std::filesystem::temp_directory_path()), IoError);
+}
+
+TEST_CASE("what is no STEP file is refused", "[cad][step][errors]") {
+  CHECK_THROWS_AS(read_text(""), CadError);
+  CHECK_THROWS_AS(read_text("solid cube\nfacet normal 0 0 1\n"), CadError);
+  CHECK_THROWS_AS(read_text(std::string(5000, '\0')), CadError);
+  CHECK_THAT(error_of("garbage"), Contains(".step"));
+}
+
+TEST_CASE("a truncated STEP file is refused wherever it ends", "[cad][step][errors]") {
+  const std::string whole = text_of("shapes/bracket.step");
+  for (const double part : {0.05, 0.3, 0.5, 0.9, 0.999}) {
+    CAPTURE(part);
+    const auto size = static_cast<std::size_t>(part * static_cast<double>(whole.size()));
+    CHECK_THROWS_AS(read_text(whole.substr(0, size)), CadError);
+  }
+  CHECK_NOTHROW(read_text(whole));
+}
+
+TEST_CASE("a STEP file with lost entities is refused", "[cad][step][errors]") {
+  // Its frame is right, some of its entities are gone: the solid can't be complete.
+  const std::string whole = text_of("shapes/box.step");
+  const std::size_t from = whole.find("ADVANCED_FACE");
+  REQUIRE(from != std::string::npos);
+  const std::size_t data_end = whole.find("ENDSEC", from);
+  CHECK_THROWS_AS(read_text(whole.substr(0, from) + whole.substr(data_end)), CadError);
+}
+
+TEST_CASE("a STEP file with unknown entities is refused", "[cad][step][errors]") {
+  const std::string whole = text_of("shapes/box.step");
+  CHECK_THROWS_AS(read_text(replaced(whole, "CARTESIAN_POINT", "CARTESIAN_PLANT")), CadError);
+}
+
+TEST_CASE("a STEP file without a shape is refused", "[cad][step][errors]") {
+  const std::string whole = text_of("shapes/box.step");
+  const std::size_t data = whole.find("DATA;") + 5, end = whole.find("ENDSEC", data);
+  CHECK_THROWS_AS(read_text(whole.substr(0, data) + "\n" + whole.substr(end)), CadError);
+}
+
+TEST_CASE("a STEP file with curves alone is refused", "[cad][step][errors]") {
+  const TemporaryFile file(".step");
+  write_step(file.path(), BRepBuilderAPI_MakeEdge(gp_Pnt(0, 0, 0), gp_Pnt(1, 2, 3)).Edge());
+  CHECK_THROWS_AS(read_step(file.path()), CadError);
+}
+
+TEST_CASE("lengths come in millimetres whatever the file's unit", "[cad][step][unit]") {
+  const std::string millimetres = text_of("shapes/box.step");
+  const CadModel box = read_text(millimetres);
+  CHECK_THAT(box.file_unit(), Contains("milli", Catch::CaseSensitive::No));
+  CHECK((box.upper() - box.lower() - Eigen::Vector3d(40, 30, 20)).norm() < 1e-9);
+
+  const std::string milli = "SI_UNIT(.MILLI.,.METRE.)";
+  REQUIRE(millimetres.find(milli) != std::string::npos);
+  const CadModel large = read_text(replaced(millimetres, milli, "SI_UNIT($,.METRE.)"));
+  CHECK((large.upper() - large.lower() - 1000 * Eigen::Vector3d(40, 30, 20)).norm() < 1e-6);
+  CHECK(large.file_unit() != box.file_unit());
+  CHECK_THAT(large.file_unit(), Contains("metre", Catch::CaseSensitive::No));
+  CHECK_THAT(large.file_unit(), !Contains("milli", Catch::CaseSensitive::No));
+}
+
+TEST_CASE("the order of faces is that of OCCT's own map, time and again", "[cad][step]") {
+  const auto path = model_file("shapes/bracket.step");
+  const FaceOracle oracle(read_shape(path));
+  for (int repeat = 0; repeat < 2; ++repeat) {
+    const CadModel model = read_step(path);
+    REQUIRE(static_cast<int>(model.faces().size()) == oracle.face_count());
+    for (int f = 0; f < oracle.face_count(); ++f) {
+      const Eigen::Vector2d uv = 0.5 * (model.faces()[f].lower + model.faces()[f].upper);
+      CHECK((model.evaluate(f, uv).point - oracle.point(f, uv)).norm() < 1e-12);
+    }
+  }
+}
