@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <mutex>
 #include <string_view>
 
 namespace cadmorph {
@@ -13,6 +14,14 @@ namespace {
 template <class Function>
 Function find_symbol(const char* name) {
   return reinterpret_cast<Function>(dlsym(RTLD_DEFAULT, name));
+}
+
+std::mutex threads_mutex;
+int serial_users = 0;
+int wanted_threads = 0;  // 0: as the library found it
+
+void apply_threads(int count) {
+  if (const auto set = find_symbol<void (*)(int)>("openblas_set_num_threads")) set(count);
 }
 
 template <std::size_t N>
@@ -37,7 +46,22 @@ std::string suggested_core(const std::string& kernel) {
 }  // namespace
 
 void set_blas_threads(int count) {
-  if (const auto set = find_symbol<void (*)(int)>("openblas_set_num_threads")) set(count);
+  const std::lock_guard lock(threads_mutex);
+  wanted_threads = count;
+  if (serial_users == 0) apply_threads(count);
+}
+
+SerialBlas::SerialBlas() {
+  const std::lock_guard lock(threads_mutex);
+  if (serial_users++ > 0) return;
+  const auto get = find_symbol<int (*)()>("openblas_get_num_threads");
+  if (wanted_threads == 0 && get) wanted_threads = get();
+  apply_threads(1);
+}
+
+SerialBlas::~SerialBlas() {
+  const std::lock_guard lock(threads_mutex);
+  if (--serial_users == 0 && wanted_threads > 0) apply_threads(wanted_threads);
 }
 
 BlasInfo blas_info() {

@@ -2,9 +2,11 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/blas.h"
 #include "core/errors.h"
 #include "core/parallel.h"
 
@@ -22,6 +24,11 @@ void dsycon_(const char*, const int*, const double*, const int*, const int*, con
 void dpotrf_(const char*, const int*, double*, const int*, int*);
 void dpotrs_(const char*, const int*, const int*, const double*, const int*, double*, const int*,
              int*);
+void dtrsm_(const char*, const char*, const char*, const char*, const int*, const int*,
+            const double*, const double*, const int*, double*, const int*);
+void dgemm_(const char*, const char*, const int*, const int*, const int*, const double*,
+            const double*, const int*, const double*, const int*, const double*, double*,
+            const int*);
 void dpocon_(const char*, const int*, const double*, const int*, const double*, double*, double*,
              int*, int*);
 }
@@ -60,10 +67,50 @@ MatrixXd saddle_rhs(const MatrixXd& values, Index q) {
   return rhs;
 }
 
+// Cholesky factor in the lower triangle of A, in tiles by one-threaded BLAS calls on all threads:
+// the result does not depend on their number. Returns LAPACK's info.
+int tiled_cholesky(Index n, double* A, Index stride) {
+  constexpr Index kTile = 256;
+  constexpr double kOne = 1, kMinusOne = -1;
+  const int lda = as_int(stride);
+  const auto at = [&](Index i, Index j) { return A + j * stride + i; };
+  for (Index k = 0; k < n; k += kTile) {
+    const Index next = std::min(n, k + kTile), rest = n - next;
+    const int depth = as_int(next - k);
+    int info = 0;
+    dpotrf_("L", &depth, at(k, k), &lda, &info);
+    if (info != 0) return as_int(k) + info;
+    parallel_for(rest, kTile, [&](Index begin, Index end) {
+      const int rows = as_int(end - begin);
+      dtrsm_("R", "L", "T", "N", &rows, &depth, &kOne, at(k, k), &lda, at(next + begin, k), &lda);
+    });
+    parallel_for(rest, kTile, [&](Index begin, Index end) {
+      const int rows = as_int(rest - begin), columns = as_int(end - begin);
+      dgemm_("N", "T", &rows, &columns, &depth, &kMinusOne, at(next + begin, k), &lda,
+             at(next + begin, k), &lda, &kOne, at(next + begin, next + begin), &lda);
+    });
+  }
+  return 0;
+}
+
+// Small systems run on one BLAS thread: many are solved at once, and the result then does not
+// depend on the number of threads.
+class SmallSystemGuard {
+ public:
+  explicit SmallSystemGuard(Index rows) {
+    constexpr Index kSmall = 1500;
+    if (rows < kSmall) serial_.emplace();
+  }
+
+ private:
+  std::optional<SerialBlas> serial_;
+};
+
 class LuSolver final : public DenseSolver {
  public:
   LuSolver(MatrixXd A, const MatrixXd& P)
       : terms_(P.cols()), factor_(saddle_matrix(std::move(A), P)), pivots_(factor_.rows()) {
+    const SmallSystemGuard guard(factor_.rows());
     const int n = as_int(factor_.rows());
     const double norm = one_norm(factor_);
     int info = 0;
@@ -75,6 +122,7 @@ class LuSolver final : public DenseSolver {
   }
 
   SaddleSolution solve(const MatrixXd& values) const override {
+    const SmallSystemGuard guard(factor_.rows());
     MatrixXd x = saddle_rhs(values, terms_);
     const int n = as_int(x.rows()), columns = as_int(x.cols());
     int info = 0;
@@ -95,6 +143,7 @@ class LdltSolver final : public DenseSolver {
  public:
   LdltSolver(MatrixXd A, const MatrixXd& P)
       : terms_(P.cols()), factor_(saddle_matrix(std::move(A), P)), pivots_(factor_.rows()) {
+    const SmallSystemGuard guard(factor_.rows());
     const int n = as_int(factor_.rows());
     const double norm = one_norm(factor_);
     int info = 0, query = -1;
@@ -110,6 +159,7 @@ class LdltSolver final : public DenseSolver {
   }
 
   SaddleSolution solve(const MatrixXd& values) const override {
+    const SmallSystemGuard guard(factor_.rows());
     MatrixXd x = saddle_rhs(values, terms_);
     const int n = as_int(x.rows()), columns = as_int(x.cols());
     int info = 0;
@@ -138,9 +188,9 @@ class NullSpaceCholeskySolver final : public DenseSolver {
     if (rows() == 0) return;
     const int n = as_int(rows()), stride = as_int(factor_.rows());
     const double norm = symmetric_one_norm();
+    const SerialBlas serial;
+    require_success(tiled_cholesky(rows(), block(), factor_.rows()), "dpotrf");
     int info = 0;
-    dpotrf_("L", &n, block(), &stride, &info);
-    require_success(info, "dpotrf");
     std::vector<double> work(3 * rows());
     std::vector<int> integers(rows());
     dpocon_("L", &n, block(), &stride, &norm, &rcond_, work.data(), integers.data(), &info);
@@ -206,6 +256,7 @@ class NullSpaceCholeskySolver final : public DenseSolver {
   void solve_block(MatrixXd& y) const {
     y *= sign_;
     if (rows() == 0 || y.cols() == 0) return;
+    const SerialBlas serial;
     const int n = as_int(rows()), stride = as_int(factor_.rows()), columns = as_int(y.cols());
     int info = 0;
     dpotrs_("L", &n, &columns, block(), &stride, y.data(), &n, &info);

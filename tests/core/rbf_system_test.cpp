@@ -90,6 +90,21 @@ TEST_CASE("the choice of solver is reported with its reason", "[core][rbf]") {
   CHECK_FALSE(RbfSystem(x, Kernel::triharmonic_3d()).report().reason.empty());
 }
 
+TEST_CASE("dense results do not depend on the number of threads", "[core][rbf]") {
+  srand(12);
+  const RowMatrix centres = RowMatrix::Random(900, 3), values = RowMatrix::Random(900, 3);
+  for (const SolverKind solver : kDense) {
+    const auto run = [&](int threads) {
+      set_thread_count(threads);
+      const RbfSystem system(centres, Kernel::triharmonic_3d(), {.solver = solver});
+      return system.solve(values).evaluate(0.5 * centres);
+    };
+    const RowMatrix one = run(1), three = run(3);
+    set_thread_count(0);
+    REQUIRE(one == three);
+  }
+}
+
 TEST_CASE("scaled coordinates give the same thin-plate spline", "[core][rbf]") {
   srand(5);
   const RowMatrix centres = RowMatrix::Random(90, 2), values = RowMatrix::Random(90, 2),
