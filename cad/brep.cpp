@@ -37,6 +37,7 @@ using Eigen::Vector3d;
 
 constexpr int kEdgeSamples = 64;
 constexpr int kMaxPolygonSegments = 512;
+constexpr double kOnBounds = 1e-6;  // of the domain: far above the rounding of a projection
 
 Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
 Vector3d to_eigen(const gp_Vec& v) { return {v.X(), v.Y(), v.Z()}; }
@@ -98,6 +99,26 @@ double winding_angle(const std::vector<Segment>& polygon, const Vector2d& at) {
     winding += std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
   }
   return winding;
+}
+
+// Moves a point on the bounds of the domain, such as on a seam or a pole, a little inward.
+Vector2d off_bounds(const CadFace& face, Vector2d uv) {
+  for (int a = 0; a < 2; ++a) {
+    const double margin = kOnBounds * (face.upper[a] - face.lower[a]);
+    if (std::abs(uv[a] - face.lower[a]) < margin) uv[a] = face.lower[a] + margin;
+    if (std::abs(uv[a] - face.upper[a]) < margin) uv[a] = face.upper[a] - margin;
+  }
+  return uv;
+}
+
+// Even-odd test: quick, right but for points level with a gap between two pcurves.
+bool is_left_of_odd(const std::vector<Segment>& polygon, const Vector2d& at) {
+  bool is_odd = false;
+  for (const Segment& s : polygon)
+    if ((s.from.y() <= at.y()) != (s.to.y() <= at.y()))
+      is_odd ^= at.x() < s.from.x() + (at.y() - s.from.y()) / (s.to.y() - s.from.y()) *
+                                          (s.to.x() - s.from.x());
+  return is_odd;
 }
 
 }  // namespace
@@ -207,7 +228,9 @@ Vector2d CadModel::into_domain(int face, const Vector2d& uv) const {
 
 bool CadModel::is_inside(int face, const Vector2d& uv) const {
   const auto& polygon = impl_->polygons[face];
-  return polygon.empty() || winding_angle(polygon, into_domain(face, uv)) > std::numbers::pi;
+  if (polygon.empty()) return true;
+  const Vector2d q = off_bounds(impl_->faces[face], into_domain(face, uv));
+  return is_left_of_odd(polygon, q) || winding_angle(polygon, q) > std::numbers::pi;
 }
 
 std::vector<double> CadModel::crossings(int face, double v) const {

@@ -30,6 +30,7 @@ constexpr int kMaxNamed = 6;
 // equally good: symmetric parts have many.
 constexpr double kTie = 1e-6;
 constexpr double kSlack = 1.02;
+constexpr double kHardlyTurned = 1e-3;  // radians
 
 struct Side {
   const CadModel& model;
@@ -439,7 +440,7 @@ class Selection {
  public:
   Selection(const Side& base, const Side& variant) : base_(base), variant_(variant) {}
 
-  // Returns whether the match is so near that no other can be nearer.
+  // Returns whether no other match can be better: an exact one that hardly turns, or in file order.
   bool offer(std::optional<TopologyMatch> match) {
     if (!match) return false;
     for (const TopologyMatch& other : matches_)
@@ -449,7 +450,8 @@ class Selection {
     align(base_.model, variant_.model, *match);
     distance_.push_back(quality(base_, variant_, *match, match->alignment));
     matches_.push_back(std::move(*match));
-    return distance_.back() < kTie;
+    const TopologyMatch& last = matches_.back();
+    return distance_.back() < kTie && (last.how == kFileOrder || angle(last) < kHardlyTurned);
   }
 
   bool is_empty() const { return matches_.empty(); }

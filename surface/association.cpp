@@ -127,7 +127,7 @@ class Associator {
     if (feet.faces.empty() && !seen.empty()) retry_globally(n, x, seen.front(), feet);
     std::sort(feet.faces.begin(), feet.faces.end(),
               [](const Candidate& a, const Candidate& b) { return a.distance < b.distance; });
-    if (feet.faces.size() > 1) drop_outside(n, feet);
+    drop_outside(n, feet);
   }
 
   // The local iteration may have left the basin; the nearest face deserves a global search.
@@ -156,18 +156,18 @@ class Associator {
 
   bool is_near_wire(Index n, int face, const NodeFeet& feet) const {
     for (const EdgeFoot& foot : feet.edges)
-      if (foot.distance <= reach(n) + model_.edges()[foot.edge].tolerance)
+      if (foot.distance <=
+          kVotedCurve * surface_.local_length[n] + model_.edges()[foot.edge].tolerance)
         for (const int c : model_.edges()[foot.edge].coedges)
           if (model_.coedges()[c].face == face) return true;
     return false;
   }
 
-  // Several faces share a carrier surface or are tangent: the wires decide.
+  // A foot on the carrier surface outside the wires belongs to another face, or to none.
   void drop_outside(Index n, NodeFeet& feet) const {
-    std::vector<Candidate> inside;
-    for (const Candidate& c : feet.faces)
-      if (model_.is_inside(c.face, c.uv) || is_near_wire(n, c.face, feet)) inside.push_back(c);
-    if (!inside.empty()) feet.faces = std::move(inside);
+    std::erase_if(feet.faces, [&](const Candidate& c) {
+      return !model_.is_inside(c.face, c.uv) && !is_near_wire(n, c.face, feet);
+    });
   }
 
   double on_entity(Index n, double tolerance) const {
@@ -289,14 +289,21 @@ class Associator {
       ++votes[result_.facet_face[surface_.incident_facets[i]]];
     votes.erase(-1);
     if (votes.empty()) return;
-    const bool is_off =
-        result_.distance[n] > on_entity(n, model_.faces()[result_.entity[n]].tolerance);
-    if (votes.size() > 1 && is_off && take_voted_entity(n, votes)) return;
+    if (votes.size() > 1 && is_off_any(n, votes) && take_voted_entity(n, votes)) return;
     const auto most =
         std::max_element(votes.begin(), votes.end(),
                          [](const auto& a, const auto& b) { return a.second < b.second; });
     for (const Candidate& c : feet_[n].faces)
       if (c.face == most->first) assign(n, CadDimension::Face, c.face, c.uv, c.distance);
+  }
+
+  // Whether the node lies off one of the faces that its facets voted for.
+  bool is_off_any(Index n, const std::map<int, int>& votes) const {
+    return std::any_of(votes.begin(), votes.end(), [&](const auto& vote) {
+      return std::none_of(feet_[n].faces.begin(), feet_[n].faces.end(), [&](const Candidate& c) {
+        return c.face == vote.first && c.distance <= on_entity(n, model_.faces()[c.face].tolerance);
+      });
+    });
   }
 
   // A node off the CAD between facets of several faces: their common corner or curve.

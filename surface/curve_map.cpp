@@ -148,10 +148,16 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
   if (!has_equal_links) return least_motion_;
   const Way trusted = best_shift();
   if (!keeps_form(least_motion_)) return trusted;
-  double shift = 0;
-  for (const CurveLocation& l : probes_)
-    shift += shift_along(apply(least_motion_, l), apply(trusted, l)) / kProbes;
-  phase_doubt_ = shift;
+  const auto shift_at = [&](const CurveLocation& l) {
+    return shift_along(apply(least_motion_, l), apply(trusted, l));
+  };
+  const double first = shift_at(probes_.front());
+  double mean = first;
+  for (const CurveLocation& l : probes_) {
+    const double more = shift_at(l) - first;
+    mean += (more - std::round(more)) / kProbes;
+  }
+  phase_doubt_ = mean - std::round(mean);
   return trusted;
 }
 

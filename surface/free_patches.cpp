@@ -5,6 +5,7 @@
 #include <map>
 #include <sstream>
 
+#include "cad/alignment.h"
 #include "core/errors.h"
 #include "core/rbf/rbf_system.h"
 
@@ -15,10 +16,13 @@ using Eigen::Vector3d;
 
 constexpr double kSamePlane = 1e-6;  // of the surface's size
 constexpr double kSameNormal = 1 - 1e-8;
+constexpr double kSmoothJoint = 0.86;  // cosine of 30 degrees
+constexpr int kNoPatch = -1, kPartOfCurved = -2;
 // A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
 constexpr double kBeyondCad = 1.2;
-// A mesh of this CAD covers its faces, however many more nodes a far field has.
-constexpr double kHalf = 0.5, kNearlyAll = 0.9;
+// A mesh of this CAD covers faces of it, however many more nodes a far field has; the ends of a
+// body between two symmetry planes stay bare.
+constexpr double kLeastCovered = 0.25;
 constexpr std::size_t kMaxCentres = 2000;
 
 std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
@@ -36,6 +40,25 @@ double size_of(const SurfaceMesh& surface) {
   return (surface.points.colwise().maxCoeff() - surface.points.colwise().minCoeff()).norm();
 }
 
+// Facets that meet a neighbour smoothly but not in its plane: parts of a curved boundary.
+std::vector<char> bent_facets(const SurfaceMesh& surface, const std::vector<char>& is_open) {
+  std::vector<char> bends(surface.facets.size(), 0);
+  for (std::size_t f = 0; f < surface.facets.size(); ++f) {
+    if (!is_open[f]) continue;
+    const Vector3d normal =
+        area_vector(surface, surface.points, static_cast<Index>(f)).normalized();
+    for (const int n : surface.facets[f])
+      for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
+        const int g = surface.incident_facets[i];
+        if (!is_open[g]) continue;
+        const double cosine =
+            std::abs(normal.dot(area_vector(surface, surface.points, g).normalized()));
+        bends[f] |= cosine > kSmoothJoint && cosine < kSameNormal;
+      }
+  }
+  return bends;
+}
+
 // Grows a patch from `seed`, over facets of its plane if is_planar, else over all that are left.
 FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar,
                const std::vector<char>& is_open, std::vector<int>& patch_of, int id) {
@@ -44,6 +67,7 @@ FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar,
   patch.origin = centroid(surface, surface.points, seed);
   patch.normal = area_vector(surface, surface.points, seed).normalized();
   const double tolerance = kSamePlane * size_of(surface);
+  const int waiting = patch_of[seed];
   std::vector<int> stack{seed};
   patch_of[seed] = id;
   while (!stack.empty()) {
@@ -53,7 +77,7 @@ FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar,
     for (const int n : surface.facets[f])
       for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
         const int g = surface.incident_facets[i];
-        if (!is_open[g] || patch_of[g] >= 0) continue;
+        if (!is_open[g] || patch_of[g] != waiting) continue;
         if (is_planar) {
           const Vector3d normal = area_vector(surface, surface.points, g).normalized();
           const Vector3d at = centroid(surface, surface.points, g);
@@ -89,13 +113,19 @@ void sort_nodes(const SurfaceMesh& surface, const Association& association,
   }
 }
 
-// Part of the CAD's faces that have a facet of the mesh.
-double covered_faces(const CadModel& base, const Association& association) {
-  std::vector<char> is_covered(base.faces().size(), 0);
-  for (const int face : association.facet_face)
-    if (face >= 0) is_covered[face] = 1;
-  return static_cast<double>(std::count(is_covered.begin(), is_covered.end(), 1)) /
-         static_cast<double>(is_covered.size());
+// Part of the CAD's faces that the mesh covers by half of their area or more.
+double covered_faces(const CadModel& base, const SurfaceMesh& surface,
+                     const Association& association) {
+  std::vector<double> area(base.faces().size(), 0);
+  for (std::size_t f = 0; f < association.facet_face.size(); ++f)
+    if (association.facet_face[f] >= 0)
+      area[association.facet_face[f]] +=
+          area_vector(surface, surface.points, static_cast<Index>(f)).norm();
+  const auto features = entity_features(base);
+  Index covered = 0;
+  for (std::size_t f = 0; f < area.size(); ++f)
+    covered += area[f] >= 0.5 * features[f].size * features[f].size;
+  return static_cast<double>(covered) / static_cast<double>(area.size());
 }
 
 [[noreturn]] void refuse(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
@@ -119,15 +149,19 @@ double covered_faces(const CadModel& base, const Association& association) {
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
                                          const Association& association) {
   const auto is_open = unmatched_facets(surface, boundary, association);
-  std::vector<int> patch_of(surface.facets.size(), -1);
+  const auto bends = bent_facets(surface, is_open);
+  std::vector<int> patch_of(surface.facets.size(), kNoPatch);
   std::vector<FreePatch> patches;
-  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f)
-    if (is_open[f] && patch_of[f] < 0) {
+  for (const bool is_planar : {true, false})
+    for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) {
+      if (!is_open[f] || patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
       const int id = static_cast<int>(patches.size());
-      FreePatch patch = grow(surface, f, true, is_open, patch_of, id);
-      if (patch.facets.size() < 3) {  // a single facet is always plane: part of something curved
-        for (const int g : patch.facets) patch_of[g] = -1;
-        patch = grow(surface, f, false, is_open, patch_of, id);
+      FreePatch patch = grow(surface, f, is_planar, is_open, patch_of, id);
+      const bool is_bent = std::any_of(patch.facets.begin(), patch.facets.end(),
+                                       [&](int g) { return bends[g] != 0; });
+      if (is_planar && is_bent) {
+        for (const int g : patch.facets) patch_of[g] = kPartOfCurved;
+        continue;
       }
       patches.push_back(std::move(patch));
     }
@@ -152,8 +186,7 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
     if (example < 0) example = n;
   }
   if (unmatched == 0) return;
-  const double covered = covered_faces(base, association);
-  if (covered < (2 * unmatched > outside ? kNearlyAll : kHalf))
+  if (covered_faces(base, surface, association) < kLeastCovered)
     refuse(base, boundary, surface, example, unmatched, outside,
            "; it seems to be the mesh of another part.");
   const double size = size_of(surface);

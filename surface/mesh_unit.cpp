@@ -19,31 +19,37 @@ constexpr std::array<Unit, 5> kUnits{
 constexpr Index kProbes = 400;
 constexpr Index kSamples = 10'000;
 constexpr double kClearlyBetter = 1.1;
+constexpr double kSameSize = 0.02;  // of the diagonal: a coarse mesh cuts corners
+constexpr double kReach = 0.02;     // of the mesh's size
 
 }  // namespace
 
 double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& boundary) {
+  const double size = (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).norm();
+  for (const Unit& unit : kUnits)
+    if (std::abs(unit.mm * size / base.diagonal() - 1) < kSameSize) return unit.mm;
   const FaceSamples samples = sample_faces(base, kSamples);
   const KdTree tree(samples.points);
   const auto nodes = static_cast<Index>(boundary.nodes.size());
   const Index stride = std::max<Index>(1, nodes / kProbes);
   const auto hits = [&](double mm) {
+    // A mesh much smaller than the CAD would lie as a whole within the spacing.
+    const double reach = std::min(samples.spacing, kReach * mm * size);
     Index near = 0, count = 0;
     for (Index i = 0; i < nodes; i += stride, ++count) {
       const Eigen::Vector3d x = mm * mesh.points.row(boundary.nodes[i]);
-      near += tree.nearest(x.data(), 1)[0].squared_distance <= samples.spacing * samples.spacing;
+      near += tree.nearest(x.data(), 1)[0].squared_distance <= reach * reach;
     }
     return static_cast<double>(near) / static_cast<double>(std::max<Index>(count, 1));
   };
   double best_unit = 1, best = hits(1);
-  for (const Unit& unit : kUnits)
-    if (best < 0.9 && unit.mm != 1) {
-      const double found = hits(unit.mm);
-      if (found > kClearlyBetter * best) {
-        best = found;
-        best_unit = unit.mm;
-      }
+  for (const Unit& unit : kUnits) {
+    const double found = hits(unit.mm);
+    if (found > kClearlyBetter * best) {
+      best = found;
+      best_unit = unit.mm;
     }
+  }
   return best_unit;
 }
 

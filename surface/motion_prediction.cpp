@@ -1,5 +1,6 @@
 #include "surface/motion_prediction.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
@@ -11,8 +12,10 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr std::size_t kMaxLandmarks = 1500;
-constexpr double kExact = 1e-7;  // of the diagonal: the tolerance of exchanged B-Reps
-constexpr double kApart = 1e-6;  // of the diagonal: nearer landmarks are one
+constexpr double kThin = 0.01;           // least extent over largest
+constexpr double kAnchorDistance = 1.5;  // diagonals
+constexpr double kExact = 1e-7;          // of the diagonal: the tolerance of exchanged B-Reps
+constexpr double kApart = 1e-6;          // of the diagonal: nearer landmarks are one
 
 struct Landmarks {
   std::vector<Vector3d> from, to;
@@ -37,6 +40,21 @@ Landmarks collect(const CadModel& base, const CadModel& variant, const TopologyM
   return marks;
 }
 
+// Landmarks on a line or in a plane say nothing of what lies beside: there the alignment holds.
+void add_anchors(double distance, std::vector<Vector3d>& from, std::vector<Vector3d>& value) {
+  Vector3d mean = Vector3d::Zero();
+  for (const Vector3d& p : from) mean += p / static_cast<double>(from.size());
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Vector3d& p : from) scatter += (p - mean) * (p - mean).transpose();
+  const Vector3d extent = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
+  if (extent[0] > kThin * kThin * extent[2]) return;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vector3d side(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
+    from.push_back(mean + distance * side);
+    value.push_back(Vector3d::Zero());
+  }
+}
+
 }  // namespace
 
 MotionPrediction::MotionPrediction(const CadModel& base, const CadModel& variant,
@@ -57,6 +75,7 @@ MotionPrediction::MotionPrediction(const CadModel& base, const CadModel& variant
     from.push_back(marks.from[i]);
     value.push_back(marks.to[i] - alignment_(marks.from[i]));
   }
+  add_anchors(kAnchorDistance * base.diagonal(), from, value);
   RowMatrix centres(static_cast<Index>(from.size()), 3), values(centres.rows(), 3);
   for (Index i = 0; i < centres.rows(); ++i) {
     centres.row(i) = from[static_cast<std::size_t>(i)];

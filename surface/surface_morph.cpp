@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <mutex>
 #include <sstream>
 
@@ -33,6 +34,14 @@ Matrix3d frame(const SurfacePoint& s) {
   return f;
 }
 
+// At a pole one parameter is arbitrary, and so is the normal that it gives.
+bool is_at_pole(const CadModel& model, int face, const Vector2d& uv, double local_length) {
+  const CadFace& f = model.faces()[face];
+  const SurfacePoint s = model.evaluate(face, uv);
+  const Vector2d size = f.upper - f.lower;
+  return std::min(s.du.norm() * size[0], s.dv.norm() * size[1]) < 0.1 * local_length;
+}
+
 // A seam that moved turns all closed curves of its face by one angle, to the digit; a twist of the
 // part turns them by different ones. Only the former is an artefact.
 void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
@@ -56,6 +65,12 @@ void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
   for (std::size_t c = 0; c < maps.size(); ++c)
     if (has_moved[c]) maps[c].take_least_motion();
 }
+
+// Surface nodes on the variant CAD, and what they keep of their offset from the base CAD, turned
+// with the entity but not yet stretched. Millimetres.
+struct Placement {
+  Points feet, offsets;
+};
 
 // Nodes of one face.
 struct FaceNodes {
@@ -83,18 +98,20 @@ struct SurfaceMorph::Impl {
   void check_policy() const;
 
   std::vector<CurveMap> map_curves(const ModelPair& pair) const;
-  void move_corners(const ModelPair& pair, Points& moved) const;
-  void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps, Points& moved) const;
+  void move_corners(const ModelPair& pair, Placement& placed) const;
+  void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                  Placement& placed) const;
   std::vector<std::string> move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                                      Points& moved) const;
+                                      Placement& placed) const;
   std::string unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
-                     const FaceMapResult& mapped, Points& moved) const;
-  void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Points& moved) const;
+                     const FaceMapResult& mapped, Placement& placed) const;
+  void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
   Index count_folds(const CadModel& variant, int face, int variant_face, const Parameters& uv,
                     const Points& moved) const;
   Vector3d offset(int row) const {
     return options.snap ? Vector3d::Zero() : Vector3d(surface.points.row(row) - feet.row(row));
   }
+  double least_stretch(int row, const Points& moved_feet) const;
   std::vector<std::string> slide(Points& moved) const;
 };
 
@@ -181,33 +198,34 @@ std::vector<CurveMap> SurfaceMorph::Impl::map_curves(const ModelPair& pair) cons
   return maps;
 }
 
-void SurfaceMorph::Impl::move_corners(const ModelPair& pair, Points& moved) const {
+void SurfaceMorph::Impl::move_corners(const ModelPair& pair, Placement& placed) const {
   const Similarity& a = pair.match.alignment;
-  for (int n = 0; n < static_cast<int>(moved.rows()); ++n) {
+  for (int n = 0; n < static_cast<int>(placed.feet.rows()); ++n) {
     if (association.dimension[n] != CadDimension::Vertex) continue;
     const int corner = base->skeleton().corner_of_vertex[association.entity[n]];
     const int vertex = pair.variant.skeleton().corners[pair.match.corners[corner]];
-    moved.row(n) = pair.variant.vertices()[vertex].point + a.scale * (a.rotation * offset(n));
+    placed.feet.row(n) = pair.variant.vertices()[vertex].point;
+    placed.offsets.row(n) = a.rotation * offset(n);
   }
 }
 
 void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                                    Points& moved) const {
+                                    Placement& placed) const {
   const Similarity& a = pair.match.alignment;
-  parallel_for(moved.rows(), 256, [&](Index begin, Index end) {
+  parallel_for(placed.feet.rows(), 256, [&](Index begin, Index end) {
     for (Index n = begin; n < end; ++n) {
       if (association.dimension[n] != CadDimension::Edge) continue;
       const int edge = association.entity[n];
       const CurveLocation l =
           maps[base->skeleton().curve_of_edge[edge]]({edge, association.uv(n, 0)});
-      moved.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point +
-                     a.scale * (a.rotation * offset(static_cast<int>(n)));
+      placed.feet.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point;
+      placed.offsets.row(n) = a.rotation * offset(static_cast<int>(n));
     }
   });
 }
 
 void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapResult& mapped,
-                               Points& moved) const {
+                               Placement& placed) const {
   const FaceNodes& nodes = faces[face];
   const int variant = pair.match.faces[face];
   parallel_for(nodes.uv.rows(), 256, [&](Index begin, Index end) {
@@ -220,7 +238,8 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
           base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed;
       if (is_turned_over)
         turn = frame(to) * Vector3d(1, -1, -1).asDiagonal() * frame(from).transpose();
-      moved.row(n) = to.point + pair.match.alignment.scale * (turn * offset(n));
+      placed.feet.row(n) = to.point;
+      placed.offsets.row(n) = turn * offset(n);
     }
   });
 }
@@ -236,6 +255,7 @@ Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int var
       const auto it = std::lower_bound(nodes.rows.begin(), nodes.rows.end(), n);
       if (it == nodes.rows.end() || *it != n) continue;
       const Index i = it - nodes.rows.begin();
+      if (is_at_pole(*base, face, nodes.uv.row(i), surface.local_length[n])) continue;
       const double before =
           area_vector(surface, surface.points, f).dot(base->normal(face, nodes.uv.row(i)));
       const double after =
@@ -251,19 +271,19 @@ Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int var
 // All faces are placed before any is judged: a facet may have nodes of several.
 std::vector<std::string> SurfaceMorph::Impl::move_faces(const ModelPair& pair,
                                                         const std::vector<CurveMap>& maps,
-                                                        Points& moved) const {
+                                                        Placement& placed) const {
   const int count = static_cast<int>(faces.size());
   std::vector<FaceMapResult> mapped(faces.size());
   for (int f = 0; f < count; ++f) {
     const FaceNodes& nodes = faces[f];
     if (nodes.rows.empty()) continue;
     mapped[f] = map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points);
-    place(pair, f, mapped[f], moved);
+    place(pair, f, mapped[f], placed);
   }
   std::vector<std::string> warnings;
   for (int f = 0; f < count; ++f) {
     if (faces[f].rows.empty()) continue;
-    const std::string note = unfold(pair, maps, f, mapped[f], moved);
+    const std::string note = unfold(pair, maps, f, mapped[f], placed);
     if (!note.empty())
       warnings.push_back("face " + std::to_string(f + 1) + " (" + to_string(base->faces()[f].type) +
                          ", variant face " + std::to_string(pair.match.faces[f] + 1) +
@@ -275,18 +295,19 @@ std::vector<std::string> SurfaceMorph::Impl::move_faces(const ModelPair& pair,
 // Replaces a folded map by a finer one, or by projection, where that folds less. Returns what to
 // say.
 std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                                       int face, const FaceMapResult& mapped, Points& moved) const {
+                                       int face, const FaceMapResult& mapped,
+                                       Placement& placed) const {
   const FaceNodes& nodes = faces[face];
   const int variant = pair.match.faces[face];
   std::string note = mapped.note;
-  Index folds = count_folds(pair.variant, face, variant, mapped.uv, moved);
+  Index folds = count_folds(pair.variant, face, variant, mapped.uv, placed.feet);
   const auto improve = [&](const FaceMapResult& other, const char* how) {
-    Points trial = moved;
+    Placement trial = placed;
     place(pair, face, other, trial);
-    const Index remaining = count_folds(pair.variant, face, variant, other.uv, trial);
+    const Index remaining = count_folds(pair.variant, face, variant, other.uv, trial.feet);
     if (remaining >= folds) return;
     folds = remaining;
-    moved = std::move(trial);
+    placed = std::move(trial);
     note = how;
   };
   if (folds > 0) {
@@ -298,6 +319,20 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
     improve(project_face(*nodes.domain, pair, maps, nodes.points),
             "its parameter warp folded; predicted positions were projected instead");
   return folds > 0 ? std::to_string(folds) + " of its facets are folded" : note;
+}
+
+// Least ratio of a facet edge's new length to its old one round a node: the scale of a similarity,
+// and no growth where the surface stretches one way only.
+double SurfaceMorph::Impl::least_stretch(int row, const Points& moved_feet) const {
+  double least = std::numeric_limits<double>::infinity();
+  if (offset(row).isZero(0)) return 1;
+  for (int i = surface.incident_offsets[row]; i < surface.incident_offsets[row + 1]; ++i)
+    for (const int other : surface.facets[surface.incident_facets[i]]) {
+      const double before = (feet.row(other) - feet.row(row)).norm();
+      if (before > 0)
+        least = std::min(least, (moved_feet.row(other) - moved_feet.row(row)).norm() / before);
+    }
+  return std::isfinite(least) ? least : 1;
 }
 
 std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
@@ -337,17 +372,20 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   const MotionPrediction prediction(*self.base, variant, match);
   const ModelPair pair{*self.base, variant, match, prediction};
   const std::vector<CurveMap> maps = self.map_curves(pair);
-  Points moved = self.surface.points;
-  self.move_corners(pair, moved);
-  self.move_edges(pair, maps, moved);
+  Placement placed{self.feet, Points::Zero(self.feet.rows(), 3)};
+  self.move_corners(pair, placed);
+  self.move_edges(pair, maps, placed);
   SurfaceMorphResult result;
-  result.warnings = self.move_faces(pair, maps, moved);
+  result.warnings = self.move_faces(pair, maps, placed);
+  for (Index n = 0; n < placed.feet.rows(); ++n)
+    placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
+  Points moved = placed.feet + placed.offsets;
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
   Index matched = 0;
   for (int n = 0; n < static_cast<int>(moved.rows()); ++n) {
     if (self.association.dimension[n] == CadDimension::None) continue;
-    const double d = match.alignment.scale * self.offset(n).norm();
+    const double d = placed.offsets.row(n).norm();
     result.max_distance = std::max(result.max_distance, d);
     result.mean_distance += d;
     ++matched;
