@@ -41,9 +41,9 @@ constexpr int kRestarts = 4;
 // Part of the allowance that the recursive residual is driven to: the true one is a little larger.
 constexpr double kMargin = 0.8;
 
-// Accuracy of the H2 matrix per tolerance asked: leaves its error a fifth of the allowance
+// Accuracy of the H2 matrix per tolerance asked: leaves its error a third of the allowance
 // (measured).
-constexpr double kFarFieldAccuracy = 2e-3;
+constexpr double kFarFieldAccuracy = 5e-4;
 
 // Part of the largest value that the rounding of the sums may come to.
 constexpr double kRounding = 1e-9;

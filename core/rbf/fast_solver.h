@@ -10,7 +10,7 @@
 namespace cadmorph {
 
 struct FastOptions {
-  double tolerance = 2e-5;  ///< residual allowed at each point, in units of its local length
+  double tolerance = 1e-5;  ///< residual allowed at each point, in units of its local length
   double unit = 1;          ///< unit of the values in that of the points
   Progress progress = {};
 };

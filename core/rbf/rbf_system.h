@@ -15,7 +15,7 @@ struct RbfOptions {
   SolverKind solver = SolverKind::Auto;
   /// Fast solver: residual allowed at each centre, in units of its local length. The default keeps
   /// the field within 1e-5 local lengths of the dense solvers'.
-  double tolerance = 2e-5;
+  double tolerance = 1e-5;
   /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour distance.
   Eigen::VectorXd local_length = {};
   /// Dense solvers are refused above this many bytes.
