@@ -6,6 +6,7 @@
 #include <nanoflann.hpp>
 
 #include "core/errors.h"
+#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
@@ -157,5 +158,16 @@ std::vector<Neighbour> KdTree::within(const double* query, double radius) const 
 }
 
 Index KdTree::size() const { return impl_->size(); }
+
+Eigen::VectorXd nearest_distances(const RowMatrix& points) {
+  if (points.rows() < 2) throw InvalidInputError("nearest distances need at least two points");
+  const KdTree tree(points);
+  Eigen::VectorXd result(points.rows());
+  parallel_for(points.rows(), 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      result(i) = std::sqrt(tree.nearest(points.row(i).data(), 2).back().squared_distance);
+  });
+  return result;
+}
 
 }  // namespace cadmorph

@@ -58,16 +58,6 @@ VectorXd select(const VectorXd& from, const std::vector<Index>& rows) {
   return select(MatrixXd(from), rows);
 }
 
-VectorXd nearest_distances(const RowMatrix& points) {
-  const KdTree tree(points);
-  VectorXd result(points.rows());
-  parallel_for(points.rows(), 1024, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i)
-      result(i) = std::sqrt(tree.nearest(points.row(i).data(), 2).back().squared_distance);
-  });
-  return result;
-}
-
 double diagonal(const MatrixXd& points) {
   return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
 }

@@ -73,6 +73,17 @@ TEST_CASE("more neighbours than points gives all points", "[core][kd_tree]") {
   REQUIRE(tree.nearest(query.data(), 0).empty());
 }
 
+TEST_CASE("nearest distances are those to the nearest other point", "[core][kd_tree]") {
+  srand(3);
+  const RowMatrix points = RowMatrix::Random(300, 3);
+  const Eigen::VectorXd found = nearest_distances(points);
+  for (Index i = 0; i < 300; ++i)
+    REQUIRE(
+        found(i) ==
+        Approx(std::sqrt(brute_force(points, points.row(i))[1].squared_distance)).epsilon(1e-14));
+  REQUIRE_THROWS_AS(nearest_distances(points.topRows(1)), InvalidInputError);
+}
+
 TEST_CASE("empty and non-finite sets are refused", "[core][kd_tree]") {
   REQUIRE_THROWS_AS(KdTree(RowMatrix(0, 3)), InvalidInputError);
   RowMatrix points = RowMatrix::Random(4, 3);
