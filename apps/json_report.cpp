@@ -148,6 +148,12 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["volume_morph"] = to_json(report.solver, report.kernel);
   json["stepping"] = to_json(report.stepping);
   if (report.untangling) json["untangling"] = to_json(*report.untangling);
+  if (report.improving)
+    json["improving"] = {{"below", report.improving->below},
+                         {"poor_before", report.improving->poor_before},
+                         {"poor_after", report.improving->poor_after},
+                         {"min_before", number(report.improving->min_before)},
+                         {"min_after", number(report.improving->min_after)}};
   if (report.diagnosis) json["diagnosis"] = to_json(*report.diagnosis);
   json["warnings"] = report.warnings;
   json["seconds"] = to_json(report.phases);

@@ -26,7 +26,7 @@ constexpr const char* kExamples =
     "Examples:\n"
     "  cadmorph wing.step wing_thick.step wing.vtu -o wing_thick.vtu\n"
     "  cadmorph part.step part_b.step part.vtu --mesh-unit m --json report.json\n"
-    "  cadmorph part.step part_b.step part.vtu --min-scaled-jacobian 0.1 --untangle always\n"
+    "  cadmorph part.step part_b.step part.vtu --min-scaled-jacobian 0.1 --improve 0.2\n"
     "  cadmorph quality wing_thick.vtu\n"
     "  cadmorph match part.step part_b.step\n"
     "\n"
@@ -162,8 +162,12 @@ void add_method_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
              {{"auto", UntangleMode::Auto},
               {"never", UntangleMode::Never},
               {"always", UntangleMode::Always}},
-             "repair inverted elements by optimisation: auto when steps did not help, always to "
-             "raise poor elements as well (default: auto)")
+             "repair inverted elements by optimisation: auto when steps did not help, always at "
+             "once instead of steps (default: auto)")
+      ->group(group);
+  app.add_option("--improve", line.pipeline.improve_below,
+                 "raise elements with a scaled Jacobian below by optimisation")
+      ->check(CLI::Range(0.0, 1.0))
       ->group(group);
   app.add_option("--min-scaled-jacobian", line.pipeline.min_scaled_jacobian,
                  "refuse a result with an element below")

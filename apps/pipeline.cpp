@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <future>
 #include <numeric>
+#include <sstream>
 
 #include "cad/step_reader.h"
 #include "core/blas.h"
@@ -14,11 +15,6 @@ namespace cadmorph {
 namespace {
 
 namespace fs = std::filesystem;
-
-// `--untangle always` raises cells whose scaled Jacobian is below this and fell to less than this
-// share of what it was.
-constexpr double kPoor = 0.2;
-constexpr double kFallen = 0.5;
 
 double peak_memory() {
   rusage usage{};
@@ -71,6 +67,12 @@ void set_quality(MeshFigures& figures, const QualityReport& quality, const Valid
   figures.inverted = quality.inverted;
   figures.invalid = validity.invalid;
   figures.checks = checks;
+}
+
+std::string short_number(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
 }
 
 std::string percent(double share) {
@@ -174,24 +176,49 @@ struct MorphJob::Impl {
     return is_fixed;
   }
 
-  std::vector<Index> fallen_cells(const Points& positions) const {
-    const QualityReport now = measure_quality(mesh(), positions, orientation);
-    std::vector<Index> result;
-    for (Index c = 0; c < mesh().cell_count(); ++c)
-      if (now.values[c] < kPoor && now.values[c] < kFallen * quality.values[c]) result.push_back(c);
+  SteppingOptions stepping() const {
+    SteppingOptions result = options.stepping;
+    if (options.untangle == UntangleMode::Always && result.steps == 0) result.steps = 1;
     return result;
   }
 
   void untangle_result(MorphResult& result) const {
+    if (options.untangle == UntangleMode::Never || result.validity.invalid == 0) return;
     UntangleOptions how;
     how.progress = options.progress;
-    if (options.untangle == UntangleMode::Always) how.poor_cells = fallen_cells(result.positions);
-    if (options.untangle == UntangleMode::Never) return;
-    if (result.validity.invalid == 0 && how.poor_cells.empty()) return;
     UntangleResult repaired = untangle(mesh(), result.positions, fixed_nodes(), orientation, how);
     result.report.untangling = repaired.report;
     result.positions = std::move(repaired.positions);
     result.validity = std::move(repaired.report.validity);
+  }
+
+  // Raises poor cells; keeps the result as it was where that does not lift the worst of them.
+  void improve_result(MorphResult& result) const {
+    if (!options.improve_below || result.validity.invalid > 0) return;
+    UntangleOptions how;
+    how.progress = options.progress;
+    how.attempts = 1;
+    how.poor_cells = cells_below(*options.improve_below, result.quality);
+    const auto poor = static_cast<Index>(how.poor_cells.size());
+    if (poor == 0) return;
+    UntangleResult improved = untangle(mesh(), result.positions, fixed_nodes(), orientation, how);
+    QualityReport now = measure_quality(mesh(), improved.positions, orientation);
+    ImproveReport report{*options.improve_below, poor, poor, result.quality.min,
+                         result.quality.min};
+    if (improved.report.after == 0 && now.min > result.quality.min) {
+      report.poor_after = static_cast<Index>(cells_below(report.below, now).size());
+      report.min_after = now.min;
+      result.positions = std::move(improved.positions);
+      result.quality = std::move(now);
+    }
+    result.report.improving = report;
+  }
+
+  std::vector<Index> cells_below(double limit, const QualityReport& measured) const {
+    std::vector<Index> result;
+    for (Index c = 0; c < mesh().cell_count(); ++c)
+      if (measured.values[c] < limit) result.push_back(c);
+    return result;
   }
 
   // Cells the result is refused for: invalid ones, and those whose corners inverted on the way.
@@ -201,11 +228,8 @@ struct MorphJob::Impl {
   }
 
   std::vector<Index> poor_cells(const MorphResult& result) const {
-    std::vector<Index> poor;
-    if (options.min_scaled_jacobian)
-      for (Index c = 0; c < mesh().cell_count(); ++c)
-        if (result.quality.values[c] < *options.min_scaled_jacobian) poor.push_back(c);
-    return poor;
+    if (!options.min_scaled_jacobian) return {};
+    return cells_below(*options.min_scaled_jacobian, result.quality);
   }
 
   std::vector<Index> bad_cells(const MorphResult& result) const {
@@ -249,8 +273,9 @@ struct MorphJob::Impl {
       lines.push_back("refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
                       " of these cells have all their nodes on the surface, so that only the CAD "
                       "moves them");
-    if (figures.outcome == Outcome::PoorQuality && options.untangle != UntangleMode::Always)
-      lines.push_back("raise the poor cells with --untangle always");
+    if (figures.outcome == Outcome::PoorQuality && !options.improve_below)
+      lines.push_back("raise the poor cells: --improve " +
+                      short_number(*options.min_scaled_jacobian));
     if (figures.outcome == Outcome::Inverted && options.untangle == UntangleMode::Never)
       lines.push_back("let the inverted cells be repaired: --untangle auto");
     if (figures.outcome == Outcome::Inverted && options.stepping.steps > 0)
@@ -305,7 +330,7 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
   clock.start("volume morph");
   const Points surface_positions = job.prescribed(surface.positions);
   SteppingResult stepped =
-      morph_in_steps(mesh(), *job.volume, surface_positions, job.orientation, job.options.stepping);
+      morph_in_steps(mesh(), *job.volume, surface_positions, job.orientation, job.stepping());
   result.positions = std::move(stepped.positions);
   result.validity = stepped.report.validity;
   report.solver = stepped.report.rbf;
@@ -313,8 +338,10 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
   clock.start("untangling");
   job.untangle_result(result);
 
-  clock.start("quality after");
   result.quality = measure_quality(mesh(), result.positions, job.orientation);
+  job.improve_result(result);
+
+  clock.start("quality after");
   set_quality(report.after, result.quality, result.validity,
               check_quality(mesh(), result.positions, job.neighbours, job.orientation));
   report.max_displacement =

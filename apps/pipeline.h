@@ -33,6 +33,8 @@ struct PipelineOptions {
   VolumeMorphOptions volume;
   SteppingOptions stepping;
   UntangleMode untangle = UntangleMode::Auto;
+  /// Raises elements whose scaled Jacobian is below by optimisation.
+  std::optional<double> improve_below;
   /// The result is refused when any cell's scaled Jacobian is below.
   std::optional<double> min_scaled_jacobian;
   /// Base and variant face numbers (1-based) given by the user.
@@ -62,6 +64,13 @@ struct MeshFigures {
   QualityChecks checks;   ///< as OpenFOAM's checkMesh states them
 };
 
+/// What raising poor elements came to.
+struct ImproveReport {
+  double below = 0;                       ///< scaled Jacobian asked for
+  Index poor_before = 0, poor_after = 0;  ///< cells below
+  double min_before = 0, min_after = 0;
+};
+
 enum class Outcome { Done, Inverted, PoorQuality };
 
 /// All figures of one trip.
@@ -82,6 +91,7 @@ struct PipelineReport {
   RbfReport solver;
   SteppingReport stepping;
   std::optional<UntangleReport> untangling;
+  std::optional<ImproveReport> improving;
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
   std::vector<std::string> warnings;
   std::vector<PhaseTime> phases;

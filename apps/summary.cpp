@@ -120,6 +120,12 @@ std::string untangle_line(const UntangleReport& report) {
                 with_commas(report.moved_nodes).c_str(), report.max_move);
 }
 
+std::string improve_line(const ImproveReport& report) {
+  return format("%s elements below %g, %s before; smallest scaled Jacobian from %.4f to %.4f",
+                with_commas(report.poor_after).c_str(), report.below,
+                with_commas(report.poor_before).c_str(), report.min_before, report.min_after);
+}
+
 }  // namespace
 
 std::string to_string(const Kernel& kernel) {
@@ -179,6 +185,7 @@ std::string summary_text(const PipelineReport& report) {
   text += labelled("Volume morph", solver_line(report));
   if (report.stepping.attempts.size() > 1)
     text += labelled("Steps tried", attempts_line(report.stepping) + " inverted");
+  if (report.improving) text += labelled("Improving", improve_line(*report.improving));
   if (report.untangling) text += labelled("Untangling", untangle_line(*report.untangling));
   text += labelled("Largest move", millimetres(report.max_displacement));
   text.append("\n").append(before_after_table(report)).append("\n");

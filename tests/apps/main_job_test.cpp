@@ -209,14 +209,45 @@ TEST_CASE("A sphere moved far in its box takes steps, then untangling, then is r
   CHECK(place.run(files + "--steps 1 --untangle never").exit_code == 5);
 }
 
-TEST_CASE("Poor elements are raised by untangling always", "[apps][main]") {
+TEST_CASE("Poor elements are raised when asked for", "[apps][main]") {
   const Workplace place;
-  Mesh mesh = box_mesh(4);
-  write_mesh(place.folder() / "fine.vtu", mesh);
+  Mesh mesh = box_mesh(3);
+  mesh.points.row((3 * 7 + 3) * 4 + 1) += Eigen::RowVector3d(1.5, 1, 1);  // an inner node
+  write_mesh(place.folder() / "poor.vtu", mesh);
+  // The base mesh is the shape to stay near to: nothing becomes better than it is there.
+  const RunResult same =
+      place.run("box.step box_moved.step poor.vtu -o x.vtu --improve 0.9 --json -");
+  REQUIRE(same.exit_code == 0);
+  CHECK(Json::parse(same.out)["improving"]["poor_before"] == 8);
+
+  const std::string bore = source_file("models/bore/base.step").string() + " " +
+                           source_file("models/bore/step20.step").string() + " " +
+                           source_file("models/bore/tet.vtu").string() + " -o x.vtu --json -";
+  const RunResult plain = place.run(bore);
+  const RunResult improved = place.run(bore + " --improve 0.1");
+  REQUIRE(improved.exit_code == 0);
+  const double before = Json::parse(plain.out)["after"]["min_scaled_jacobian"].get<double>();
+  const Json report = Json::parse(improved.out);
+  REQUIRE(before < 0.1);
+  // Twice as good as without.
+  CHECK(report["after"]["min_scaled_jacobian"].get<double>() > 2 * before);
+  CHECK(report["improving"]["min_before"].get<double>() == Approx(before));
+  CHECK(report["improving"]["poor_after"].get<int>() <
+        report["improving"]["poor_before"].get<int>());
+  CHECK(report["after"]["invalid_exact"] == 0);
+}
+
+TEST_CASE("Untangling always takes no further steps", "[apps][main]") {
+  const Workplace place;
+  place.make_moved_sphere(17);
   const RunResult result =
-      place.run("box.step box_moved.step fine.vtu -o x.vtu --untangle always --json -");
+      place.run(source_file("models/shapes/sphere_in_box.step").string() + " sphere_moved.step " +
+                source_file("models/shapes/sphere_in_box.vtu").string() +
+                " -o out.vtu --json - --untangle always");
   REQUIRE(result.exit_code == 0);
-  CHECK(Json::parse(result.out)["after"]["min_scaled_jacobian"].get<double>() > 0.99);
+  const Json report = Json::parse(result.out);
+  CHECK(report["stepping"]["attempts"].size() == 1);
+  CHECK(report["untangling"]["invalid_after"] == 0);
 }
 
 TEST_CASE("An input with an inverted element is repaired, or refused when repair is forbidden",
