@@ -1,0 +1,62 @@
+#include "volume/components.h"
+
+#include <catch2/catch.hpp>
+
+#include "../core/sample_meshes.h"
+#include "core/boundary.h"
+#include "volume/volume_morph.h"
+#include "volume_meshes.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+
+// A cube of tetrahedra whose halves x < 1/2 and x > 1/2 are two regions.
+Mesh two_halves() {
+  Mesh mesh = cube(CellType::Tetra, 6);
+  mesh.regions.assign(mesh.types.size(), 1);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    double x = 0;
+    for (const Index n : mesh.cell(c)) x += mesh.points(n, 0) / 4;
+    if (x > 0.5) mesh.regions[c] = 2;
+  }
+  return mesh;
+}
+
+}  // namespace
+
+TEST_CASE("Regions are components where their interface is prescribed", "[volume]") {
+  const Mesh mesh = two_halves();
+  const std::vector<Index> with_interface = extract_boundary(mesh).nodes;
+  const auto components = split_components(mesh, with_interface);
+  REQUIRE(components.size() == 2);
+  Index interface = 0, volume = 0;
+  for (const Index n : with_interface) interface += std::abs(mesh.points(n, 0) - 0.5) < 1e-9;
+  for (const auto& c : components) volume += static_cast<Index>(c.volume.size());
+  CHECK(interface == 49);
+  CHECK(static_cast<Index>(components[0].surface.size() + components[1].surface.size()) ==
+        static_cast<Index>(with_interface.size()) + interface);
+  CHECK(volume == mesh.node_count() - static_cast<Index>(with_interface.size()));
+}
+
+TEST_CASE("Regions with a free interface node are one component", "[volume]") {
+  const Mesh mesh = two_halves();
+  CHECK(split_components(mesh, cube_surface(mesh)).size() == 1);
+}
+
+TEST_CASE("A component moves by its own surface alone", "[volume]") {
+  const Mesh mesh = two_halves();
+  const std::vector<Index> surface = extract_boundary(mesh).nodes;
+  Points target = rows_of(mesh.points, surface);
+  for (Index i = 0; i < target.rows(); ++i)  // the right half stretches, the left one stays
+    if (target(i, 0) > 0.5) target(i, 0) = 0.5 + 1.5 * (target(i, 0) - 0.5);
+  const Points moved = VolumeMorph(mesh, surface).morph(target);
+  for (Index n = 0; n < mesh.node_count(); ++n) {
+    const double x = mesh.points(n, 0);
+    // Affine on each side: exact to the system's condition times rounding.
+    CHECK(moved(n, 0) == Approx(x > 0.5 ? 0.5 + 1.5 * (x - 0.5) : x).margin(1e-8));
+  }
+}
+
+}  // namespace cadmorph
