@@ -1,9 +1,11 @@
 #include "volume/volume_morph.h"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 
 #include "core/errors.h"
+#include "volume/components.h"
 #include "volume/edge_lengths.h"
 
 namespace cadmorph {
@@ -15,7 +17,7 @@ RowMatrix rows_of(const Points& points, const std::vector<Index>& rows) {
   return result;
 }
 
-std::vector<Index> free_nodes(Index count, const std::vector<Index>& surface_nodes) {
+void check_nodes(Index count, const std::vector<Index>& surface_nodes) {
   std::vector<char> is_surface(count, 0);
   for (const Index node : surface_nodes) {
     if (node < 0 || node >= count)
@@ -24,22 +26,63 @@ std::vector<Index> free_nodes(Index count, const std::vector<Index>& surface_nod
     if (std::exchange(is_surface[node], 1))
       throw InvalidInputError("surface node " + std::to_string(node) + " is prescribed twice");
   }
-  std::vector<Index> result;
-  for (Index n = 0; n < count; ++n)
-    if (!is_surface[n]) result.push_back(n);
+}
+
+// Shortest incident edge of each surface node, or what the options say.
+Eigen::VectorXd local_lengths(const RbfOptions& options, const Mesh& mesh,
+                              const std::vector<Index>& surface_nodes) {
+  if (options.local_length.size() > 0) return options.local_length;
+  const Eigen::VectorXd lengths = shortest_incident_edges(mesh);
+  Eigen::VectorXd result(surface_nodes.size());
+  for (std::size_t i = 0; i < surface_nodes.size(); ++i) result[i] = lengths[surface_nodes[i]];
   return result;
 }
 
-RbfOptions with_local_lengths(RbfOptions options, const Mesh& mesh,
-                              const std::vector<Index>& surface_nodes) {
-  if (options.local_length.size() > 0) return options;
-  const Eigen::VectorXd lengths = shortest_incident_edges(mesh);
-  options.local_length.resize(surface_nodes.size());
-  for (std::size_t i = 0; i < surface_nodes.size(); ++i)
-    options.local_length[i] = lengths[surface_nodes[i]];
+// One component with its system.
+struct Part {
+  Component nodes;
+  RowMatrix centres, targets;
+  std::optional<RbfSystem> system;  // none where no node is free
+};
+
+Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surface_nodes,
+               const Eigen::VectorXd& lengths, const VolumeMorphOptions& options) {
+  Part part;
+  part.nodes = std::move(nodes);
+  std::vector<Index> ids;
+  for (const Index i : part.nodes.surface) ids.push_back(surface_nodes[i]);
+  part.centres = rows_of(mesh.points, ids);
+  part.targets = rows_of(mesh.points, part.nodes.volume);
+  if (part.nodes.volume.empty() || ids.empty()) return part;
+  RbfOptions rbf = options.rbf;
+  rbf.local_length = lengths(part.nodes.surface);
   // A node without an edge gives no scale of its own: leave the choice to the solver.
-  if (options.local_length.minCoeff() <= 0) options.local_length.resize(0);
-  return options;
+  if (rbf.local_length.minCoeff() <= 0) rbf.local_length.resize(0);
+  part.system.emplace(part.centres, options.kernel, rbf);
+  return part;
+}
+
+// Sums and worst figures of several systems; solver and reason of the largest.
+RbfReport combine(const std::vector<RbfReport>& reports) {
+  RbfReport all;
+  Index largest = -1;
+  for (const RbfReport& r : reports) {
+    if (r.centres > largest) {
+      largest = r.centres;
+      all.solver = r.solver;
+      all.reason = r.reason;
+      all.polynomial_terms = r.polynomial_terms;
+      all.reciprocal_condition = r.reciprocal_condition;
+    }
+    all.centres += r.centres;
+    all.merged += r.merged;
+    all.iterations = std::max(all.iterations, r.iterations);
+    all.max_residual = std::max(all.max_residual, r.max_residual);
+    all.seconds += r.seconds;
+  }
+  if (reports.size() > 1)
+    all.reason += "; " + std::to_string(reports.size()) + " components one by one";
+  return all;
 }
 
 void check_positions(const Points& positions, const std::vector<Index>& surface_nodes) {
@@ -57,25 +100,24 @@ void check_positions(const Points& positions, const std::vector<Index>& surface_
 struct VolumeMorph::Impl {
   Points base;
   std::vector<Index> surface_nodes;
-  std::vector<Index> volume_nodes;
   VolumeMorphOptions options;
-  RowMatrix centres;
-  RowMatrix targets;
-  std::optional<RbfSystem> system;
-  RbfReport no_report;
+  std::vector<Part> parts;
+  RbfReport report;
 };
 
 VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
                          VolumeMorphOptions options) {
   if (surface_nodes.empty()) throw InvalidInputError("no surface node to prescribe");
+  check_nodes(mesh.node_count(), surface_nodes);
   auto impl = std::make_shared<Impl>();
   impl->base = mesh.points;
-  impl->volume_nodes = free_nodes(mesh.node_count(), surface_nodes);
-  impl->centres = rows_of(mesh.points, surface_nodes);
-  impl->targets = rows_of(mesh.points, impl->volume_nodes);
-  if (!impl->volume_nodes.empty())
-    impl->system.emplace(impl->centres, options.kernel,
-                         with_local_lengths(options.rbf, mesh, surface_nodes));
+  const Eigen::VectorXd lengths = local_lengths(options.rbf, mesh, surface_nodes);
+  std::vector<RbfReport> reports;
+  for (Component& component : split_components(mesh, surface_nodes)) {
+    impl->parts.push_back(make_part(std::move(component), mesh, surface_nodes, lengths, options));
+    if (impl->parts.back().system) reports.push_back(impl->parts.back().system->report());
+  }
+  impl->report = combine(reports);
   impl->surface_nodes = std::move(surface_nodes);
   impl->options = std::move(options);
   impl_ = std::move(impl);
@@ -84,21 +126,23 @@ VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
 Points VolumeMorph::morph(const Points& surface_positions, RbfReport* report) const {
   check_positions(surface_positions, impl_->surface_nodes);
   Points result = impl_->base;
-  if (impl_->system) {
-    const RbfField field = impl_->system->solve(surface_positions - impl_->centres);
-    const RowMatrix displacements = field.evaluate(impl_->targets);
-    for (std::size_t i = 0; i < impl_->volume_nodes.size(); ++i)
-      result.row(impl_->volume_nodes[i]) += displacements.row(i);
-    if (report) *report = field.report();
+  std::vector<RbfReport> reports;
+  for (const Part& part : impl_->parts) {
+    if (!part.system) continue;
+    const RowMatrix target = rows_of(surface_positions, part.nodes.surface);
+    const RbfField field = part.system->solve(target - part.centres);
+    const RowMatrix displacements = field.evaluate(part.targets);
+    for (std::size_t i = 0; i < part.nodes.volume.size(); ++i)
+      result.row(part.nodes.volume[i]) += displacements.row(i);
+    reports.push_back(field.report());
   }
+  if (report) *report = combine(reports);
   for (std::size_t i = 0; i < impl_->surface_nodes.size(); ++i)
     result.row(impl_->surface_nodes[i]) = surface_positions.row(i);
   return result;
 }
 
-const RbfReport& VolumeMorph::report() const {
-  return impl_->system ? impl_->system->report() : impl_->no_report;
-}
+const RbfReport& VolumeMorph::report() const { return impl_->report; }
 
 const std::vector<Index>& VolumeMorph::surface_nodes() const { return impl_->surface_nodes; }
 

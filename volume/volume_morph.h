@@ -11,7 +11,8 @@ struct VolumeMorphOptions {
 };
 
 /// Moves all nodes of a mesh with prescribed surface positions by an RBF space warp (Sieger et al.
-/// 2013, sect. 3). Holds the factorisation, which depends on the base mesh alone.
+/// 2013, sect. 3), component by component (split_components). Holds the factorisations, which
+/// depend on the base mesh alone.
 class VolumeMorph {
  public:
   /// `surface_nodes`: ids of the m nodes whose positions are prescribed. The local length of each

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <vector>
+
+#include "core/mesh.h"
+
+namespace cadmorph {
+
+/// A part of a mesh whose inside depends on its own surface nodes alone.
+struct Component {
+  std::vector<Index> surface;  ///< positions in the list of surface nodes
+  std::vector<Index> volume;   ///< node ids
+};
+
+/// Splits a mesh into components: connected cells of one region, joined across regions where they
+/// share a node that is not prescribed. Bodies in contact through prescribed nodes are morphed one
+/// by one (Sieger et al. 2013, sect. 7) and agree on these. Nodes of no cell belong to the first
+/// component. `surface_nodes`: ids of the prescribed nodes. O(cells).
+std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes);
+
+}  // namespace cadmorph
