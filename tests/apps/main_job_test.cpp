@@ -138,6 +138,18 @@ TEST_CASE("The unit of a mesh is detected and told", "[apps][main]") {
   REQUIRE(result.exit_code == 0);
   CHECK(Json::parse(result.out)["mesh"]["unit"] == "inch");
   CHECK(Json::parse(result.out)["mesh"]["is_unit_detected"] == true);
+  // The corner of the box in the origin is near the CAD in any unit.
+  for (const auto& [unit, millimetres] : {std::pair{"m", 1000.0}, {"foot", 304.8}, {"cm", 10.0}}) {
+    Mesh box = box_mesh(3);
+    box.points /= millimetres;
+    write_mesh(place.folder() / "small.vtu", box);
+    const RunResult run = place.run("box.step box_moved.step small.vtu --json -");
+    INFO(run.err);
+    REQUIRE(run.exit_code == 0);
+    CHECK(Json::parse(run.out)["mesh"]["unit"] == unit);
+    const MeshFile morphed(place.folder() / "small.morphed.vtu");
+    CHECK(distance_to_stretched(millimetres * morphed.mesh().points) < 1e-6);
+  }
 }
 
 TEST_CASE("Poor quality ends with 5, a mesh marked as failed, and a diagnosis", "[apps][main]") {
