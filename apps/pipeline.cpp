@@ -337,11 +337,9 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
   report.stepping = std::move(stepped.report);
   clock.start("untangling");
   job.untangle_result(result);
-
+  clock.start("quality after");
   result.quality = measure_quality(mesh(), result.positions, job.orientation);
   job.improve_result(result);
-
-  clock.start("quality after");
   set_quality(report.after, result.quality, result.validity,
               check_quality(mesh(), result.positions, job.neighbours, job.orientation));
   report.max_displacement =
