@@ -18,7 +18,7 @@ struct RbfOptions {
   double tolerance = 1e-5;
   /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour distance.
   Eigen::VectorXd local_length = {};
-  /// Dense solvers are refused above this many bytes.
+  /// Solvers that need more than this many bytes are refused.
   double memory_limit = 8e9;
   Progress progress = {};
 };
