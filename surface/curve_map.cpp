@@ -135,6 +135,16 @@ CurveMap::Way CurveMap::best_shift() const {
   return best;
 }
 
+// Unit vector about which the variant runs, by the right-hand rule.
+Vector3d CurveMap::axis() const {
+  Vector3d area = Vector3d::Zero();
+  const Vector3d origin = variant_.point(0);
+  for (int i = 0; i < kProbes; ++i)
+    area += (variant_.point(static_cast<double>(i) / kProbes) - origin)
+                .cross(variant_.point((i + 1.0) / kProbes) - origin);
+  return area.normalized();
+}
+
 // Length fraction from one location to another along the variant, in (-1/2, 1/2].
 double CurveMap::shift_along(const CurveLocation& from, const CurveLocation& to) const {
   const double shift = variant_.fraction(to) - variant_.fraction(from);
@@ -157,7 +167,7 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
     const double more = shift_at(l) - first;
     mean += (more - std::round(more)) / kProbes;
   }
-  phase_doubt_ = mean - std::round(mean);
+  turn_ = (mean - std::round(mean)) * axis();
   return trusted;
 }
 

@@ -26,10 +26,10 @@ class CurveMap {
 
   CurveLocation operator()(const CurveLocation& base) const;
 
-  /// For a closed curve mapped by its parameters that kept its form up to size: the part of a turn
-  /// by which this differs from the phase of least motion, in (-1/2, 1/2]; nullopt for other
-  /// curves.
-  std::optional<double> phase_doubt() const { return phase_doubt_; }
+  /// For a closed curve mapped by its parameters that kept its form up to size: the turn by which
+  /// this differs from the phase of least motion, along the curve's axis, of length (0, 1/2] turns;
+  /// nullopt for other curves.
+  const std::optional<Eigen::Vector3d>& turn() const { return turn_; }
 
   /// Takes the phase of least motion: the start of the parametrisation moved, not the part.
   void take_least_motion() { way_ = least_motion_; }
@@ -52,6 +52,7 @@ class CurveMap {
   Way choose_closed(bool has_equal_links);
   bool is_reparametrised(const Way& way) const;
   bool keeps_form(const Way& way) const;
+  Eigen::Vector3d axis() const;
   double shift_along(const CurveLocation& from, const CurveLocation& to) const;
   bool runs_backward() const;
   bool is_same_under_alignment() const;
@@ -65,7 +66,7 @@ class CurveMap {
   std::vector<CurveLocation> probes_;
   std::vector<Eigen::Vector3d> predicted_;  // of the probes
   Way way_, least_motion_;
-  std::optional<double> phase_doubt_;
+  std::optional<Eigen::Vector3d> turn_;
 };
 
 }  // namespace cadmorph

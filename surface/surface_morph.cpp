@@ -51,15 +51,19 @@ void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
     std::vector<int> closed;
     for (int c = 0; c < static_cast<int>(maps.size()); ++c) {
       const auto& faces = base.skeleton().curves[c].faces;
-      if (maps[c].phase_doubt() && std::find(faces.begin(), faces.end(), f) != faces.end())
+      if (maps[c].turn() && std::find(faces.begin(), faces.end(), f) != faces.end())
         closed.push_back(c);
     }
     if (closed.size() < 2) continue;
-    const double turn = std::abs(*maps[closed.front()].phase_doubt());
+    const Vector3d turn = *maps[closed.front()].turn();
+    // Half a turn is one either way round.
     const bool is_equal = std::all_of(closed.begin(), closed.end(), [&](int c) {
-      return std::abs(std::abs(*maps[c].phase_doubt()) - turn) < kEqualTurn * turn;
+      const double limit = kEqualTurn * turn.norm();
+      const Vector3d other = *maps[c].turn();
+      return (other - turn).norm() < limit ||
+             ((other + turn).norm() < limit && 0.5 - turn.norm() < limit);
     });
-    if (is_equal && turn > kLeastTurn)
+    if (is_equal && turn.norm() > kLeastTurn)
       for (const int c : closed) has_moved[c] = 1;
   }
   for (std::size_t c = 0; c < maps.size(); ++c)
