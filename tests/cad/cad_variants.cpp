@@ -23,6 +23,8 @@
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <Bnd_Box.hxx>
+#include <Geom2d_BSplineCurve.hxx>
+#include <Geom2d_Line.hxx>
 #include <Geom2d_TrimmedCurve.hxx>
 #include <GeomAPI_ProjectPointOnSurf.hxx>
 #include <GeomConvert.hxx>
@@ -36,6 +38,7 @@
 #include <Message_Messenger.hxx>
 #include <STEPControl_Reader.hxx>
 #include <STEPControl_Writer.hxx>
+#include <TColStd_Array1OfReal.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_DataMapOfShapeShape.hxx>
@@ -55,6 +58,7 @@
 #include <numbers>
 #include <numeric>
 #include <random>
+#include <set>
 #include <stdexcept>
 
 #include "cad/brep_builder.h"
@@ -230,8 +234,14 @@ class Rebuilder {
       Handle(Geom_Surface) surface =
           Handle(Geom_Surface)::DownCast(BRep_Tool::Surface(old)->Copy());
       const auto plane = Handle(Geom_Plane)::DownCast(surface);
-      const bool is_flipped = !plane.IsNull() && draw(options_.has_reversed_planes);
-      if (is_flipped) {
+      const bool is_flipped =
+          draw(plane.IsNull() ? options_.has_reversed_surfaces : options_.has_reversed_planes);
+      mirror_ = gp_Trsf2d();
+      if (is_flipped && plane.IsNull()) {
+        mirror_.SetMirror(
+            gp_Ax2d(gp_Pnt2d(0.5 * surface->UReversedParameter(0), 0), gp_Dir2d(0, 1)));
+        surface = surface->UReversed();
+      } else if (is_flipped) {
         gp_Ax3 frame = plane->Position();
         frame.ZReverse();
         frame.YReverse();  // stays right-handed
@@ -257,11 +267,15 @@ class Rebuilder {
     std::vector<TopoDS_Shape> uses;
     for (TopoDS_Iterator it(oriented.Oriented(TopAbs_FORWARD)); it.More(); it.Next()) {
       const TopoDS_Edge use = TopoDS::Edge(it.Value());
-      const TopoDS_Edge edge = rebuild_edge(use);
-      add_pcurves(use, edge, old, face);
-      const bool runs_back = is_reversed_[edge.TShape().get()];
-      uses.push_back(
-          edge.Oriented(runs_back ? TopAbs::Reverse(use.Orientation()) : use.Orientation()));
+      if (BRep_Tool::IsClosed(use, old)) is_seam_.insert(use.TShape().get());
+      auto parts = rebuild_edge(use);
+      for (const TopoDS_Edge& edge : parts) add_pcurves(use, edge, old, face);
+      if (use.Orientation() == TopAbs_REVERSED) std::reverse(parts.begin(), parts.end());
+      for (const TopoDS_Edge& edge : parts) {
+        const bool runs_back = is_reversed_[edge.TShape().get()];
+        uses.push_back(
+            edge.Oriented(runs_back ? TopAbs::Reverse(use.Orientation()) : use.Orientation()));
+      }
     }
     if (options_.is_order_shuffled && !uses.empty())
       std::rotate(uses.begin(), uses.begin() + static_cast<int>(random_() % uses.size()),
@@ -273,12 +287,32 @@ class Rebuilder {
     return wire.Oriented(oriented.Orientation());
   }
 
-  TopoDS_Edge rebuild_edge(const TopoDS_Edge& use) {
+  /// The new edge in place of an old one, or its two parts in the old one's direction.
+  std::vector<TopoDS_Edge> rebuild_edge(const TopoDS_Edge& use) {
     const TopoDS_Edge old = TopoDS::Edge(use.Oriented(TopAbs_FORWARD));
-    if (edges_.IsBound(old)) return TopoDS::Edge(edges_.Find(old));
+    auto& parts = edges_[old.TShape().get()];
+    if (!parts.empty()) return parts;
     double first, last;
-    const bool is_degenerate = BRep_Tool::Degenerated(old);
     const Handle(Geom_Curve) curve = BRep_Tool::Curve(old, first, last);
+    TopoDS_Vertex start, end;
+    TopExp::Vertices(old, start, end);
+    BRep_Tool::Range(old, first, last);
+    const bool is_seam = is_seam_.count(old.TShape().get()) > 0;
+    if (!curve.IsNull() && draw(is_seam ? options_.has_split_seams : options_.has_split_edges)) {
+      const double middle = 0.4 * first + 0.6 * last;
+      TopoDS_Vertex cut;
+      builder_.MakeVertex(cut, curve->Value(middle), BRep_Tool::Tolerance(old));
+      parts = {new_edge(old, curve, first, middle, start, cut),
+               new_edge(old, curve, middle, last, cut, end)};
+    } else {
+      parts = {new_edge(old, curve, first, last, start, end)};
+    }
+    return parts;
+  }
+
+  TopoDS_Edge new_edge(const TopoDS_Edge& old, const Handle(Geom_Curve) & curve, double first,
+                       double last, const TopoDS_Vertex& start, const TopoDS_Vertex& end) {
+    const bool is_degenerate = BRep_Tool::Degenerated(old);
     const bool runs_back = !is_degenerate && draw(options_.has_reversed_edges);
     TopoDS_Edge edge;
     if (curve.IsNull()) {
@@ -289,11 +323,8 @@ class Rebuilder {
                         runs_back ? curve->Reversed() : Handle(Geom_Curve)::DownCast(curve->Copy()),
                         BRep_Tool::Tolerance(old));
     }
-    BRep_Tool::Range(old, first, last);
-    for (TopoDS_Iterator v(old); v.More(); v.Next()) {
-      const auto side = v.Value().Orientation();
-      builder_.Add(edge, v.Value().Oriented(runs_back ? TopAbs::Reverse(side) : side));
-    }
+    builder_.Add(edge, start.Oriented(runs_back ? TopAbs_REVERSED : TopAbs_FORWARD));
+    builder_.Add(edge, end.Oriented(runs_back ? TopAbs_FORWARD : TopAbs_REVERSED));
     if (runs_back)
       builder_.Range(edge, curve->ReversedParameter(last), curve->ReversedParameter(first));
     else
@@ -302,20 +333,40 @@ class Rebuilder {
     builder_.SameParameter(edge, BRep_Tool::SameParameter(old));
     builder_.SameRange(edge, BRep_Tool::SameRange(old));
     is_reversed_[edge.TShape().get()] = runs_back;
-    edges_.Bind(old, edge);
+    range_[edge.TShape().get()] = {first, last};
     return edge;
   }
 
+  /// The pcurve of an old edge's use; its range is then [first, last].
   Handle(Geom2d_Curve) pcurve(const TopoDS_Shape& use, const TopoDS_Face& old, bool runs_back,
                               double& first, double& last) {
-    const auto curve = BRep_Tool::CurveOnSurface(TopoDS::Edge(use), old, first, last);
+    double edge_first, edge_last, curve_first, curve_last;
+    BRep_Tool::Range(TopoDS::Edge(use), edge_first, edge_last);
+    const auto curve = BRep_Tool::CurveOnSurface(TopoDS::Edge(use), old, curve_first, curve_last);
     if (curve.IsNull()) return curve;
-    if (!runs_back) return Handle(Geom2d_Curve)::DownCast(curve->Copy());
-    // A 3D curve and its pcurve may reverse to different ranges: shift it onto the edge's.
-    const double from = curve->ReversedParameter(last), to = curve->ReversedParameter(first);
+    const double stretch = (curve_last - curve_first) / (edge_last - edge_first);
+    first = curve_first + (first - edge_first) * stretch;
+    last = curve_first + (last - edge_first) * stretch;
+    const auto placed = Handle(Geom2d_Curve)::DownCast(curve->Transformed(mirror_));
+    if (!runs_back) return placed;
+    const double from = placed->ReversedParameter(last);
+    last = placed->ReversedParameter(first);
     first = from;
-    last = to;
-    return curve->Reversed();
+    return placed->Reversed();
+  }
+
+  /// The same curve with its parameters shifted, so that it agrees with the 3D curve's.
+  static Handle(Geom2d_Curve) shifted(const Handle(Geom2d_Curve) & curve, double by) {
+    if (const auto trimmed = Handle(Geom2d_TrimmedCurve)::DownCast(curve))
+      return shifted(trimmed->BasisCurve(), by);
+    if (const auto line = Handle(Geom2d_Line)::DownCast(curve))
+      return new Geom2d_Line(line->Value(-by), line->Direction());
+    const auto spline = Handle(Geom2d_BSplineCurve)::DownCast(curve);
+    if (spline.IsNull()) throw std::logic_error("can't shift a pcurve of this type");
+    TColStd_Array1OfReal knots(1, spline->NbKnots());
+    for (int i = 1; i <= spline->NbKnots(); ++i) knots(i) = spline->Knot(i) + by;
+    spline->SetKnots(knots);
+    return Handle(Geom2d_Curve)(spline);
   }
 
   void add_pcurves(const TopoDS_Edge& use, const TopoDS_Edge& edge, const TopoDS_Face& old,
@@ -325,25 +376,39 @@ class Rebuilder {
     const TopoDS_Shape backward = use.Oriented(TopAbs_REVERSED);
     const bool runs_back = is_reversed_[edge.TShape().get()];
     const double tolerance = BRep_Tool::Tolerance(use);
-    double first = 0, last = 0;
+    auto [first, last] = range_[edge.TShape().get()];
+    auto [first_back, last_back] = range_[edge.TShape().get()];
     auto one = pcurve(forward, old, runs_back, first, last);
     if (one.IsNull()) return;
+    double edge_first, edge_last;
+    BRep_Tool::Range(edge, edge_first, edge_last);
+    const auto fit = [&](Handle(Geom2d_Curve) & curve, double from) {
+      if (runs_back && std::abs(edge_first - from) > 1e-12)
+        curve = shifted(curve, edge_first - from);
+    };
+    fit(one, first);
     if (BRep_Tool::IsClosed(TopoDS::Edge(forward), old)) {
-      auto two = pcurve(backward, old, runs_back, first, last);
-      if (runs_back) std::swap(one, two);
+      // The mirrored face has its wires turned round: what was used forward is used backward.
+      auto two = pcurve(backward, old, runs_back, first_back, last_back);
+      fit(two, first_back);
+      const bool is_mirrored = mirror_.Form() != gp_Identity;
+      if (runs_back != is_mirrored) std::swap(one, two);
       builder_.UpdateEdge(edge, one, two, face, tolerance);
     } else {
       builder_.UpdateEdge(edge, one, face, tolerance);
     }
-    builder_.Range(edge, face, first, last);
   }
 
   const TopoDS_Shape& shape_;
   ShuffleOptions options_;
   std::mt19937 random_;
   BRep_Builder builder_;
-  TopTools_DataMapOfShapeShape faces_, edges_;
+  TopTools_DataMapOfShapeShape faces_;
+  std::map<const void*, std::vector<TopoDS_Edge>> edges_;   // of an old edge
+  std::map<const void*, std::pair<double, double>> range_;  // of a new edge on the old curve
   std::map<const void*, bool> is_flipped_, is_reversed_;
+  std::set<const void*> is_seam_;  // of old edges
+  gp_Trsf2d mirror_;  // from parameters of the old surface to those of the current new one
 };
 
 }  // namespace

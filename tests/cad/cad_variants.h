@@ -67,10 +67,13 @@ std::function<Eigen::Vector3d(const Eigen::Vector3d&)> twist_and_taper(double he
 
 struct ShuffleOptions {
   unsigned seed = 1;
-  bool is_order_shuffled = true;     ///< solids, faces, wires, and the first edge of each wire
-  bool has_reversed_planes = false;  ///< planes turned over, with the orientation of their faces
-  bool has_reversed_edges = false;   ///< edges whose parameter runs the other way
-  double probability = 0.5;          ///< of each reversal
+  bool is_order_shuffled = true;       ///< solids, faces, wires, and the first edge of each wire
+  bool has_reversed_planes = false;    ///< planes turned over, with the orientation of their faces
+  bool has_reversed_edges = false;     ///< edges whose parameter runs the other way
+  bool has_reversed_surfaces = false;  ///< curved surfaces whose u runs the other way
+  bool has_split_seams = false;        ///< seams cut in two by a vertex
+  bool has_split_edges = false;        ///< physical edges cut in two by a vertex of no meaning
+  double probability = 0.5;            ///< of each change
 };
 
 struct Shuffled {

@@ -3,7 +3,8 @@
 #include <BRepMesh_IncrementalMesh.hxx>
 #include <BRep_Tool.hxx>
 #include <Poly_Triangulation.hxx>
-#include <TopExp_Explorer.hxx>
+#include <TopExp.hxx>
+#include <TopTools_IndexedMapOfShape.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Face.hxx>
 #include <array>
@@ -39,8 +40,9 @@ class ShellBuilder {
     for (Index n = 0; n < points.rows(); ++n) points_.push_back(points.row(n));
   }
 
-  void add_cell(CellType type, const std::vector<Index>& nodes) {
+  void add_cell(CellType type, const std::vector<Index>& nodes, int region = 0) {
     if (std::set<Index>(nodes.begin(), nodes.end()).size() != nodes.size()) return;
+    mesh_.regions.push_back(region);
     mesh_.types.push_back(type);
     mesh_.connectivity.insert(mesh_.connectivity.end(), nodes.begin(), nodes.end());
     mesh_.offsets.push_back(static_cast<Index>(mesh_.connectivity.size()));
@@ -69,9 +71,12 @@ class ShellBuilder {
 Mesh triangulate(const TopoDS_Shape& shape, double deflection, double angle) {
   BRepMesh_IncrementalMesh mesher(shape, deflection, false, angle);
   ShellBuilder shell;
-  for (TopExp_Explorer it(shape, TopAbs_FACE); it.More(); it.Next()) {
+  TopTools_IndexedMapOfShape faces;
+  TopExp::MapShapes(shape, TopAbs_FACE, faces);
+  for (int f = 1; f <= faces.Extent(); ++f) {
+    const TopoDS_Face face = TopoDS::Face(faces(f));
     TopLoc_Location location;
-    const auto facets = BRep_Tool::Triangulation(TopoDS::Face(it.Current()), location);
+    const auto facets = BRep_Tool::Triangulation(face, location);
     if (facets.IsNull()) continue;
     const auto id = [&](int n) {
       const gp_Pnt p = facets->Node(n).Transformed(location.Transformation());
@@ -80,8 +85,8 @@ Mesh triangulate(const TopoDS_Shape& shape, double deflection, double angle) {
     for (int t = 1; t <= facets->NbTriangles(); ++t) {
       int a, b, c;
       facets->Triangle(t).Get(a, b, c);
-      if (it.Current().Orientation() == TopAbs_REVERSED) std::swap(b, c);
-      shell.add_cell(CellType::Triangle, {id(a), id(b), id(c)});
+      if (face.Orientation() == TopAbs_REVERSED) std::swap(b, c);
+      shell.add_cell(CellType::Triangle, {id(a), id(b), id(c)}, f - 1);
     }
   }
   return shell.finish();
@@ -94,10 +99,10 @@ Mesh split_triangles(const Mesh& mesh) {
     const auto n = mesh.cell(t);
     const Index a = shell.midpoint(n[0], n[1]), b = shell.midpoint(n[1], n[2]),
                 c = shell.midpoint(n[2], n[0]);
-    shell.add_cell(CellType::Triangle, {n[0], a, c});
-    shell.add_cell(CellType::Triangle, {a, n[1], b});
-    shell.add_cell(CellType::Triangle, {c, b, n[2]});
-    shell.add_cell(CellType::Triangle, {a, b, c});
+    shell.add_cell(CellType::Triangle, {n[0], a, c}, mesh.region(t));
+    shell.add_cell(CellType::Triangle, {a, n[1], b}, mesh.region(t));
+    shell.add_cell(CellType::Triangle, {c, b, n[2]}, mesh.region(t));
+    shell.add_cell(CellType::Triangle, {a, b, c}, mesh.region(t));
   }
   return shell.finish();
 }

@@ -9,7 +9,8 @@
 namespace cadmorph::testing {
 
 /// A shell mesh of triangles over all faces of a shape (BRepMesh), nodes on the CAD, joined along
-/// the edges. `deflection`: largest distance of a triangle's middle from the CAD, millimetres.
+/// the edges. `deflection`: largest distance of a triangle's middle from the CAD, millimetres. Each
+/// triangle's region is the number of its face.
 Mesh triangulate(const TopoDS_Shape& shape, double deflection, double angle = 0.35);
 
 /// Every triangle in four; new nodes halfway between old ones, off curved faces.

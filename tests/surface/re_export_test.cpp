@@ -58,6 +58,50 @@ TEST_CASE("edges that run the other way leave every node in place", "[surface][r
   }
 }
 
+TEST_CASE("curved faces whose u runs the other way leave every node in place",
+          "[surface][re-export]") {
+  for (const auto& name : kRealParts) {
+    DYNAMIC_SECTION(name) {
+      check_shuffled(
+          name,
+          {.seed = 7, .is_order_shuffled = false, .has_reversed_surfaces = true, .probability = 1});
+    }
+  }
+}
+
+TEST_CASE("seams cut in two leave every node in place", "[surface][re-export][seam]") {
+  for (const std::string name :
+       {"cylinder", "cone", "cone_frustum", "sphere", "torus", "stepped_shaft", "bracket"}) {
+    DYNAMIC_SECTION(name) {
+      check_shuffled(
+          name, {.seed = 8, .is_order_shuffled = false, .has_split_seams = true, .probability = 1});
+    }
+  }
+}
+
+TEST_CASE("edges cut in two leave every node in place", "[surface][re-export]") {
+  for (const auto& name : kRealParts) {
+    DYNAMIC_SECTION(name) {
+      check_shuffled(
+          name, {.seed = 9, .is_order_shuffled = false, .has_split_edges = true, .probability = 1});
+    }
+  }
+}
+
+TEST_CASE("reversals, split seams and another order at once leave every node in place",
+          "[surface][re-export]") {
+  for (const auto& name : kRealParts)
+    for (const unsigned seed : {21u, 22u, 23u}) {
+      DYNAMIC_SECTION(name << ' ' << seed) {
+        check_shuffled(name, {.seed = seed,
+                              .has_reversed_planes = true,
+                              .has_reversed_edges = true,
+                              .has_reversed_surfaces = true,
+                              .has_split_seams = true});
+      }
+    }
+}
+
 TEST_CASE("a shuffled and moved part carries every node", "[surface][re-export]") {
   // Less than half the angle between two symmetric positions, so that the nearest one is the truth.
   const gp_Trsf map = similarity(0.3, 0.6, gp_Vec(-15, 40, 3));
