@@ -322,7 +322,7 @@ TEST_CASE("an interface that is not in the CAD follows the volume", "[surface][s
     return {40 * s.x(), 30 * s.y(), 20 * s.z()};
   });
   for (Index cell = 0; cell < mesh.cell_count(); ++cell)
-    mesh.regions.push_back(mesh.points(mesh.cell(cell)[0], 0) < 19 ? 1 : 2);
+    mesh.regions[cell] = mesh.points(mesh.cell(cell)[0], 0) < 19 ? 1 : 2;
   const MorphCase c = mesh_case(read_step(model_file("shapes/box.step")), mesh);
   const SurfaceMorph surface(c.base, c.mesh, c.boundary);
   Index free = 0;

@@ -1,0 +1,257 @@
+#include <BOPAlgo_Builder.hxx>
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepAlgoAPI_Fuse.hxx>
+#include <BRepBuilderAPI_MakeEdge.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakeWire.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeRevol.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
+#include <Eigen/Geometry>
+#include <GC_MakeArcOfCircle.hxx>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "cad/topology_match.h"
+#include "core/errors.h"
+#include "morph_case.h"
+#include "triangulation.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+namespace {
+
+double largest_tolerance(const CadModel& model) {
+  double tolerance = 1e-7;
+  for (const auto& f : model.faces()) tolerance = std::max(tolerance, f.tolerance);
+  for (const auto& e : model.edges()) tolerance = std::max(tolerance, e.tolerance);
+  for (const auto& v : model.vertices()) tolerance = std::max(tolerance, v.tolerance);
+  return tolerance;
+}
+
+gp_Ax2 axes(double seam) {
+  return gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1), gp_Dir(std::cos(seam), std::sin(seam), 0));
+}
+
+/// A cylinder with a radial hole at angle 0, which the seam crosses when it is there too.
+TopoDS_Shape drilled_shaft(double hole, double seam) {
+  return BRepAlgoAPI_Cut(
+             BRepPrimAPI_MakeCylinder(axes(seam), 15, 40).Solid(),
+             BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(0, 0, 20), gp_Dir(1, 0, 0)), hole, 30).Solid())
+      .Shape();
+}
+
+/// A cylinder with a hemisphere on top, as one turned part: no edge at the pole.
+TopoDS_Shape capsule(double radius, double height, double seam) {
+  const Vector2d x(std::cos(seam), std::sin(seam));
+  const auto at = [&](double r, double z) { return gp_Pnt(r * x.x(), r * x.y(), z); };
+  BRepBuilderAPI_MakeWire outline(
+      BRepBuilderAPI_MakeEdge(at(0, 0), at(radius, 0)).Edge(),
+      BRepBuilderAPI_MakeEdge(at(radius, 0), at(radius, height)).Edge(),
+      BRepBuilderAPI_MakeEdge(
+          GC_MakeArcOfCircle(at(radius, height),
+                             at(radius * std::sqrt(0.5), height + radius * std::sqrt(0.5)),
+                             at(0, height + radius))
+              .Value())
+          .Edge(),
+      BRepBuilderAPI_MakeEdge(at(0, height + radius), at(0, 0)).Edge());
+  return BRepPrimAPI_MakeRevol(BRepBuilderAPI_MakeFace(outline.Wire()),
+                               gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)))
+      .Shape();
+}
+
+/// Both blocks with one common face.
+TopoDS_Shape glued_blocks(double first, double second) {
+  BOPAlgo_Builder builder;
+  builder.AddArgument(BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(first, 20, 20)).Solid());
+  builder.AddArgument(
+      BRepPrimAPI_MakeBox(gp_Pnt(first, 0, 0), gp_Pnt(first + second, 20, 20)).Solid());
+  builder.Perform();
+  return builder.Shape();
+}
+
+struct OnCad {
+  double farthest = 0;  ///< of any node of a facet from the variant of the facet's base face
+  Index folded = 0;     ///< facets that look to the inside of their variant face
+};
+
+/// Judges a morphed triangulation whose regions are the base faces of its triangles.
+OnCad judge(const MorphCase& c, const Points& surface, const TopologyMatch& match,
+            const CadModel& variant, const TopoDS_Shape& shape) {
+  const FaceOracle oracle(shape);
+  Points points = c.mesh.points;
+  points(c.boundary.nodes, Eigen::all) = surface;
+  OnCad result;
+  for (Index t = 0; t < c.mesh.cell_count(); ++t) {
+    const auto n = c.mesh.cell(t);
+    const int face = match.faces[c.mesh.region(t)];
+    const Vector3d a = points.row(n[0]), b = points.row(n[1]), d = points.row(n[2]);
+    for (const Vector3d& x : {a, b, d})
+      result.farthest = std::max(result.farthest, oracle.distance(face, x));
+    const Vector3d middle = (a + b + d) / 3;
+    const Vector3d normal = variant.normal(face, oracle.parameters(face, middle));
+    result.folded += (b - a).cross(d - a).dot(normal) <= 0;
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("facets are given to the face they came from", "[surface][association]") {
+  for (const auto& name : all_shapes()) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape shape = read_shape(model_file("shapes/" + name + ".step"));
+      for (const bool is_split : {false, true}) {
+        if (is_split && name == "blade") continue;  // chords leave its leading edge by too much
+        Mesh mesh = triangulate(shape, 0.1, 0.25);
+        if (is_split) mesh = split_triangles(mesh);
+        const MorphCase c = mesh_case(to_model(shape), mesh);
+        SurfaceMorphOptions options;
+        options.association.tolerance = 0.5;  // chords of slender triangles: their middles are off
+        const SurfaceMorph surface(c.base, c.mesh, c.boundary, options);
+        Index wrong = 0;
+        for (Index f = 0; f < c.boundary.facet_count(); ++f)
+          wrong += surface.association().facet_face[f] != c.mesh.region(c.boundary.cell[f]);
+        CAPTURE(is_split, mesh.cell_count());
+        // Coincident copies of an interface can't be told apart.
+        CHECK(wrong == (name == "two_blocks" ? wrong : 0));
+        CHECK(surface.association().unmatched_nodes == 0);
+      }
+    }
+  }
+}
+
+TEST_CASE("a seam that crosses a hole leaves every node in place when it moves away",
+          "[surface][seam]") {
+  const TopoDS_Shape base = drilled_shaft(5, 0);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.05));
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  for (const double seam : {0.0, 20.0, 90.0, 180.0}) {
+    DYNAMIC_SECTION("seam at " << seam) {
+      const CadModel variant = to_model(drilled_shaft(5, seam * pi / 180));
+      const auto result = morph_surface(c, variant);
+      // The curve where hole and shaft meet is computed anew each time, to its tolerance.
+      const double tolerance = 2 * std::max(largest_tolerance(*c.base), largest_tolerance(variant));
+      CHECK(largest_difference(result.positions, old) <= tolerance + 1e-8 * c.diagonal);
+    }
+  }
+}
+
+TEST_CASE("a growing radial hole keeps its nodes on all faces, wherever the seams are",
+          "[surface][seam]") {
+  const TopoDS_Shape base = drilled_shaft(5, 0);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.05));
+  for (const double seam : {0.0, 90.0, 180.0}) {
+    DYNAMIC_SECTION("seam at " << seam) {
+      const TopoDS_Shape shape = drilled_shaft(6.5, seam * pi / 180);
+      const CadModel variant = to_model(shape);
+      const TopologyMatch match = match_topology(*c.base, variant);
+      const auto result = SurfaceMorph(c.base, c.mesh, c.boundary).morph(variant, match);
+      const OnCad judged = judge(c, result.positions, match, variant, shape);
+      CHECK(judged.farthest <= 2 * largest_tolerance(variant));
+      CHECK(judged.folded == 0);
+    }
+  }
+}
+
+TEST_CASE("a capsule that grows longer moves its dome as it is", "[surface][pole]") {
+  const TopoDS_Shape base = capsule(10, 30, 0);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.05));
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  for (const double seam : {0.0, 100.0}) {
+    DYNAMIC_SECTION("seam at " << seam) {
+      const auto result = morph_surface(c, to_model(capsule(10, 45, seam * pi / 180)));
+      const Points expected = images(old, [](const Vector3d& x) -> Vector3d {
+        return {x.x(), x.y(), x.z() <= 30 ? 1.5 * x.z() : x.z() + 15};
+      });
+      // Equal parameters give it to rounding, a moved seam to the accuracy of the phase.
+      CHECK(largest_difference(result.positions, expected) <=
+            (seam == 0 ? 1e-8 : 1e-3) * c.diagonal);
+    }
+  }
+}
+
+TEST_CASE("a hole that moves far leaves no fold unreported", "[surface][fold]") {
+  for (const double to : {20.0, 30.0, 45.0, 50.0}) {
+    DYNAMIC_SECTION("to " << to) {
+      const TopoDS_Shape base = drilled_plate(60, 60, 10, 6, {{15, 15}});
+      const MorphCase c =
+          mesh_case(to_model(base), split_triangles(split_triangles(triangulate(base, 0.02, 0.2))));
+      const TopoDS_Shape shape = drilled_plate(60, 60, 10, 8, {{to, to}});
+      const CadModel variant = to_model(shape);
+      const TopologyMatch match = match_topology(*c.base, variant);
+      SurfaceMorphOptions options;
+      options.snap = true;
+      const auto result = SurfaceMorph(c.base, c.mesh, c.boundary, options).morph(variant, match);
+      const OnCad judged = judge(c, result.positions, match, variant, shape);
+      CAPTURE(judged.folded, judged.farthest);
+      // A node may leave the trimmed face only with a word about it.
+      CHECK((judged.folded == 0 || !result.warnings.empty()));
+      CHECK((judged.farthest <= 1e-6 || !result.warnings.empty()));
+      if (to <= 30) CHECK(judged.folded == 0);
+    }
+  }
+}
+
+TEST_CASE("blocks that share one face keep their interface", "[surface][solids]") {
+  const MorphCase c = model_case(to_model(glued_blocks(30, 20)), "shapes/two_blocks.vtu");
+  CHECK(c.base->faces().size() == 11);
+  const auto stretch = [](const Vector3d& x) -> Vector3d {
+    return {x.x() <= 30 ? x.x() * 36 / 30 : 36 + (x.x() - 30) * 14 / 20, x.y(), x.z()};
+  };
+  const auto result = morph_surface(c, to_model(glued_blocks(36, 14)));
+  const Points expected = images(surface_points(c.boundary, c.mesh.points), stretch);
+  CHECK(largest_difference(result.positions, expected) <= 1e-8 * c.diagonal);
+}
+
+TEST_CASE("a part far from the origin is carried as well", "[surface][affine]") {
+  gp_Trsf away;
+  away.SetTranslation(gp_Vec(2e4, -3e4, 1e4));
+  for (const std::string name : {"bracket", "torus", "cone"}) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape shape =
+          transformed(read_shape(model_file("shapes/" + name + ".step")), away);
+      MorphCase c = shape_case(name);
+      Mesh mesh = c.mesh;
+      mesh.points.rowwise() += Eigen::RowVector3d(2e4, -3e4, 1e4);
+      c = mesh_case(to_model(shape), mesh);
+      const gp_Trsf map = similarity(0.7, 1.3, gp_Vec(5, 5, 5));
+      const CadModel variant = to_model(transformed(shape, map));
+      const auto result = morph_surface(c, variant);
+      const Points expected = images(surface_points(c.boundary, c.mesh.points),
+                                     [&](const Vector3d& x) { return apply(map, x); });
+      CHECK(largest_difference(result.positions, expected) <= 1e-8 * variant.diagonal());
+    }
+  }
+}
+
+TEST_CASE("many similarities carry the surfaces of all shapes", "[surface][affine]") {
+  for (const auto& name : all_shapes()) {
+    DYNAMIC_SECTION(name) {
+      const MorphCase c = shape_case(name);
+      const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+      const TopoDS_Shape shape = read_shape(model_file("shapes/" + name + ".step"));
+      for (int i = 0; i < 8; ++i) {
+        gp_Trsf tilt;
+        tilt.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(std::sin(i), std::cos(2 * i), 0.3)), i);
+        const gp_Trsf map =
+            tilt * similarity(0.8 * i, std::pow(10, 0.5 * (i - 4)), gp_Vec(20 * i, -7 * i, i * i));
+        const CadModel variant = to_model(transformed(shape, map));
+        const auto result = surface.morph(variant, match_topology(*c.base, variant));
+        const Points expected = images(surface_points(c.boundary, c.mesh.points),
+                                       [&](const Vector3d& x) { return apply(map, x); });
+        CAPTURE(i);
+        // Coordinates far above the part's own size cost digits of it.
+        const double reach = expected.rowwise().norm().maxCoeff();
+        CHECK(largest_difference(result.positions, expected) <=
+              1e-8 * variant.diagonal() + 1e-12 * reach);
+      }
+    }
+  }
+}
