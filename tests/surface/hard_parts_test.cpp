@@ -16,6 +16,7 @@
 
 #include "cad/topology_match.h"
 #include "core/errors.h"
+#include "core/parallel.h"
 #include "morph_case.h"
 #include "triangulation.h"
 
@@ -254,4 +255,30 @@ TEST_CASE("many similarities carry the surfaces of all shapes", "[surface][affin
       }
     }
   }
+}
+
+TEST_CASE("the surface is the same to the last bit on any number of threads",
+          "[surface][parallel]") {
+  const MorphCase c = file_case("bore/base.step", "bore/tet.vtu");
+  const CadModel variant = to_model(read_shape(model_file("bore/step20.step")));
+  std::vector<Points> results;
+  for (const int threads : {1, 2, 3}) {
+    set_thread_count(threads);
+    results.push_back(morph_surface(c, variant).positions);
+  }
+  set_thread_count(0);
+  CHECK(results[0] == results[1]);
+  CHECK(results[0] == results[2]);
+}
+
+TEST_CASE("one surface morph serves any number of variants", "[surface]") {
+  const MorphCase c = file_case("pipe/base.step", "pipe/tet.vtu");
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const CadModel near = to_model(read_shape(model_file("pipe/step05.step")));
+  const CadModel far = to_model(read_shape(model_file("pipe/step20.step")));
+  const auto first = surface.morph(far, match_topology(*c.base, far));
+  surface.morph(near, match_topology(*c.base, near));
+  const auto again = surface.morph(far, match_topology(*c.base, far));
+  CHECK(first.positions == again.positions);
+  CHECK(first.positions == morph_surface(c, far).positions);
 }
