@@ -37,6 +37,7 @@ using Eigen::Vector3d;
 
 constexpr int kEdgeSamples = 64;
 constexpr int kMaxPolygonSegments = 512;
+constexpr double kTilt = 0.3137;
 constexpr double kOnBounds = 1e-6;  // of the domain: far above the rounding of a projection
 
 Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
@@ -111,13 +112,19 @@ Vector2d off_bounds(const CadFace& face, Vector2d uv) {
   return uv;
 }
 
-// Even-odd test: quick, right but for points level with a gap between two pcurves.
-bool is_left_of_odd(const std::vector<Segment>& polygon, const Vector2d& at) {
+// Even-odd test along a tilted ray: quick, and hardly ever through the gap between two pcurves,
+// which lie at the round parameters that structured meshes use, too.
+bool is_left_of_odd(const std::vector<Segment>& polygon, const Vector2d& at, const Vector2d& size) {
+  const auto tilted = [&](const Vector2d& p) -> Vector2d {
+    const Vector2d q = (p - at).cwiseQuotient(size);
+    return {q.x(), q.y() + kTilt * q.x()};
+  };
   bool is_odd = false;
-  for (const Segment& s : polygon)
-    if ((s.from.y() <= at.y()) != (s.to.y() <= at.y()))
-      is_odd ^= at.x() < s.from.x() + (at.y() - s.from.y()) / (s.to.y() - s.from.y()) *
-                                          (s.to.x() - s.from.x());
+  for (const Segment& s : polygon) {
+    const Vector2d from = tilted(s.from), to = tilted(s.to);
+    if ((from.y() <= 0) != (to.y() <= 0))
+      is_odd ^= from.x() - from.y() / (to.y() - from.y()) * (to.x() - from.x()) > 0;
+  }
   return is_odd;
 }
 
@@ -148,7 +155,6 @@ struct CadModel::Impl {
   std::vector<CadEdge> edges;
   std::vector<CadVertex> vertices;
   std::vector<CadCoedge> coedges;
-  CadSkeleton skeleton;
   int solids = 0;
   std::string file_name, file_unit;
   Vector3d lower = Vector3d::Constant(1e300), upper = Vector3d::Constant(-1e300);
@@ -165,16 +171,21 @@ struct CadModel::Impl {
   }
 };
 
-CadModel::CadModel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
-CadModel::~CadModel() = default;
-CadModel::CadModel(CadModel&&) noexcept = default;
-CadModel& CadModel::operator=(CadModel&&) noexcept = default;
+CadModel::CadModel(std::shared_ptr<const Impl> impl)
+    : impl_(std::move(impl)),
+      skeleton_(std::make_shared<CadSkeleton>(build_skeleton(*this, JoinEdges::AtSeams))) {}
+
+CadModel CadModel::with_joined_edges() const {
+  CadModel joined = *this;
+  joined.skeleton_ = std::make_shared<CadSkeleton>(build_skeleton(*this, JoinEdges::WhereSmooth));
+  return joined;
+}
 
 const std::vector<CadFace>& CadModel::faces() const { return impl_->faces; }
 const std::vector<CadEdge>& CadModel::edges() const { return impl_->edges; }
 const std::vector<CadVertex>& CadModel::vertices() const { return impl_->vertices; }
 const std::vector<CadCoedge>& CadModel::coedges() const { return impl_->coedges; }
-const CadSkeleton& CadModel::skeleton() const { return impl_->skeleton; }
+const CadSkeleton& CadModel::skeleton() const { return *skeleton_; }
 int CadModel::solid_count() const { return impl_->solids; }
 const std::string& CadModel::file_name() const { return impl_->file_name; }
 const std::string& CadModel::file_unit() const { return impl_->file_unit; }
@@ -230,7 +241,8 @@ bool CadModel::is_inside(int face, const Vector2d& uv) const {
   const auto& polygon = impl_->polygons[face];
   if (polygon.empty()) return true;
   const Vector2d q = off_bounds(impl_->faces[face], into_domain(face, uv));
-  return is_left_of_odd(polygon, q) || winding_angle(polygon, q) > std::numbers::pi;
+  const Vector2d size = impl_->faces[face].upper - impl_->faces[face].lower;
+  return is_left_of_odd(polygon, q, size) || winding_angle(polygon, q) > std::numbers::pi;
 }
 
 std::vector<double> CadModel::crossings(int face, double v) const {
@@ -441,14 +453,11 @@ class ModelBuilder {
 }  // namespace
 
 CadModel build_model(const TopoDS_Shape& shape, const ShapeSource& source) {
-  auto impl = std::make_unique<CadModel::Impl>();
+  auto impl = std::make_shared<CadModel::Impl>();
   impl->file_name = source.file_name;
   impl->file_unit = source.file_unit;
-  CadModel::Impl& data = *impl;
-  ModelBuilder(shape, source, data).build();
-  CadModel model(std::move(impl));
-  data.skeleton = build_skeleton(model);
-  return model;
+  ModelBuilder(shape, source, *impl).build();
+  return CadModel(std::move(impl));
 }
 
 }  // namespace cadmorph

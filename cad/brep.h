@@ -94,14 +94,16 @@ struct CurvePoint {
 };
 
 /// A CAD model read from STEP: topology as plain data, geometry behind functions. All const
-/// functions are thread-safe. Lengths in millimetres.
+/// functions are thread-safe. Copies share the data. Lengths in millimetres.
 class CadModel {
  public:
   struct Impl;
-  explicit CadModel(std::unique_ptr<Impl> impl);
-  ~CadModel();
-  CadModel(CadModel&&) noexcept;
-  CadModel& operator=(CadModel&&) noexcept;
+  explicit CadModel(std::shared_ptr<const Impl> impl);
+
+  /// The same model whose skeleton chains smooth joints wherever they are, not at seams alone
+  /// (build_skeleton): for pairs of which one exporter cut edges that the other did not. Cheap: the
+  /// geometry is shared.
+  CadModel with_joined_edges() const;
 
   const std::vector<CadFace>& faces() const;
   const std::vector<CadEdge>& edges() const;
@@ -134,7 +136,8 @@ class CadModel {
   std::vector<double> crossings(int face, double v) const;
 
  private:
-  std::unique_ptr<Impl> impl_;
+  std::shared_ptr<const Impl> impl_;
+  std::shared_ptr<const CadSkeleton> skeleton_;
 };
 
 }  // namespace cadmorph

@@ -15,6 +15,7 @@ struct Grid {
 };
 
 constexpr int kMinCurved = 5;
+constexpr double kNudge = 1e-3;  // of a row
 constexpr int kMaxPerDirection = 2000;
 
 struct Lengths {
@@ -62,7 +63,9 @@ std::vector<Vector2d> inside_grid(const CadModel& model, int face, const Grid& g
   std::vector<Vector2d> uv;
   for (int j = 0; j < grid.nv; ++j) {
     const double v = f.lower[1] + (j + 0.5) / grid.nv * size[1];
-    const std::vector<double> crossings = model.crossings(face, v);
+    std::vector<double> crossings = model.crossings(face, v);
+    if (crossings.size() % 2 == 1)  // through the gap that two pcurves leave at a vertex
+      crossings = model.crossings(face, v + kNudge / grid.nv * size[1]);
     for (int i = 0; i < grid.nu; ++i) {
       const double u = f.lower[0] + (i + 0.5) / grid.nu * size[0];
       const auto left = std::lower_bound(crossings.begin(), crossings.end(), u) - crossings.begin();

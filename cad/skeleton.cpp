@@ -49,17 +49,18 @@ Eigen::Vector3d inward_tangent(const CadModel& model, const EdgeEnd& end) {
   return (end.is_start ? 1.0 : -1.0) * d.normalized();
 }
 
-bool is_corner(const CadModel& model, const std::vector<EdgeEnd>& ends, bool is_seam_end) {
+bool is_corner(const CadModel& model, const std::vector<EdgeEnd>& ends, bool may_join) {
   if (ends.empty()) return false;
   if (ends.size() != 2) return true;
-  if (!is_seam_end && ends[0].edge != ends[1].edge) return true;
+  if (!may_join && ends[0].edge != ends[1].edge) return true;
   if (adjacent_faces(model, ends[0].edge) != adjacent_faces(model, ends[1].edge)) return true;
   return inward_tangent(model, ends[0]).dot(inward_tangent(model, ends[1])) > -kSmoothCosine;
 }
 
 class Chainer {
  public:
-  explicit Chainer(const CadModel& model) : model_(model), ends_(edge_ends(model)) {}
+  Chainer(const CadModel& model, JoinEdges join)
+      : model_(model), join_(join), ends_(edge_ends(model)) {}
 
   CadSkeleton build() {
     mark_corners();
@@ -74,7 +75,7 @@ class Chainer {
     const std::vector<char> is_seam_end = seam_vertices(model_);
     skeleton_.corner_of_vertex.assign(model_.vertices().size(), -1);
     for (int v = 0; v < static_cast<int>(model_.vertices().size()); ++v)
-      if (is_corner(model_, ends_[v], is_seam_end[v])) {
+      if (is_corner(model_, ends_[v], join_ == JoinEdges::WhereSmooth || is_seam_end[v])) {
         skeleton_.corner_of_vertex[v] = static_cast<int>(skeleton_.corners.size());
         skeleton_.corners.push_back(v);
       }
@@ -119,12 +120,15 @@ class Chainer {
   int corner(int vertex) const { return vertex < 0 ? -1 : skeleton_.corner_of_vertex[vertex]; }
 
   const CadModel& model_;
+  JoinEdges join_;
   std::vector<std::vector<EdgeEnd>> ends_;
   CadSkeleton skeleton_;
 };
 
 }  // namespace
 
-CadSkeleton build_skeleton(const CadModel& model) { return Chainer(model).build(); }
+CadSkeleton build_skeleton(const CadModel& model, JoinEdges join) {
+  return Chainer(model, join).build();
+}
 
 }  // namespace cadmorph

@@ -4,10 +4,14 @@
 
 namespace cadmorph {
 
+/// Which edges that meet smoothly between the same faces are one curve.
+enum class JoinEdges {
+  AtSeams,      ///< where a seam ends: a re-export cuts curves where its seam happens to lie
+  WhereSmooth,  ///< wherever just two of them meet
+};
+
 /// Finds the physical curves and corners of a model: edges that are neither seams nor degenerate,
-/// chained over vertices where a seam ends and just two of them meet smoothly between the same faces. A
-/// re-export cuts such curves where its seam happens to lie, so those vertices carry no meaning. The
-/// only vertex of a smooth closed edge is no corner either.
-CadSkeleton build_skeleton(const CadModel& model);
+/// chained as `join` says. The only vertex of a smooth closed edge is no corner.
+CadSkeleton build_skeleton(const CadModel& model, JoinEdges join);
 
 }  // namespace cadmorph

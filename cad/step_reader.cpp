@@ -1,9 +1,13 @@
 #include "cad/step_reader.h"
 
+#define OCC_CONVERT_SIGNALS  // as OCCT itself is built: makes OCC_CATCH_SIGNALS work
+
 #include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
+#include <OSD.hxx>
 #include <STEPControl_Reader.hxx>
+#include <Standard_ErrorHandler.hxx>
 #include <Standard_Failure.hxx>
 #include <StepRepr_RepresentationItem.hxx>
 #include <TColStd_SequenceOfAsciiString.hxx>
@@ -12,6 +16,8 @@
 #include <XSControl_TransferReader.hxx>
 #include <XSControl_WorkSession.hxx>
 #include <algorithm>
+#include <array>
+#include <csignal>
 #include <fstream>
 
 #include "cad/brep_builder.h"
@@ -53,6 +59,26 @@ void check_frame(const std::filesystem::path& path) {
                    "interrupted; write the file again.");
 }
 
+// OCCT follows unresolved references of damaged files into the void; while it reads, such a signal
+// becomes a Standard_Failure. The handlers before are put back.
+class SignalGuard {
+ public:
+  SignalGuard() {
+    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], nullptr, &before_[i]);
+    OSD::SetSignal(OSD_SignalMode_Set, false);
+  }
+  ~SignalGuard() {
+    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
+  }
+  SignalGuard(const SignalGuard&) = delete;
+  SignalGuard& operator=(const SignalGuard&) = delete;
+
+ private:
+  static constexpr std::array kSignals{SIGSEGV, SIGBUS, SIGFPE, SIGILL,  SIGSYS,
+                                       SIGTRAP, SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+  std::array<struct sigaction, kSignals.size()> before_;
+};
+
 std::string length_units(STEPControl_Reader& reader) {
   TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
   reader.FileUnits(lengths, angles, solid_angles);
@@ -68,7 +94,9 @@ CadModel read_step(const std::filesystem::path& path) {
   check_frame(path);
   Message::DefaultMessenger()->ChangePrinters().Clear();
   const std::string name = path.string();
+  const SignalGuard guard;
   try {
+    OCC_CATCH_SIGNALS
     STEPControl_Reader reader;
     Interface_Static::SetCVal("xstep.cascade.unit", "MM");
     if (reader.ReadFile(name.c_str()) != IFSelect_RetDone)

@@ -28,7 +28,7 @@ constexpr int kMostRefinements = 2000, kFewRefinements = 60;
 constexpr int kMaxNamed = 6;
 // Matches whose distances differ by less than this part of the diagonal, or this factor, are
 // equally good: symmetric parts have many.
-constexpr double kTie = 1e-6;
+constexpr double kTie = 1e-5;
 constexpr double kSlack = 1.02;
 constexpr double kHardlyTurned = 1e-3;  // radians
 
@@ -224,19 +224,22 @@ TopologyMatch to_match(const Side& base, const ColourRefinement& colours,
   return match;
 }
 
-// Root mean square distance of all entities, in variant diagonals.
+// Root mean square distance of corners and curves, in variant diagonals; of faces where there are
+// neither. Face centroids depend a little on the parametrisation.
 double quality(const Side& base, const Side& variant, const TopologyMatch& match,
                const Similarity& t) {
   double sum = 0;
+  int count = 0;
   const auto add = [&](int b, int v) {
     sum += squared_distance(base.features[b], variant.features[v], t);
+    ++count;
   };
-  for (int f = 0; f < base.graph.faces; ++f) add(f, match.faces[f]);
   for (int c = 0; c < base.graph.curves; ++c)
     add(base.graph.curve_node(c), variant.graph.curve_node(match.curves[c]));
   for (int c = 0; c < base.graph.corners; ++c)
     add(base.graph.corner_node(c), variant.graph.corner_node(match.corners[c]));
-  return std::sqrt(sum / base.graph.entity_count()) / variant.model.diagonal();
+  for (int f = 0; f < base.graph.faces && base.graph.curves == 0; ++f) add(f, match.faces[f]);
+  return std::sqrt(sum / count) / variant.model.diagonal();
 }
 
 Similarity by_bounds(const CadModel& base, const CadModel& variant) {
@@ -516,22 +519,34 @@ std::optional<TopologyMatch> best_match(const Side& base, const Side& variant,
   return match;
 }
 
+Side make_side(const CadModel& model, bool is_oriented) {
+  return {model, build_graph(model, is_oriented), entity_features(model)};
+}
+
+// Oriented first; shells that are no solids may be turned over.
+std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadModel& variant,
+                                             const MatchOptions& options) {
+  for (const bool is_oriented : {true, false}) {
+    const Side b = make_side(base, is_oriented), v = make_side(variant, is_oriented);
+    if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||
+        b.graph.corners != v.graph.corners)
+      return std::nullopt;
+    if (auto match = best_match(b, v, options)) return match;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
                              const MatchOptions& options) {
-  for (const bool is_oriented : {true, false}) {
-    Side b{base, build_graph(base, is_oriented), {}},
-        v{variant, build_graph(variant, is_oriented), {}};
-    b.features = entity_features(base);
-    v.features = entity_features(variant);
-    if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||
-        b.graph.corners != v.graph.corners)
-      refuse(b, v);
-    if (auto match = best_match(b, v, options)) return std::move(*match);
-    if (!is_oriented) refuse(b, v);
+  if (auto match = match_skeletons(base, variant, options)) return std::move(*match);
+  if (auto match =
+          match_skeletons(base.with_joined_edges(), variant.with_joined_edges(), options)) {
+    match->joins_edges = true;
+    return std::move(*match);
   }
-  return {};
+  refuse(make_side(base, true), make_side(variant, true));
 }
 
 std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path) {

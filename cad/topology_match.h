@@ -28,6 +28,7 @@ struct TopologyMatch {
   std::vector<double> face_confidence;  ///< 1: the only possibility; less: decided by position
   Similarity alignment;                 ///< base -> variant, best over all entities
   bool is_congruent = false;            ///< the alignment carries one shape exactly onto the other
+  bool joins_edges = false;             ///< edges were cut differently; see above
   std::string how;  ///< what decided: "file order", "structure", "position", "map file"
 };
 

@@ -70,6 +70,23 @@ void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
     if (has_moved[c]) maps[c].take_least_motion();
 }
 
+// A vertex goes to its counterpart; one inside a chain of edges, along the chain.
+Vector3d map_vertex(const ModelPair& pair, const std::vector<CurveMap>& maps, int vertex) {
+  const CadSkeleton& skeleton = pair.base.skeleton();
+  const int corner = skeleton.corner_of_vertex[vertex];
+  if (corner >= 0)
+    return pair.variant.vertices()[pair.variant.skeleton().corners[pair.match.corners[corner]]]
+        .point;
+  const auto& edges = pair.base.edges();
+  const auto edge = std::find_if(edges.begin(), edges.end(), [&](const CadEdge& e) {
+    return e.is_physical() && (e.start == vertex || e.end == vertex);
+  });
+  const int id = static_cast<int>(edge - edges.begin());
+  const CurveLocation to =
+      maps[skeleton.curve_of_edge[id]]({id, edge->start == vertex ? edge->first : edge->last});
+  return pair.variant.evaluate_edge(to.edge, to.t).point;
+}
+
 // Surface nodes on the variant CAD, and what they keep of their offset from the base CAD, turned
 // with the entity but not yet stretched. Millimetres.
 struct Placement {
@@ -102,7 +119,8 @@ struct SurfaceMorph::Impl {
   void check_policy() const;
 
   std::vector<CurveMap> map_curves(const ModelPair& pair) const;
-  void move_corners(const ModelPair& pair, Placement& placed) const;
+  void move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                    Placement& placed) const;
   void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
                   Placement& placed) const;
   std::vector<std::string> move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps,
@@ -190,7 +208,7 @@ void SurfaceMorph::Impl::check_policy() const {
 }
 
 std::vector<CurveMap> SurfaceMorph::Impl::map_curves(const ModelPair& pair) const {
-  const auto count = static_cast<Index>(base->skeleton().curves.size());
+  const auto count = static_cast<Index>(pair.base.skeleton().curves.size());
   std::vector<std::unique_ptr<CurveMap>> made(static_cast<std::size_t>(count));
   parallel_for(count, 1, [&](Index begin, Index end) {
     for (Index c = begin; c < end; ++c)
@@ -198,17 +216,16 @@ std::vector<CurveMap> SurfaceMorph::Impl::map_curves(const ModelPair& pair) cons
   });
   std::vector<CurveMap> maps;
   for (auto& map : made) maps.push_back(std::move(*map));
-  undo_moved_seams(*base, maps);
+  undo_moved_seams(pair.base, maps);
   return maps;
 }
 
-void SurfaceMorph::Impl::move_corners(const ModelPair& pair, Placement& placed) const {
+void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                                      Placement& placed) const {
   const Similarity& a = pair.match.alignment;
   for (int n = 0; n < static_cast<int>(placed.feet.rows()); ++n) {
     if (association.dimension[n] != CadDimension::Vertex) continue;
-    const int corner = base->skeleton().corner_of_vertex[association.entity[n]];
-    const int vertex = pair.variant.skeleton().corners[pair.match.corners[corner]];
-    placed.feet.row(n) = pair.variant.vertices()[vertex].point;
+    placed.feet.row(n) = map_vertex(pair, maps, association.entity[n]);
     placed.offsets.row(n) = a.rotation * offset(n);
   }
 }
@@ -221,7 +238,7 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<Cur
       if (association.dimension[n] != CadDimension::Edge) continue;
       const int edge = association.entity[n];
       const CurveLocation l =
-          maps[base->skeleton().curve_of_edge[edge]]({edge, association.uv(n, 0)});
+          maps[pair.base.skeleton().curve_of_edge[edge]]({edge, association.uv(n, 0)});
       placed.feet.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point;
       placed.offsets.row(n) = a.rotation * offset(static_cast<int>(n));
     }
@@ -373,11 +390,13 @@ const Association& SurfaceMorph::association() const { return impl_->association
 
 SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMatch& match) const {
   const Impl& self = *impl_;
-  const MotionPrediction prediction(*self.base, variant, match);
-  const ModelPair pair{*self.base, variant, match, prediction};
+  const CadModel base = match.joins_edges ? self.base->with_joined_edges() : *self.base;
+  const CadModel joined = match.joins_edges ? variant.with_joined_edges() : variant;
+  const MotionPrediction prediction(base, joined, match);
+  const ModelPair pair{base, joined, match, prediction};
   const std::vector<CurveMap> maps = self.map_curves(pair);
   Placement placed{self.feet, Points::Zero(self.feet.rows(), 3)};
-  self.move_corners(pair, placed);
+  self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);
   SurfaceMorphResult result;
   result.warnings = self.move_faces(pair, maps, placed);
