@@ -5,9 +5,13 @@
 
 #include "cad/step_reader.h"
 #include "cad/topology_match.h"
+#include "core/kd_tree.h"
 #include "core/quality.h"
 #include "core/validity.h"
+#include "models/bore.h"
+#include "models/pipe.h"
 #include "morph_case.h"
+#include "volume/volume_morph.h"
 
 using namespace cadmorph;
 using namespace cadmorph::testing;
@@ -37,29 +41,61 @@ double cad_tolerance(const CadModel& model) {
   return tolerance;
 }
 
-void check_family(const std::string& family, const std::string& mesh_name) {
-  const std::string mesh_file = family + "/" + mesh_name + ".vtu";
-  const MorphCase c = file_case(family + "/base.step", mesh_file);
-  const FaceOracle base_oracle(read_shape(model_file(family + "/base.step")));
-  const auto touched = touched_faces(c, base_oracle);
+struct Step {
+  std::string name;
+  TopoDS_Shape shape;
+};
+
+/// The variants whose STEP files are kept.
+std::vector<Step> kept_steps(const std::string& family) {
+  std::vector<Step> steps;
+  for (const std::string step : {"step05", "step10", "step20"})
+    steps.push_back({step, read_shape(model_file(family + "/" + step + ".step"))});
+  return steps;
+}
+
+/// All 20 variants, from the generator.
+std::vector<Step> all_steps(TopoDS_Shape (*make)(double)) {
+  std::vector<Step> steps;
+  for (int step = 1; step <= 20; ++step)
+    steps.push_back({"step " + std::to_string(step), make(step / 20.0)});
+  return steps;
+}
+
+void check_family(const std::string& family, const std::string& mesh_name,
+                  const std::vector<Step>& steps) {
+  const MorphCase c = file_case(family + "/base.step", family + "/" + mesh_name + ".vtu");
+  const auto touched = touched_faces(c, FaceOracle(read_shape(model_file(family + "/base.step"))));
+  for (const auto& faces : touched) CHECK(!faces.empty());
   const SurfaceMorph surface(c.base, c.mesh, c.boundary);
-  for (const std::string step : {"step05", "step10", "step20"}) {
-    const auto file = model_file(family + "/" + step + ".step");
-    INFO(file.string() << " on " << mesh_file);
-    const CadModel variant = read_step(file);
+  for (const Step& step : steps) {
+    INFO(family << ' ' << mesh_name << ", " << step.name);
+    const CadModel variant = to_model(step.shape);
     const TopologyMatch match = match_topology(*c.base, variant);
     const auto result = surface.morph(variant, match);
-    const FaceOracle oracle(read_shape(file));
-    const double tolerance = cad_tolerance(variant);
+    const FaceOracle oracle(step.shape);
     double worst = 0;
-    for (std::size_t i = 0; i < touched.size(); ++i) {
-      CHECK(!touched[i].empty());
+    for (std::size_t i = 0; i < touched.size(); ++i)
       for (const int f : touched[i])
         worst = std::max(
             worst, oracle.distance(match.faces[f], result.positions.row(static_cast<Index>(i))));
-    }
-    CHECK(worst <= tolerance);
+    CHECK(worst <= cad_tolerance(variant));
     CHECK(result.warnings.empty());
+  }
+}
+
+void check_no_inversion(const std::string& family, const std::vector<Step>& steps) {
+  const MorphCase c = file_case(family + "/base.step", family + "/hex.vtu");
+  const Orientation orientation = detect_orientation(c.mesh);
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const VolumeMorph volume(c.mesh, c.boundary.nodes);
+  for (const Step& step : steps) {
+    INFO(family << ", " << step.name);
+    const CadModel variant = to_model(step.shape);
+    const Points points =
+        volume.morph(surface.morph(variant, match_topology(*c.base, variant)).positions);
+    CHECK(measure_quality(c.mesh, points, orientation).inverted == 0);
+    CHECK(check_validity(c.mesh, points, orientation).invalid == 0);
   }
 }
 
@@ -67,40 +103,67 @@ void check_family(const std::string& family, const std::string& mesh_name) {
 
 TEST_CASE("every surface node of the bore ends on the variant's faces, hex mesh",
           "[surface][families]") {
-  check_family("bore", "hex");
+  check_family("bore", "hex", kept_steps("bore"));
+  check_family("bore", "hex", all_steps(models::make_bore));
 }
 
 TEST_CASE("every surface node of the bore ends on the variant's faces, tet mesh",
           "[surface][families]") {
-  check_family("bore", "tet");
+  check_family("bore", "tet", kept_steps("bore"));
+  check_family("bore", "tet", all_steps(models::make_bore));
 }
 
 TEST_CASE("every surface node of the pipe ends on the variant's faces, hex mesh",
           "[surface][families]") {
-  check_family("pipe", "hex");
+  check_family("pipe", "hex", kept_steps("pipe"));
+  check_family("pipe", "hex", all_steps(models::make_pipe));
 }
 
 TEST_CASE("every surface node of the pipe ends on the variant's faces, tet mesh",
           "[surface][families]") {
-  check_family("pipe", "tet");
+  check_family("pipe", "tet", kept_steps("pipe"));
+  check_family("pipe", "tet", all_steps(models::make_pipe));
 }
 
 TEST_CASE("quadratic nodes of bore and pipe end on the variant's faces", "[surface][families]") {
-  check_family("bore", "tet_quadratic");
-  check_family("pipe", "tet_quadratic");
+  check_family("bore", "tet_quadratic", kept_steps("bore"));
+  check_family("pipe", "tet_quadratic", kept_steps("pipe"));
 }
 
-TEST_CASE("hex models have no inverted element up to step 20", "[surface][families]") {
-  for (const std::string family : {"bore", "pipe"})
-    for (const std::string step : {"step10", "step20"}) {
-      DYNAMIC_SECTION(family << ' ' << step) {
-        const MorphCase c = file_case(family + "/base.step", family + "/hex.vtu");
-        const Morphed m = morph(c, read_step(model_file(family + "/" + step + ".step")));
-        const Orientation orientation = detect_orientation(c.mesh);
-        CHECK(measure_quality(c.mesh, m.points, orientation).inverted == 0);
-        CHECK(check_validity(c.mesh, m.points, orientation).invalid == 0);
-      }
+TEST_CASE("the bore's hex model has no inverted element up to step 20", "[surface][families]") {
+  check_no_inversion("bore", kept_steps("bore"));
+  check_no_inversion("bore", all_steps(models::make_bore));
+}
+
+TEST_CASE("the pipe's hex model has no inverted element up to step 20", "[surface][families]") {
+  check_no_inversion("pipe", kept_steps("pipe"));
+  check_no_inversion("pipe", all_steps(models::make_pipe));
+}
+
+TEST_CASE("the pipe's walls stretch evenly in angle and length", "[surface][families][analytic]") {
+  // The generator's mesh of a variant is the truth: equal numbers are equal relative places.
+  const MorphCase c = file_case("pipe/base.step", "pipe/hex.vtu");
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const Association& a = surface.association();
+  const KdTree generated(models::make_pipe_hex(0).points);
+  std::vector<Index> number;  // in the generator's order
+  for (const Index n : c.boundary.nodes) {
+    const auto near = generated.nearest(c.mesh.points.row(n).data(), 1)[0];
+    REQUIRE(near.squared_distance < 1e-12);
+    number.push_back(near.index);
+  }
+  for (const double change : {0.25, 1.0}) {
+    const CadModel variant = to_model(models::make_pipe(change));
+    const auto result = surface.morph(variant, match_topology(*c.base, variant));
+    const Points known = models::make_pipe_hex(change).points(number, Eigen::all);
+    double worst = 0;
+    for (Index n = 0; n < known.rows(); ++n) {
+      const bool is_on_end = a.dimension[n] == CadDimension::Face &&
+                             c.base->faces()[a.entity[n]].type == SurfaceType::Plane;
+      if (!is_on_end) worst = std::max(worst, (known.row(n) - result.positions.row(n)).norm());
     }
+    CHECK(worst <= 1e-8 * variant.diagonal());
+  }
 }
 
 TEST_CASE("the bore's wall turns and grows with its parameters", "[surface][families][analytic]") {
