@@ -216,16 +216,19 @@ TEST_CASE("equal holes are matched by position when they move and the operands c
 }
 
 TEST_CASE("a part that changes in its own frame is matched in place", "[cad][match]") {
-  // Pipe: turned end for end, the lengths of its straight parts would fit better.
-  for (const std::string family : {"bore", "pipe"})
+  // By the generator and the faces' places: the pipe's faces keep their numbers; of the bore's, the
+  // wall (7) and the sides and ground of its keyway (6, 9, 8) come in another order.
+  const std::vector<std::pair<std::string, std::vector<int>>> families{
+      {"pipe", {0, 1, 2, 3, 4, 5, 6, 7}}, {"bore", {0, 1, 2, 3, 4, 7, 5, 8, 6, 9, 10, 11, 12}}};
+  for (const auto& [family, known] : families)
     for (const std::string step : {"step05", "step10", "step20"}) {
       DYNAMIC_SECTION(family << ' ' << step) {
         const CadModel base = read_step(model_file(family + "/base.step"));
         const Shuffled variant =
             shuffle(read_shape(model_file(family + "/" + step + ".step")), {.seed = 3});
-        const TopologyMatch match = match_topology(base, to_model(variant.shape));
-        // The generator writes the faces of all steps in one order.
-        CHECK(match.faces == variant.faces);
+        std::vector<int> expected;
+        for (const int f : known) expected.push_back(variant.faces[f]);
+        CHECK(match_topology(base, to_model(variant.shape)).faces == expected);
       }
     }
 }
