@@ -45,6 +45,34 @@ Vector2d descent(const SurfaceCurvature& s, const Vector3d& r) {
   return -system.inverse() * gradient;
 }
 
+EdgeFoot descend_on_edge(const CadModel& model, int edge, const Vector3d& x, double seed) {
+  const CadEdge& e = model.edges()[edge];
+  const double tolerance = kStepTolerance * model.diagonal();
+  double t = std::clamp(seed, e.first, e.last);
+  CurvePoint c = model.evaluate_edge(edge, t);
+  double best = (c.point - x).squaredNorm();
+  for (int i = 0; i < kMaxIterations; ++i) {
+    const double speed = c.dt.squaredNorm();
+    if (speed == 0) break;
+    double step = -(c.point - x).dot(c.dt) / speed;  // Gauss-Newton: the residual is small
+    bool is_better = false;
+    double moved = 0;
+    for (int halving = 0; halving < 12 && !is_better; ++halving, step *= 0.5) {
+      const double trial = std::clamp(t + step, e.first, e.last);
+      const CurvePoint at = model.evaluate_edge(edge, trial);
+      const double squared = (at.point - x).squaredNorm();
+      if (squared > best) continue;
+      is_better = true;
+      moved = std::abs(trial - t);
+      t = trial;
+      best = squared;
+      c = at;
+    }
+    if (!is_better || moved * c.dt.norm() < tolerance) break;
+  }
+  return {edge, t, c.point, std::sqrt(best)};
+}
+
 }  // namespace
 
 FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, const Vector2d& seed) {
@@ -102,30 +130,11 @@ FaceFoot project_globally(const CadModel& model, int face, const Vector3d& x) {
 
 EdgeFoot project_on_edge(const CadModel& model, int edge, const Vector3d& x, double seed) {
   const CadEdge& e = model.edges()[edge];
-  const double tolerance = kStepTolerance * model.diagonal();
-  double t = std::clamp(seed, e.first, e.last);
-  CurvePoint c = model.evaluate_edge(edge, t);
-  double best = (c.point - x).squaredNorm();
-  for (int i = 0; i < kMaxIterations; ++i) {
-    const double speed = c.dt.squaredNorm();
-    if (speed == 0) break;
-    double step = -(c.point - x).dot(c.dt) / speed;  // Gauss-Newton: the residual is small
-    bool is_better = false;
-    double moved = 0;
-    for (int halving = 0; halving < 12 && !is_better; ++halving, step *= 0.5) {
-      const double trial = std::clamp(t + step, e.first, e.last);
-      const CurvePoint at = model.evaluate_edge(edge, trial);
-      const double squared = (at.point - x).squaredNorm();
-      if (squared > best) continue;
-      is_better = true;
-      moved = std::abs(trial - t);
-      t = trial;
-      best = squared;
-      c = at;
-    }
-    if (!is_better || moved * c.dt.norm() < tolerance) break;
-  }
-  return {edge, t, c.point, std::sqrt(best)};
+  const EdgeFoot foot = descend_on_edge(model, edge, x, seed);
+  if (e.start != e.end || (foot.t > e.first && foot.t < e.last)) return foot;
+  // The ends of a closed edge are one point: the foot may lie beyond, at the other end.
+  const EdgeFoot other = descend_on_edge(model, edge, x, foot.t == e.first ? e.last : e.first);
+  return other.distance < foot.distance ? other : foot;
 }
 
 }  // namespace cadmorph

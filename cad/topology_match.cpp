@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <sstream>
@@ -22,6 +23,7 @@ using Eigen::Vector3d;
 // the second nearest.
 constexpr double kClearMargin = 0.5;
 constexpr const char* kFileOrder = "file order, verified";
+constexpr const char* kTurned = "position after a turn";
 constexpr int kMaxTries = 12;
 // Refinements that one alignment may cost, and that one may where a match is known already.
 constexpr int kMostRefinements = 2000, kFewRefinements = 60;
@@ -30,6 +32,7 @@ constexpr int kMaxNamed = 6;
 // equally good: symmetric parts have many.
 constexpr double kTie = 1e-5;
 constexpr double kSlack = 1.02;
+constexpr double kFarBetter = 0.3;
 constexpr double kHardlyTurned = 1e-3;  // radians
 
 struct Side {
@@ -224,8 +227,8 @@ TopologyMatch to_match(const Side& base, const ColourRefinement& colours,
   return match;
 }
 
-// Root mean square distance of corners and curves, in variant diagonals; of faces where there are
-// neither. Face centroids depend a little on the parametrisation.
+// Root mean square distance of corners and curves, in variant diagonals; of faces, too, where there
+// are no corners. Face centroids depend a little on the parametrisation.
 double quality(const Side& base, const Side& variant, const TopologyMatch& match,
                const Similarity& t) {
   double sum = 0;
@@ -238,7 +241,7 @@ double quality(const Side& base, const Side& variant, const TopologyMatch& match
     add(base.graph.curve_node(c), variant.graph.curve_node(match.curves[c]));
   for (int c = 0; c < base.graph.corners; ++c)
     add(base.graph.corner_node(c), variant.graph.corner_node(match.corners[c]));
-  for (int f = 0; f < base.graph.faces && base.graph.curves == 0; ++f) add(f, match.faces[f]);
+  for (int f = 0; f < base.graph.faces && base.graph.corners == 0; ++f) add(f, match.faces[f]);
   return std::sqrt(sum / count) / variant.model.diagonal();
 }
 
@@ -309,8 +312,8 @@ std::vector<Candidate> candidate_alignments(const Side& base, const Side& varian
   std::vector<Candidate> all{{{}, "position"}};
   all.push_back({by_bounds(base.model, variant.model), "position"});
   if (const auto unique = by_unique_entities(base, variant, colours))
-    all.push_back({*unique, "structure"});
-  for (const auto& s : by_principal_axes(base, variant)) all.push_back({s, "position"});
+    all.push_back({*unique, kTurned});
+  for (const auto& s : by_principal_axes(base, variant)) all.push_back({s, kTurned});
   return all;
 }
 
@@ -459,14 +462,18 @@ class Selection {
 
   bool is_empty() const { return matches_.empty(); }
 
-  // Of the nearest, the file's own order, which tells how a symmetric part was turned as a whole;
-  // else the one of least rotation.
+  // A turn must pay: matches by file order or without a turn give way only to one that fits far
+  // better. Of the former the nearest, by file order if that is one of them; of the latter the one
+  // of least rotation.
   std::optional<TopologyMatch> best() {
     if (matches_.empty()) return std::nullopt;
-    const double allowed = kSlack * *std::min_element(distance_.begin(), distance_.end()) + kTie;
+    const double unturned = least([](const TopologyMatch& m) { return m.how != kTurned; });
+    const double turned = least([](const TopologyMatch& m) { return m.how == kTurned; });
+    const bool is_turned = turned < kFarBetter * unturned - kTie;
+    const double allowed = kSlack * (is_turned ? turned : unturned) + kTie;
     std::size_t best = matches_.size();
     for (std::size_t i = 0; i < matches_.size(); ++i) {
-      if (distance_[i] > allowed) continue;
+      if (distance_[i] > allowed || (matches_[i].how == kTurned) != is_turned) continue;
       if (matches_[i].how == kFileOrder) return std::move(matches_[i]);
       if (best == matches_.size() || angle(matches_[i]) < angle(matches_[best])) best = i;
     }
@@ -474,6 +481,14 @@ class Selection {
   }
 
  private:
+  template <class Predicate>
+  double least(const Predicate& is_asked) const {
+    double result = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < matches_.size(); ++i)
+      if (is_asked(matches_[i])) result = std::min(result, distance_[i]);
+    return result;
+  }
+
   static double angle(const TopologyMatch& match) {
     return Eigen::AngleAxisd(match.alignment.rotation).angle();
   }

@@ -29,7 +29,7 @@ struct TopologyMatch {
   Similarity alignment;                 ///< base -> variant, best over all entities
   bool is_congruent = false;            ///< the alignment carries one shape exactly onto the other
   bool joins_edges = false;             ///< edges were cut differently; see above
-  std::string how;  ///< what decided: "file order", "structure", "position", "map file"
+  std::string how;  ///< what decided: topology ("structure"), file order, position, a map file
 };
 
 struct MatchOptions {

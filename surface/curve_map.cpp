@@ -16,6 +16,7 @@ constexpr int kPhases = 96;
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
 constexpr double kSameForm = 1e-4;   // of the curve's length: room for its sampling
+constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
 
@@ -120,18 +121,19 @@ bool CurveMap::is_same_under_alignment() const {
   });
 }
 
+// Links against links in the sense of least motion: the start of a closed curve can't tell the
+// sense.
 CurveMap::Way CurveMap::best_shift() const {
   Way best;
   double least = 1e300;
-  for (std::size_t shift = 0; shift < base_curve_->links.size(); ++shift)
-    for (const bool is_reversed : {false, true}) {
-      const Way way{Mode::Parameter, is_reversed, shift, 0};
-      const double d = deviation(way);
-      if (d < least) {
-        least = d;
-        best = way;
-      }
+  for (std::size_t shift = 0; shift < base_curve_->links.size(); ++shift) {
+    const Way way{Mode::Parameter, least_motion_.is_reversed, shift, 0};
+    const double d = deviation(way);
+    if (d < least) {
+      least = d;
+      best = way;
     }
+  }
   return best;
 }
 
@@ -200,10 +202,14 @@ CurveMap::Way CurveMap::choose() {
   }
   if (!is_same_under_alignment()) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
-  const double different = kDifferent * variant_.model().diagonal();
+  const double different =
+      (pair_->match.is_congruent ? kRounding : kDifferent) * variant_.model().diagonal();
   if (deviation(nearest) + different >= deviation(way)) return way;
-  return pair_->match.is_congruent || !base_curve_->is_closed() || is_reparametrised(way) ? nearest
-                                                                                          : way;
+  const bool is_nearest =
+      pair_->match.is_congruent || !base_curve_->is_closed() || is_reparametrised(way);
+  if (!is_nearest) return way;
+  turn_.reset();
+  return nearest;
 }
 
 bool CurveMap::is_reparametrised(const Way& way) const {
