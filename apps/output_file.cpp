@@ -57,8 +57,9 @@ fs::path failed_path(const fs::path& output) {
 }
 
 void write_text(const fs::path& path, const std::string& text) {
-  TemporaryFile beside{folder_of(path) /
-                       ("." + path.filename().string() + "." + std::to_string(getpid()) + ".tmp")};
+  std::string name = path.filename().string();
+  name.insert(0, 1, '.').append(1, '.').append(std::to_string(getpid())).append(".tmp");
+  TemporaryFile beside{folder_of(path) / name};
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(
       std::fopen(beside.path.c_str(), "wb"), [](std::FILE* f) { return std::fclose(f); });
   if (!file || !write_and_sync(file.get(), text)) refuse(path, std::strerror(errno));
