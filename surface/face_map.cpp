@@ -410,9 +410,20 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
   return system_->solve(values).evaluate(embed(at));
 }
 
+Parameters FaceDomain::interpolate_in_steps(const Parameters& values, const Parameters& at,
+                                            int steps) const {
+  Parameters samples = sample_uv_, moved = at;
+  const Parameters step = values / steps;
+  for (int k = 0; k < steps; ++k) {
+    moved += RbfSystem(embed(samples), Kernel::biharmonic_2d()).solve(step).evaluate(embed(moved));
+    samples += step;
+  }
+  return moved - at;
+}
+
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
                        const std::vector<CurveMap>& curve_maps, const Parameters& uv,
-                       const Points& points) {
+                       const Points& points, int steps) {
   ParameterWarp warp(domain, pair, curve_maps);
   const auto values = warp.sample_values();
   if (!values) {
@@ -422,7 +433,8 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
   }
   const CadFace& variant = pair.variant.faces()[pair.match.faces[domain.face()]];
   FaceMapResult result;
-  result.uv = domain.interpolate(*values, uv);
+  result.uv = steps > 1 && !domain.is_closed() ? domain.interpolate_in_steps(*values, uv, steps)
+                                               : domain.interpolate(*values, uv);
   for (Index i = 0; i < uv.rows(); ++i)
     result.uv.row(i) = wrap(variant, warp.linear(uv.row(i)) + result.uv.row(i).transpose());
   if (uv.rows() == 0) return result;

@@ -36,6 +36,13 @@ class FaceDomain {
   /// values are reproduced without the RBF.
   Parameters interpolate(const Parameters& values, const Parameters& at) const;
 
+  /// The same in `steps` uniform steps of the samples, each interpolated from where the one before
+  /// left them: large motions then don't fold the domain. Only for faces that close in no
+  /// direction.
+  Parameters interpolate_in_steps(const Parameters& values, const Parameters& at, int steps) const;
+
+  bool is_closed() const { return period_[0] > 0 || period_[1] > 0; }
+
  private:
   bool is_within_tolerance(const Parameters& misfit) const;
   RowMatrix embed(const Parameters& uv) const;

@@ -60,6 +60,7 @@ void add_anchors(double distance, std::vector<Vector3d>& from, std::vector<Vecto
 MotionPrediction::MotionPrediction(const CadModel& base, const CadModel& variant,
                                    const TopologyMatch& match)
     : alignment_(match.alignment) {
+  if (match.is_congruent) return;
   const Landmarks marks = collect(base, variant, match);
   double largest = 0;
   for (std::size_t i = 0; i < match.corners.size() + match.curves.size(); ++i)

@@ -21,6 +21,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kEqualTurn = 2e-3, kLeastTurn = 0.01;  // of a turn
+constexpr int kMostSteps = 8;
 constexpr int kMinSamples = 16, kMaxSamples = 200, kRefinement = 4;
 
 // Orthonormal frame of a surface: tangent, bitangent, normal. Identity at a pole.
@@ -336,6 +337,9 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
     improve(map_face(fine, pair, maps, nodes.uv, nodes.points),
             "its wires had to be sampled finer");
   }
+  for (int steps = 2; folds > 0 && steps <= kMostSteps && !nodes.domain->is_closed(); steps *= 2)
+    improve(map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points, steps),
+            "the motion of its wires had to be split into steps");
   if (folds > 0 && !mapped.is_projected)
     improve(project_face(*nodes.domain, pair, maps, nodes.points),
             "its parameter warp folded; predicted positions were projected instead");
