@@ -390,19 +390,26 @@ bool FaceDomain::is_within_tolerance(const Parameters& misfit) const {
   return true;
 }
 
+// Constant and, in directions that are not closed, linear functions.
+Eigen::MatrixXd FaceDomain::linear_basis(const Parameters& uv) const {
+  Eigen::MatrixXd p = Eigen::MatrixXd::Ones(uv.rows(), 3);
+  for (int a = 0; a < 2; ++a)
+    if (period_[a] > 0)
+      p.col(1 + a).setZero();
+    else
+      p.col(1 + a) = (uv.col(a).array() - sample_uv_(0, a)) / size_[a];
+  return p;
+}
+
+Eigen::MatrixXd FaceDomain::fit_linear(const Parameters& values) const {
+  return linear_basis(sample_uv_).colPivHouseholderQr().solve(values);
+}
+
 Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& at) const {
   if (values.rows() == 0 || is_within_tolerance(values)) return Parameters::Zero(at.rows(), 2);
-  const auto basis = [&](const Parameters& uv) {
-    Eigen::MatrixXd p = Eigen::MatrixXd::Ones(uv.rows(), 3);
-    for (int a = 0; a < 2; ++a)
-      p.col(1 + a) = period_[a] > 0
-                         ? Eigen::VectorXd(Eigen::VectorXd::Zero(uv.rows()))
-                         : Eigen::VectorXd((uv.col(a).array() - sample_uv_(0, a)) / size_[a]);
-    return p;
-  };
-  const Eigen::MatrixXd p = basis(sample_uv_);
-  const Eigen::MatrixXd c = p.colPivHouseholderQr().solve(values);
-  if (is_within_tolerance(values - p * c)) return basis(at) * c;
+  const Eigen::MatrixXd linear = fit_linear(values);
+  if (is_within_tolerance(values - linear_basis(sample_uv_) * linear))
+    return linear_basis(at) * linear;
   {
     const std::lock_guard lock(mutex_);
     if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());
@@ -410,10 +417,14 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
   return system_->solve(values).evaluate(embed(at));
 }
 
+// The linear part comes first, whole: half-way through a reversal the domain would be a point.
 Parameters FaceDomain::interpolate_in_steps(const Parameters& values, const Parameters& at,
                                             int steps) const {
-  Parameters samples = sample_uv_, moved = at;
-  const Parameters step = values / steps;
+  if (values.rows() == 0) return interpolate(values, at);
+  const Eigen::MatrixXd linear = fit_linear(values);
+  const Parameters carried = linear_basis(sample_uv_) * linear;
+  Parameters samples = sample_uv_ + carried, moved = at + linear_basis(at) * linear;
+  const Parameters step = (values - carried) / steps;
   for (int k = 0; k < steps; ++k) {
     moved += RbfSystem(embed(samples), Kernel::biharmonic_2d()).solve(step).evaluate(embed(moved));
     samples += step;

@@ -45,6 +45,8 @@ class FaceDomain {
 
  private:
   bool is_within_tolerance(const Parameters& misfit) const;
+  Eigen::MatrixXd linear_basis(const Parameters& uv) const;
+  Eigen::MatrixXd fit_linear(const Parameters& values) const;
   RowMatrix embed(const Parameters& uv) const;
 
   int face_;
@@ -65,11 +67,12 @@ struct FaceMapResult {
 };
 
 /// Warps parameters `uv` of the domain's face with the images of its wires under `curve_maps`
-/// (indexed by base curve). `points` are the nodes' positions S(uv) on the base. Falls back to
-/// projecting the predicted positions where the parametrisations don't correspond.
+/// (indexed by base curve), in one or more steps (interpolate_in_steps; open faces only). `points`
+/// are the nodes' positions S(uv) on the base. Falls back to projecting the predicted positions
+/// where the parametrisations don't correspond.
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
                        const std::vector<CurveMap>& curve_maps, const Parameters& uv,
-                       const Points& points);
+                       const Points& points, int steps = 1);
 
 /// The fallback alone: predicted positions, corrected to meet the mapped curves, projected.
 FaceMapResult project_face(const FaceDomain& domain, const ModelPair& pair,
