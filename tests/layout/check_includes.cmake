@@ -1,0 +1,46 @@
+# The dependencies between folders run one way, and each heavy package has one home.
+# cmake -DSOURCE_DIR=... -P check_includes.cmake
+set(mistakes "")
+
+# forbid(PATTERN WHY FOLDERS... [EXCEPT FILES...]): no source of these folders includes PATTERN.
+function(forbid pattern why)
+  cmake_parse_arguments(ARG "" "" "FOLDERS;EXCEPT" ${ARGN})
+  set(found ${mistakes})
+  foreach(folder ${ARG_FOLDERS})
+    file(GLOB_RECURSE sources RELATIVE ${SOURCE_DIR}
+      ${SOURCE_DIR}/${folder}/*.h ${SOURCE_DIR}/${folder}/*.cpp ${SOURCE_DIR}/${folder}/*.inc)
+    if(NOT sources)
+      message(FATAL_ERROR "no sources in ${SOURCE_DIR}/${folder}")
+    endif()
+    foreach(source ${sources})
+      if(source IN_LIST ARG_EXCEPT)
+        continue()
+      endif()
+      file(STRINGS ${SOURCE_DIR}/${source} lines REGEX "^#include [<\"]${pattern}")
+      foreach(line ${lines})
+        list(APPEND found "${source}: ${line} (${why})")
+      endforeach()
+    endforeach()
+  endforeach()
+  set(mistakes ${found} PARENT_SCOPE)
+endfunction()
+
+forbid("(cad|surface|volume|apps)/" "core stands alone" FOLDERS core)
+forbid("(surface|volume|apps)/" "cad knows core only" FOLDERS cad)
+forbid("(volume|apps)/" "surface knows core and cad only" FOLDERS surface)
+forbid("(cad|surface|apps)/" "volume knows core only" FOLDERS volume)
+forbid("[A-Za-z0-9_]+\\.hxx" "OCCT headers belong in cad/*.cpp"
+  FOLDERS core cad surface volume apps
+  EXCEPT cad/brep.cpp cad/step_reader.cpp)
+forbid("vtk[A-Za-z]+\\.h" "VTK belongs in the mesh file and the picture"
+  FOLDERS core cad surface volume apps
+  EXCEPT core/mesh_file.cpp apps/picture.cpp)
+forbid("nanoflann" "nanoflann belongs in the kd-tree" FOLDERS core cad surface volume apps
+  EXCEPT core/kd_tree.cpp)
+forbid("(lapacke?|cblas)" "LAPACK belongs in the dense solvers" FOLDERS core cad surface volume apps
+  EXCEPT core/rbf/dense_solver.cpp)
+
+if(mistakes)
+  string(REPLACE ";" "\n  " mistakes "${mistakes}")
+  message(FATAL_ERROR "includes across the layout:\n  ${mistakes}")
+endif()

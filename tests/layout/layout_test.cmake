@@ -1,0 +1,4 @@
+# Who may include whom (see CONTRIBUTING.md).
+add_test(NAME layout.includes_follow_the_folders
+  COMMAND ${CMAKE_COMMAND} -DSOURCE_DIR=${PROJECT_SOURCE_DIR}
+    -P ${CMAKE_CURRENT_SOURCE_DIR}/layout/check_includes.cmake)
