@@ -1,5 +1,6 @@
 # The dependencies between folders run one way, and each heavy package has one home.
 # cmake -DSOURCE_DIR=... -P check_includes.cmake
+cmake_minimum_required(VERSION 3.25)
 set(mistakes "")
 
 # forbid(PATTERN WHY FOLDERS... [EXCEPT FILES...]): no source of these folders includes PATTERN.
