@@ -296,12 +296,13 @@ std::vector<std::string> SurfaceMorph::Impl::move_faces(const ModelPair& pair,
                                                         Placement& placed) const {
   const int count = static_cast<int>(faces.size());
   std::vector<FaceMapResult> mapped(faces.size());
-  for (int f = 0; f < count; ++f) {
-    const FaceNodes& nodes = faces[f];
-    if (nodes.rows.empty()) continue;
-    mapped[f] = map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points);
-    place(pair, f, mapped[f], placed);
-  }
+  parallel_for(count, 1, [&](Index begin, Index end) {
+    for (Index f = begin; f < end; ++f)
+      if (const FaceNodes& nodes = faces[f]; !nodes.rows.empty())
+        mapped[f] = map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points);
+  });
+  for (int f = 0; f < count; ++f)
+    if (!faces[f].rows.empty()) place(pair, f, mapped[f], placed);
   std::vector<std::string> warnings;
   for (int f = 0; f < count; ++f) {
     if (faces[f].rows.empty()) continue;

@@ -107,6 +107,39 @@ TEST_CASE("A mesh of another part is refused with 4", "[apps][bad]") {
   check_failure(place, "box.step box_moved.step " + sphere + " -o x.vtu", 4, {"box.step"});
 }
 
+TEST_CASE("A far field is kept, or refused with 4 where that was asked for", "[apps][bad]") {
+  const Workplace place;
+  const std::string part = source_file("models/shapes/sphere_far_field").string();
+  const std::string files = part + ".step " + part + ".step " + part + ".vtu -o x.vtu";
+  check_failure(place, files + " --unmatched error", 4,
+                {"sphere_far_field.step", "6", "--unmatched"});
+  const RunResult kept = place.run(files);
+  INFO(kept.err);
+  CHECK(kept.exit_code == 0);
+  CHECK_THAT(kept.err, Catch::Matchers::Contains("6 patches stay fixed"));
+  CHECK(place.has("x.vtu"));
+}
+
+TEST_CASE("A mesh off the CAD is refused with 4 beyond the tolerance given", "[apps][bad]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(3);  // edges of 10 / 3
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    if (mesh.points(n, 0) > 9.9) mesh.points(n, 0) += 0.2;
+  write_mesh(place.folder() / "off.vtu", mesh);
+  check_failure(place, "box.step box_moved.step off.vtu --association-tolerance 0.01", 4,
+                {"box.step", "node", "mm"});
+  CHECK(place.run("box.step box_moved.step off.vtu -o x.vtu").exit_code == 0);
+}
+
+TEST_CASE("A face map that contradicts the models is refused", "[apps][bad]") {
+  const Workplace place;
+  place.write("beyond.csv", "base,variant\n1,99\n");
+  check_failure(place, "box.step box_moved.step box.vtu --map beyond.csv", 2, {"1,99"});
+  // Opposite faces can't become adjacent ones.
+  place.write("torn.csv", "1,1\n2,3\n");
+  check_failure(place, "box.step box_moved.step box.vtu --map torn.csv", 3, {"face map"});
+}
+
 TEST_CASE("Bad usage is refused with 1", "[apps][bad]") {
   const Workplace place;
   check_failure(place, "", 1, {"usage"});
