@@ -402,16 +402,19 @@ PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& optio
   check_output(files.output, {files.base_cad, files.variant_cad, files.mesh});
   PhaseClock clock(options.progress);
   clock.start("reading");
-  // STEP is read by one thread only; the mesh meanwhile by another.
+  check_step_file(files.variant_cad);
+  // STEP is read by one thread at a time; the mesh is read beside the base, the variant while the
+  // base side is set up.
   auto mesh_to_come =
       std::async(std::launch::async, [&] { return std::make_shared<const MeshFile>(files.mesh); });
   const auto base = std::make_shared<const CadModel>(read_step(files.base_cad));
-  const CadModel variant = read_step(files.variant_cad);
+  auto variant_to_come =
+      std::async(std::launch::async, [&] { return read_step(files.variant_cad); });
   const auto mesh = mesh_to_come.get();
   std::vector<PhaseTime> phases = clock.phases();
 
   const MorphJob job(base, mesh, options);
-  const MorphResult result = job.morph(variant);
+  const MorphResult result = job.morph(variant_to_come.get());
   PipelineReport report = result.report;
   PhaseClock writing(options.progress);
   writing.start("writing");

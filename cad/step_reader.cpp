@@ -39,26 +39,6 @@ std::string read_part(std::ifstream& in, std::streamoff from, std::streamoff cou
   return part;
 }
 
-// OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
-void check_frame(const std::filesystem::path& path) {
-  const std::string name = path.string();
-  if (!std::filesystem::exists(path))
-    throw IoError(name + ": no such file. Check the path of the STEP file.");
-  if (std::filesystem::is_directory(path)) throw IoError(name + " is a folder, not a STEP file.");
-  std::ifstream in(path, std::ios::binary | std::ios::ate);
-  if (!in) throw IoError(name + ": can't be opened. Check its permissions.");
-  const std::streamoff size = in.tellg();
-  const auto piece = std::min<std::streamoff>(size, kEndSearch);
-  if (read_part(in, 0, piece).find(kStart) == std::string::npos)
-    throw CadError(name +
-                   ": not a STEP file (no ISO-10303-21 header). Export the part as STEP "
-                   "AP203, AP214 or AP242.");
-  if (read_part(in, size - piece, piece).find(kEnd) == std::string::npos)
-    throw CadError(name +
-                   ": truncated (no END-ISO-10303-21 at its end). The export or the copy was "
-                   "interrupted; write the file again.");
-}
-
 // OCCT follows unresolved references of damaged files into the void; while it reads, such a signal
 // becomes a Standard_Failure. The handlers before are put back.
 class SignalGuard {
@@ -90,8 +70,28 @@ std::string length_units(STEPControl_Reader& reader) {
 
 }  // namespace
 
+// OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
+void check_step_file(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  if (!std::filesystem::exists(path))
+    throw IoError(name + ": no such file. Check the path of the STEP file.");
+  if (std::filesystem::is_directory(path)) throw IoError(name + " is a folder, not a STEP file.");
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  if (!in) throw IoError(name + ": can't be opened. Check its permissions.");
+  const std::streamoff size = in.tellg();
+  const auto piece = std::min<std::streamoff>(size, kEndSearch);
+  if (read_part(in, 0, piece).find(kStart) == std::string::npos)
+    throw CadError(name +
+                   ": not a STEP file (no ISO-10303-21 header). Export the part as STEP "
+                   "AP203, AP214 or AP242.");
+  if (read_part(in, size - piece, piece).find(kEnd) == std::string::npos)
+    throw CadError(name +
+                   ": truncated (no END-ISO-10303-21 at its end). The export or the copy was "
+                   "interrupted; write the file again.");
+}
+
 CadModel read_step(const std::filesystem::path& path) {
-  check_frame(path);
+  check_step_file(path);
   Message::DefaultMessenger()->ChangePrinters().Clear();
   const std::string name = path.string();
   const SignalGuard guard;

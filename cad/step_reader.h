@@ -11,4 +11,8 @@ namespace cadmorph {
 /// holds no face.
 CadModel read_step(const std::filesystem::path& path);
 
+/// Throws what read_step would for a file that is missing, truncated or no STEP at all, by a look
+/// at its first and last bytes.
+void check_step_file(const std::filesystem::path& path);
+
 }  // namespace cadmorph

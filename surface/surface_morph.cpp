@@ -165,7 +165,7 @@ int SurfaceMorph::Impl::samples_per_curve(int face, const std::vector<int>& node
   int most = 0;
   for (const auto& wire : base->faces()[face].wires)
     for (const int c : wire) most = std::max(most, nodes_on_edge[base->coedges()[c].edge]);
-  return std::clamp(2 * most, kMinSamples, kMaxSamples);
+  return std::clamp(most, kMinSamples, kMaxSamples);
 }
 
 void SurfaceMorph::Impl::collect_faces(const Boundary&) {
