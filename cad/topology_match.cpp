@@ -33,6 +33,8 @@ constexpr int kMaxNamed = 6;
 constexpr double kTie = 1e-5;
 constexpr double kSlack = 1.02;
 constexpr double kFarBetter = 0.3;
+// A large change of shape blurs distances: neighbours that swap may seem nearer than the truth.
+constexpr double kFileOrderSlack = 2;
 constexpr double kHardlyTurned = 1e-3;  // radians
 
 struct Side {
@@ -418,16 +420,26 @@ void apply_names(const Side& base, const Side& variant, ColourRefinement& colour
   if (is_any && trial.refine()) colours = std::move(trial);
 }
 
-std::optional<TopologyMatch> by_file_order(const Side& base, ColourRefinement colours) {
-  for (int n = 0; n < base.graph.entity_count(); ++n) {
-    if (colours.base_colours()[n] != colours.variant_colours()[n]) return std::nullopt;
+// Entities in the order of the files, where that is consistent with the adjacency; faces alone
+// where the files list edges differently.
+std::optional<TopologyMatch> by_file_order(const Side& base, const Side& variant,
+                                           const ColourRefinement& colours,
+                                           const Similarity& alignment) {
+  for (const int count : {base.graph.entity_count(), base.graph.faces}) {
+    ColourRefinement trial = colours;
+    bool is_possible = true;
+    for (int n = 0; n < count && is_possible; ++n) {
+      is_possible = trial.base_colours()[n] == trial.variant_colours()[n];
+      if (is_possible) trial.individualise(n, n);
+    }
+    if (!is_possible || !trial.refine()) continue;
+    std::vector<double> confidence(base.graph.entity_count(), 1.0);
+    if (!Matcher(base, variant, alignment, kMostRefinements).solve(trial, confidence)) continue;
+    TopologyMatch match = to_match(base, trial, confidence);
+    match.how = kFileOrder;
+    return match;
   }
-  for (int n = 0; n < base.graph.entity_count(); ++n) colours.individualise(n, n);
-  if (!colours.refine()) return std::nullopt;
-  TopologyMatch match =
-      to_match(base, colours, std::vector<double>(base.graph.entity_count(), 1.0));
-  match.how = kFileOrder;
-  return match;
+  return std::nullopt;
 }
 
 std::optional<TopologyMatch> by_alignment(const Side& base, const Side& variant,
@@ -463,18 +475,20 @@ class Selection {
   bool is_empty() const { return matches_.empty(); }
 
   // A turn must pay: matches by file order or without a turn give way only to one that fits far
-  // better. Of the former the nearest, by file order if that is one of them; of the latter the one
-  // of least rotation.
+  // better. Among either, the file's order if it fits nearly as well as any; else the nearest, of
+  // equals the one of least rotation.
   std::optional<TopologyMatch> best() {
     if (matches_.empty()) return std::nullopt;
-    const double unturned = least([](const TopologyMatch& m) { return m.how != kTurned; });
-    const double turned = least([](const TopologyMatch& m) { return m.how == kTurned; });
+    const double unturned = least_distance([](const TopologyMatch& m) { return m.how != kTurned; });
+    const double turned = least_distance([](const TopologyMatch& m) { return m.how == kTurned; });
     const bool is_turned = turned < kFarBetter * unturned - kTie;
-    const double allowed = kSlack * (is_turned ? turned : unturned) + kTie;
+    const double least = is_turned ? turned : unturned;
     std::size_t best = matches_.size();
     for (std::size_t i = 0; i < matches_.size(); ++i) {
-      if (distance_[i] > allowed || (matches_[i].how == kTurned) != is_turned) continue;
-      if (matches_[i].how == kFileOrder) return std::move(matches_[i]);
+      if ((matches_[i].how == kTurned) != is_turned) continue;
+      if (matches_[i].how == kFileOrder && distance_[i] <= kFileOrderSlack * least + kTie)
+        return std::move(matches_[i]);
+      if (distance_[i] > kSlack * least + kTie) continue;
       if (best == matches_.size() || angle(matches_[i]) < angle(matches_[best])) best = i;
     }
     return std::move(matches_[best]);
@@ -482,7 +496,7 @@ class Selection {
 
  private:
   template <class Predicate>
-  double least(const Predicate& is_asked) const {
+  double least_distance(const Predicate& is_asked) const {
     double result = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < matches_.size(); ++i)
       if (is_asked(matches_[i])) result = std::min(result, distance_[i]);
@@ -510,7 +524,8 @@ std::optional<TopologyMatch> by_position(const Side& base, const Side& variant,
     selection.offer(std::move(in_place));
     return selection.best();
   }
-  if (selection.offer(by_file_order(base, colours))) return selection.best();
+  if (selection.offer(by_file_order(base, variant, colours, candidates[1].alignment)))
+    return selection.best();
   selection.offer(std::move(in_place));
   for (std::size_t i = 1; i < candidates.size(); ++i) {
     const int most = selection.is_empty() ? kMostRefinements : kFewRefinements;

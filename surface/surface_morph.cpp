@@ -114,7 +114,7 @@ struct SurfaceMorph::Impl {
   std::vector<FaceNodes> faces;
   Points feet;  // of all nodes on the base CAD, millimetres
 
-  void collect_faces(const Boundary& boundary);
+  void collect_faces();
   int samples_per_curve(int face, const std::vector<int>& nodes_on_edge) const;
   void find_feet();
   void check_policy() const;
@@ -168,7 +168,7 @@ int SurfaceMorph::Impl::samples_per_curve(int face, const std::vector<int>& node
   return std::clamp(most, kMinSamples, kMaxSamples);
 }
 
-void SurfaceMorph::Impl::collect_faces(const Boundary&) {
+void SurfaceMorph::Impl::collect_faces() {
   faces.resize(base->faces().size());
   std::vector<int> nodes_on_edge(base->edges().size(), 0);
   for (int n = 0; n < static_cast<int>(association.entity.size()); ++n) {
@@ -385,7 +385,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->patches = find_free_patches(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
   impl_->find_feet();
-  impl_->collect_faces(boundary);
+  impl_->collect_faces();
 }
 
 SurfaceMorph::~SurfaceMorph() = default;
