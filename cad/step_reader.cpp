@@ -39,23 +39,29 @@ std::string read_part(std::ifstream& in, std::streamoff from, std::streamoff cou
   return part;
 }
 
-// OCCT follows unresolved references of damaged files into the void; while it reads, such a signal
-// becomes a Standard_Failure. The handlers before are put back.
-class SignalGuard {
+// OCCT follows unresolved references of damaged files into the void; while it reads, such a fault
+// becomes a Standard_Failure. The handlers before are put back, those of interrupts at once.
+class FaultGuard {
  public:
-  SignalGuard() {
+  FaultGuard() {
     for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], nullptr, &before_[i]);
     OSD::SetSignal(OSD_SignalMode_Set, false);
+    restore(kFaults);
   }
-  ~SignalGuard() {
-    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
-  }
-  SignalGuard(const SignalGuard&) = delete;
-  SignalGuard& operator=(const SignalGuard&) = delete;
+  ~FaultGuard() { restore(0); }
+  FaultGuard(const FaultGuard&) = delete;
+  FaultGuard& operator=(const FaultGuard&) = delete;
 
  private:
+  static constexpr std::size_t kFaults = 4;  // the first of kSignals
   static constexpr std::array kSignals{SIGSEGV, SIGBUS, SIGFPE, SIGILL,  SIGSYS,
                                        SIGTRAP, SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+
+  void restore(std::size_t from) {
+    for (std::size_t i = from; i < kSignals.size(); ++i)
+      sigaction(kSignals[i], &before_[i], nullptr);
+  }
+
   std::array<struct sigaction, kSignals.size()> before_;
 };
 
@@ -94,7 +100,7 @@ CadModel read_step(const std::filesystem::path& path) {
   check_step_file(path);
   Message::DefaultMessenger()->ChangePrinters().Clear();
   const std::string name = path.string();
-  const SignalGuard guard;
+  const FaultGuard guard;
   try {
     OCC_CATCH_SIGNALS
     STEPControl_Reader reader;
