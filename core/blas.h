@@ -7,8 +7,8 @@ namespace cadmorph {
 /// Sets the number of threads of the BLAS where the library has a call for it (OpenBLAS).
 void set_blas_threads(int count);
 
-/// Keeps the BLAS to one thread while alive: its results then don't depend on the number of threads,
-/// and parallel callers don't oversubscribe the processor. May nest, on any threads.
+/// Keeps the BLAS to one thread while alive: its results then don't depend on the number of
+/// threads, and parallel callers don't oversubscribe the processor. May nest, on any threads.
 class SerialBlas {
  public:
   SerialBlas();
@@ -19,8 +19,9 @@ class SerialBlas {
 
 /// What the loaded BLAS says of itself.
 struct BlasInfo {
-  std::string kernel;     ///< OpenBLAS core name, such as "SkylakeX"; empty for another BLAS
-  std::string suggested;  ///< core type this processor could run when `kernel` is slower; else empty
+  std::string kernel;  ///< OpenBLAS core name, such as "SkylakeX"; empty for another BLAS
+  std::string
+      suggested;  ///< core type this processor could run when `kernel` is slower; else empty
 };
 
 /// Returns the BLAS's kernel and, where OpenBLAS did not know this processor and fell back to an

@@ -37,8 +37,8 @@ class KdTree {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Returns the distance (not squared) of each point to its nearest other one, for at least two points
-/// (N x D); parallel.
+/// Returns the distance (not squared) of each point to its nearest other one, for at least two
+/// points (N x D); parallel.
 Eigen::VectorXd nearest_distances(const RowMatrix& points);
 
 }  // namespace cadmorph

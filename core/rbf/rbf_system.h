@@ -16,7 +16,8 @@ struct RbfOptions {
   /// Fast solver: residual allowed at each centre, in units of its local length. The default keeps
   /// the field within 1e-5 local lengths of the dense solvers'.
   double tolerance = 1e-5;
-  /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour distance.
+  /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour
+  /// distance.
   Eigen::VectorXd local_length = {};
   /// Solvers that need more than this many bytes are refused.
   double memory_limit = 8e9;
@@ -55,9 +56,9 @@ class RbfField {
 /// flat sets, and the factorisation or preconditioner. Solves for any number of value sets.
 class RbfSystem {
  public:
-  /// Sets up the system for N x D centres. Exact duplicates are merged; centres on a common plane or
-  /// line lose the polynomial directions they can't determine. Throws InvalidInputError on an empty
-  /// or non-finite set, SolverError when the system is numerically singular or too large.
+  /// Sets up the system for N x D centres. Exact duplicates are merged; centres on a common plane
+  /// or line lose the polynomial directions they can't determine. Throws InvalidInputError on an
+  /// empty or non-finite set, SolverError when the system is numerically singular or too large.
   RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options = {});
 
   /// Solves for N x M values (eq. 3). Duplicated centres must carry equal values to 1e-9 of the
