@@ -38,8 +38,8 @@ struct Association {
 /// Finds the CAD vertex, edge or face of each surface node and its parameters (Sieger et al. 2013,
 /// sect. 4): dense samples of the faces give seeds, Newton steps the foot; nodes on a corner or a
 /// curve to within its tolerance belong to it, facets vote for the rest. Throws AssociationError
-/// when more than half of the surface lies on no face, or when the deviating part is no boundary of
-/// its own (neither planar nor outside the CAD's bounds). Parallel; about 10 us a node and core.
+/// where the unmatched outside can be no far field or symmetry plane (check_unmatched). Parallel;
+/// about 10 us a node and core.
 Association associate(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
                       const AssociationOptions& options = {});
 

@@ -23,8 +23,8 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
                                          const Association& association);
 
 /// Marks unmatched nodes on interfaces between regions as free, and throws AssociationError where
-/// the unmatched outside can't be a far field or a symmetry plane: more than half of the surface,
-/// or a mesh that does not reach beyond the CAD.
+/// the unmatched outside can't be a far field or a symmetry plane: the mesh covers less than a
+/// quarter of the CAD's faces by half their area, or reaches no further than 1.2 times the CAD.
 void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                      Association& association);
 
