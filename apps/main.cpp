@@ -1,17 +1,43 @@
 // cadmorph: the command line.
 
+#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 #include <new>
-#include <optional>
 
 #include "apps/blas_restart.h"
-#include "apps/commands.h"
+#include "apps/command.h"
 #include "apps/json_report.h"
+#include "apps/version.h"
 
 namespace {
 
 using namespace cadmorph;
+
+constexpr const char* kDescription =
+    "cadmorph: moves a simulation mesh from one CAD model onto a changed version of it.\n"
+    "\n"
+    "  cadmorph BASE.step VARIANT.step MESH [-o OUT] [options]\n"
+    "  cadmorph quality MESH [options]\n"
+    "  cadmorph match BASE.step VARIANT.step [options]\n"
+    "\n"
+    "Both STEP files must have the same topology; MESH (.vtu or .vtk) is the mesh of the first. "
+    "The\n"
+    "result has the same elements, each surface node on the new CAD.";
+
+constexpr const char* kExamples =
+    "Examples:\n"
+    "  cadmorph wing.step wing_thick.step wing.vtu -o wing_thick.vtu\n"
+    "  cadmorph part.step part_b.step part.vtu --mesh-unit m --json report.json\n"
+    "  cadmorph part.step part_b.step part.vtu --min-scaled-jacobian 0.1 --improve 0.2\n"
+    "  cadmorph quality wing_thick.vtu\n"
+    "  cadmorph match part.step part_b.step\n"
+    "\n"
+    "Exit codes: 0 done; 1 bad usage; 2 an input can't be read or is invalid; 3 the CAD models do\n"
+    "not correspond; 4 the mesh does not lie on the base CAD; 5 inverted elements remain or "
+    "quality\n"
+    "is below what was asked (the mesh goes to OUT's <stem>.failed.<ext>); 6 resources or "
+    "numerics.";
 
 int fail(const std::string& message, ExitCode code, const std::string& json) {
   std::fprintf(stderr, "cadmorph: error: %s\n", message.c_str());
@@ -20,13 +46,22 @@ int fail(const std::string& message, ExitCode code, const std::string& json) {
   return number;
 }
 
-// Starting anew costs a twentieth of a second: worth it for large dense systems alone.
-bool needs_fast_blas(const CommandLine& line) {
-  const VolumeMorphOptions& volume = line.pipeline.volume;
-  const bool is_iterative = volume.rbf.solver == SolverKind::Fast ||
-                            (volume.rbf.solver == SolverKind::Auto && volume.kernel.order == 3 &&
-                             volume.kernel.kind == KernelKind::Polyharmonic);
-  return line.command == Command::Morph && !is_iterative;
+// Fills `action`; leaves it empty when help or the version was asked for, which are then printed.
+void parse(int argc, char** argv, Action& action) {
+  CLI::App app(kDescription, "cadmorph");
+  app.set_version_flag("--version", std::string("cadmorph ") + kVersion);
+  app.footer(kExamples);
+  app.get_formatter()->column_width(34);
+  add_morph_command(app, action);
+  add_quality_command(app, action);
+  add_match_command(app, action);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& request) {
+    app.exit(request);
+  } catch (const CLI::ParseError& error) {
+    throw UsageError(std::string(error.what()) + " (see cadmorph --help)");
+  }
 }
 
 }  // namespace
@@ -34,16 +69,16 @@ bool needs_fast_blas(const CommandLine& line) {
 int main(int argc, char** argv) {
   // A full disk or a file size limit is an error to report, not a signal to die from.
   std::signal(SIGXFSZ, SIG_IGN);
-  std::string json;
+  Action action;
   try {
-    const std::optional<CommandLine> line = parse_command_line(argc, argv);
-    if (!line) return 0;
-    json = line->json;
-    if (needs_fast_blas(*line)) restart_with_fitting_blas(argv);
-    return static_cast<int>(run_command(*line));
+    parse(argc, argv, action);
+    if (!action.run) return 0;
+    if (action.needs_fast_blas) restart_with_fitting_blas(argv);
+    return static_cast<int>(action.run());
   } catch (const std::bad_alloc&) {
-    return fail("out of memory; free some, or use a smaller mesh", ExitCode::Resources, json);
+    return fail("out of memory; free some, or use a smaller mesh", ExitCode::Resources,
+                action.json);
   } catch (const std::exception& error) {
-    return fail(error.what(), exit_code_of(error), json);
+    return fail(error.what(), exit_code_of(error), action.json);
   }
 }

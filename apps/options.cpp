@@ -4,37 +4,11 @@
 #include <cmath>
 #include <map>
 
-#include "apps/version.h"
+#include "apps/choice.h"
+#include "apps/exit_code.h"
 
 namespace cadmorph {
 namespace {
-
-namespace fs = std::filesystem;
-
-constexpr const char* kDescription =
-    "cadmorph: moves a simulation mesh from one CAD model onto a changed version of it.\n"
-    "\n"
-    "  cadmorph BASE.step VARIANT.step MESH [-o OUT] [options]\n"
-    "  cadmorph quality MESH [options]\n"
-    "  cadmorph match BASE.step VARIANT.step [options]\n"
-    "\n"
-    "Both STEP files must have the same topology; MESH (.vtu or .vtk) is the mesh of the first. "
-    "The\n"
-    "result has the same elements, each surface node on the new CAD.";
-
-constexpr const char* kExamples =
-    "Examples:\n"
-    "  cadmorph wing.step wing_thick.step wing.vtu -o wing_thick.vtu\n"
-    "  cadmorph part.step part_b.step part.vtu --mesh-unit m --json report.json\n"
-    "  cadmorph part.step part_b.step part.vtu --min-scaled-jacobian 0.1 --improve 0.2\n"
-    "  cadmorph quality wing_thick.vtu\n"
-    "  cadmorph match part.step part_b.step\n"
-    "\n"
-    "Exit codes: 0 done; 1 bad usage; 2 an input can't be read or is invalid; 3 the CAD models do\n"
-    "not correspond; 4 the mesh does not lie on the base CAD; 5 inverted elements remain or "
-    "quality\n"
-    "is below what was asked (the mesh goes to OUT's <stem>.failed.<ext>); 6 resources or "
-    "numerics.";
 
 constexpr double kInch = 25.4, kFoot = 304.8;
 
@@ -63,15 +37,6 @@ int parse_steps(const std::string& text) {
   return steps;
 }
 
-enum class KernelName {
-  Triharmonic,
-  Biharmonic,
-  Quadharmonic,
-  Gaussian,
-  Multiquadric,
-  InverseMultiquadric,
-};
-
 Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
   const bool has_shape = name == KernelName::Gaussian || name == KernelName::Multiquadric ||
                          name == KernelName::InverseMultiquadric;
@@ -95,35 +60,10 @@ Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
   }
 }
 
-// Texts of the command line that need a second look once all are known.
-struct RawOptions {
-  std::string output, mesh_unit, steps = "auto", face_map;
-  KernelName kernel = KernelName::Triharmonic;
-  std::optional<double> shape;
-};
-
-// An option whose values are names of a choice, in the order they are listed in.
-template <class Enum>
-CLI::Option* add_choice(CLI::App& app, const std::string& flag, Enum& target,
-                        const std::vector<std::pair<std::string, Enum>>& names,
-                        const std::string& description) {
-  std::string list;
-  for (const auto& [name, value] : names) list += (list.empty() ? "" : "|") + name;
-  const auto choose = [&target, names, flag, list](const std::string& text) {
-    for (const auto& [name, value] : names)
-      if (name == text) {
-        target = value;
-        return;
-      }
-    throw CLI::ValidationError(flag + " " + text, "give one of " + list);
-  };
-  return app.add_option_function<std::string>(flag, choose, description)->type_name(list);
-}
-
-void add_method_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
+void add_method_options(CLI::App& app, MorphOptions& raw) {
   const auto group = "Method";
-  VolumeMorphOptions& volume = line.pipeline.volume;
-  SteppingOptions& stepping = line.pipeline.stepping;
+  VolumeMorphOptions& volume = raw.pipeline.volume;
+  SteppingOptions& stepping = raw.pipeline.stepping;
   add_choice(app, "--kernel", raw.kernel,
              {{"triharmonic", KernelName::Triharmonic},
               {"biharmonic", KernelName::Biharmonic},
@@ -158,26 +98,26 @@ void add_method_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str()
       ->group(group);
-  add_choice(app, "--untangle", line.pipeline.untangle,
+  add_choice(app, "--untangle", raw.pipeline.untangle,
              {{"auto", UntangleMode::Auto},
               {"never", UntangleMode::Never},
               {"always", UntangleMode::Always}},
              "repair inverted elements by optimisation: auto when steps did not help, always at "
              "once instead of steps (default: auto)")
       ->group(group);
-  app.add_option("--improve", line.pipeline.improve_below,
+  app.add_option("--improve", raw.pipeline.improve_below,
                  "raise elements with a scaled Jacobian below by optimisation")
       ->check(CLI::Range(0.0, 1.0))
       ->group(group);
-  app.add_option("--min-scaled-jacobian", line.pipeline.min_scaled_jacobian,
+  app.add_option("--min-scaled-jacobian", raw.pipeline.min_scaled_jacobian,
                  "refuse a result with an element below")
       ->check(CLI::Range(-1.0, 1.0))
       ->group(group);
 }
 
-void add_mesh_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
+void add_mesh_options(CLI::App& app, MorphOptions& raw) {
   const auto group = "Mesh and CAD";
-  SurfaceMorphOptions& surface = line.pipeline.surface;
+  SurfaceMorphOptions& surface = raw.pipeline.surface;
   app.add_flag("--snap", surface.snap,
                "put nodes exactly on the CAD instead of keeping their offset")
       ->group(group);
@@ -191,9 +131,7 @@ void add_mesh_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
   app.add_option("--mesh-unit", raw.mesh_unit, "length unit of the mesh (default: detected)")
       ->type_name("mm|cm|m|inch|foot|NUMBER")
       ->group(group);
-  app.add_option("--map", raw.face_map, "pairs of base and variant face numbers, as match prints")
-      ->type_name("FILE.csv")
-      ->group(group);
+  add_face_map_option(app, raw.face_map)->group(group);
   app.add_option("--association-tolerance", surface.association.tolerance,
                  "largest distance of a surface node from the CAD, in local edge lengths")
       ->check(CLI::PositiveNumber)
@@ -201,121 +139,45 @@ void add_mesh_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
       ->group(group);
 }
 
-void add_json_option(CLI::App& app, CommandLine& line) {
-  app.add_option("--json", line.json, "write all figures to a file; - for stdout, and nothing else")
+}  // namespace
+
+void add_morph_options(CLI::App& app, MorphOptions& options) {
+  add_method_options(app, options);
+  add_mesh_options(app, options);
+}
+
+void add_json_option(CLI::App& app, std::string& json) {
+  app.add_option("--json", json, "write all figures to a file; - for stdout, and nothing else")
       ->type_name("FILE|-");
 }
 
-void add_threads_option(CLI::App& app, CommandLine& line) {
-  app.add_option("--threads", line.threads, "number of threads (default: all processors)")
+void add_threads_option(CLI::App& app, int& threads) {
+  app.add_option("--threads", threads, "number of threads (default: all processors)")
       ->check(CLI::PositiveNumber);
 }
 
-void add_main_options(CLI::App& app, CommandLine& line, RawOptions& raw) {
-  app.add_option("BASE", line.files.base_cad, "STEP file the mesh was made for");
-  app.add_option("VARIANT", line.files.variant_cad, "STEP file to move the mesh onto");
-  app.add_option("MESH", line.files.mesh, "mesh of BASE, .vtu or .vtk");
-  app.add_option("-o,--output", raw.output, "morphed mesh (default: <stem>.morphed.<ext>)")
-      ->type_name("OUT");
-  add_json_option(app, line);
-  app.add_flag("--diagnostics", line.files.has_diagnostics,
-               "add displacement, CAD entity, (u,v) and scaled Jacobian to the output");
-  app.add_flag("--quiet", line.is_quiet, "print errors only");
-  add_threads_option(app, line);
-  add_method_options(app, line, raw);
-  add_mesh_options(app, line, raw);
-}
-
-CLI::App* add_quality_command(CLI::App& app, CommandLine& line) {
-  CLI::App* command = app.add_subcommand("quality", "measure the elements of a mesh");
-  command->add_option("MESH", line.files.mesh, "mesh, .vtu or .vtk")->required();
-  command
-      ->add_option("--min-scaled-jacobian", line.pipeline.min_scaled_jacobian,
-                   "exit 5 when an element is below")
-      ->check(CLI::Range(-1.0, 1.0));
-  add_json_option(*command, line);
-  add_threads_option(*command, line);
-  return command;
-}
-
-CLI::App* add_match_command(CLI::App& app, CommandLine& line, RawOptions& raw) {
-  CLI::App* command = app.add_subcommand("match", "show which CAD face became which");
-  command->add_option("BASE", line.files.base_cad, "STEP file")->required();
-  command->add_option("VARIANT", line.files.variant_cad, "STEP file")->required();
-  command->add_option("--map", raw.face_map, "pairs of base and variant face numbers")
+CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map) {
+  return app
+      .add_option("--map", face_map, "pairs of base and variant face numbers, as match prints")
       ->type_name("FILE.csv");
-  add_json_option(*command, line);
-  return command;
 }
 
-void check_main_files(const CommandLine& line) {
-  const char* missing = line.files.base_cad.empty()      ? "BASE.step, VARIANT.step and MESH"
-                        : line.files.variant_cad.empty() ? "VARIANT.step and MESH"
-                        : line.files.mesh.empty()        ? "MESH"
-                                                         : nullptr;
-  if (missing)
-    throw UsageError("missing " + std::string(missing) +
-                     "; usage: cadmorph BASE.step VARIANT.step MESH [-o OUT] (see --help)");
+PipelineOptions resolve(const MorphOptions& options) {
+  PipelineOptions result = options.pipeline;
+  if (!options.mesh_unit.empty())
+    result.surface.association.mesh_unit_mm = parse_unit(options.mesh_unit);
+  result.stepping.steps = parse_steps(options.steps);
+  result.volume.kernel = make_kernel(options.kernel, options.shape);
+  if (!options.face_map.empty()) result.face_map = read_face_map(options.face_map);
+  return result;
 }
 
-void check_outputs(const CommandLine& line) {
-  const MorphFiles& files = line.files;
-  std::error_code ignored;
-  for (const fs::path& input : {files.base_cad, files.variant_cad, files.mesh})
-    for (const fs::path& output : {files.output, fs::path(line.json)})
-      if (output == input || fs::equivalent(output, input, ignored))
-        throw UsageError("the output " + output.string() +
-                         " is one of the inputs; name another file");
-  if (files.output == line.json)
-    throw UsageError("the mesh and the report can't both go to " + line.json);
-  if (files.output.extension() != files.mesh.extension() &&
-      (!fs::exists(files.output, ignored) || fs::is_regular_file(files.output, ignored)))
-    throw UsageError("the output " + files.output.string() + " must be a " +
-                     files.mesh.extension().string() + " file, as the mesh is");
-}
-
-void finish(CommandLine& line, const RawOptions& raw) {
-  if (!raw.face_map.empty()) line.face_map = raw.face_map;
-  if (line.command != Command::Morph) return;
-  check_main_files(line);
-  line.files.output = raw.output;
-  if (raw.output.empty()) line.files.output = default_output(line.files.mesh);
-  check_outputs(line);
-  if (!raw.mesh_unit.empty())
-    line.pipeline.surface.association.mesh_unit_mm = parse_unit(raw.mesh_unit);
-  line.pipeline.stepping.steps = parse_steps(raw.steps);
-  line.pipeline.volume.kernel = make_kernel(raw.kernel, raw.shape);
-}
-
-}  // namespace
-
-std::filesystem::path default_output(const std::filesystem::path& mesh) {
-  return mesh.parent_path() / (mesh.stem().string() + ".morphed" + mesh.extension().string());
-}
-
-std::optional<CommandLine> parse_command_line(int argc, char** argv) {
-  CommandLine line;
-  RawOptions raw;
-  CLI::App app(kDescription, "cadmorph");
-  app.set_version_flag("--version", std::string("cadmorph ") + kVersion);
-  app.footer(kExamples);
-  app.get_formatter()->column_width(34);
-  add_main_options(app, line, raw);
-  const CLI::App* quality = add_quality_command(app, line);
-  const CLI::App* match = add_match_command(app, line, raw);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& request) {
-    app.exit(request);
-    return std::nullopt;
-  } catch (const CLI::ParseError& error) {
-    throw UsageError(std::string(error.what()) + " (see cadmorph --help)");
-  }
-  line.command = quality->parsed() ? Command::Quality
-                 : match->parsed() ? Command::Match
-                                   : Command::Morph;
-  finish(line, raw);
-  return line;
+bool is_dense(const PipelineOptions& options) {
+  const VolumeMorphOptions& volume = options.volume;
+  const bool is_triharmonic =
+      volume.kernel.order == 3 && volume.kernel.kind == KernelKind::Polyharmonic;
+  return volume.rbf.solver != SolverKind::Fast &&
+         !(volume.rbf.solver == SolverKind::Auto && is_triharmonic);
 }
 
 }  // namespace cadmorph

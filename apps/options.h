@@ -2,35 +2,45 @@
 
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "apps/pipeline.h"
 
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
 namespace cadmorph {
 
-/// The command line asks for something that does not exist or makes no sense.
-class UsageError : public Error {
- public:
-  using Error::Error;
+enum class KernelName {
+  Triharmonic,
+  Biharmonic,
+  Quadharmonic,
+  Gaussian,
+  Multiquadric,
+  InverseMultiquadric,
 };
 
-enum class Command { Morph, Quality, Match };
-
-/// What the command line asks for.
-struct CommandLine {
-  Command command = Command::Morph;
-  MorphFiles files;  ///< quality: the mesh alone; match: the two CAD files alone
-  PipelineOptions pipeline;
-  std::string json;  ///< file for the report, "-" for stdout, empty for none
-  std::optional<std::filesystem::path> face_map;
-  bool is_quiet = false;
-  int threads = 0;  ///< 0: all
+/// The options of a morph as the command line gives them.
+struct MorphOptions {
+  PipelineOptions pipeline;  ///< what needs no second look
+  std::string mesh_unit, steps = "auto", face_map;
+  KernelName kernel = KernelName::Triharmonic;
+  std::optional<double> shape;
 };
 
-/// Parses the command line. Returns nothing when it asked for help or the version, which are then
-/// printed. Throws UsageError.
-std::optional<CommandLine> parse_command_line(int argc, char** argv);
+/// Adds the groups of options that every command that morphs has.
+void add_morph_options(CLI::App& app, MorphOptions& options);
+void add_json_option(CLI::App& app, std::string& json);
+void add_threads_option(CLI::App& app, int& threads);
+CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map);
 
-/// Where the morphed mesh goes when not told: `<stem>.morphed.<ext>` beside the mesh.
-std::filesystem::path default_output(const std::filesystem::path& mesh);
+/// What the options come to. Throws UsageError; what read_face_map throws.
+PipelineOptions resolve(const MorphOptions& options);
+
+/// Whether the volume morph solves dense systems, which need a fast BLAS.
+bool is_dense(const PipelineOptions& options);
 
 }  // namespace cadmorph

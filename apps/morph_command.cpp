@@ -1,0 +1,118 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "apps/command.h"
+#include "apps/json_report.h"
+#include "apps/options.h"
+#include "apps/progress_bar.h"
+#include "apps/summary.h"
+#include "apps/text_table.h"
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct MorphCommand {
+  MorphFiles files;
+  MorphOptions options;
+  std::string output, json;
+  bool is_quiet = false;
+  int threads = 0;  ///< 0: all
+};
+
+std::filesystem::path default_output(const std::filesystem::path& mesh) {
+  return mesh.parent_path() / (mesh.stem().string() + ".morphed" + mesh.extension().string());
+}
+
+void add_options(CLI::App& app, MorphCommand& command) {
+  app.add_option("BASE", command.files.base_cad, "STEP file the mesh was made for");
+  app.add_option("VARIANT", command.files.variant_cad, "STEP file to move the mesh onto");
+  app.add_option("MESH", command.files.mesh, "mesh of BASE, .vtu or .vtk");
+  app.add_option("-o,--output", command.output, "morphed mesh (default: <stem>.morphed.<ext>)")
+      ->type_name("OUT");
+  add_json_option(app, command.json);
+  app.add_flag("--diagnostics", command.files.has_diagnostics,
+               "add displacement, CAD entity, (u,v) and scaled Jacobian to the output");
+  app.add_flag("--quiet", command.is_quiet, "print errors only");
+  add_threads_option(app, command.threads);
+  add_morph_options(app, command.options);
+}
+
+void check_inputs(const MorphFiles& files) {
+  const char* missing = files.base_cad.empty()      ? "BASE.step, VARIANT.step and MESH"
+                        : files.variant_cad.empty() ? "VARIANT.step and MESH"
+                        : files.mesh.empty()        ? "MESH"
+                                                    : nullptr;
+  if (missing)
+    throw UsageError("missing " + std::string(missing) +
+                     "; usage: cadmorph BASE.step VARIANT.step MESH [-o OUT] (see --help)");
+}
+
+void check_outputs(const MorphFiles& files, const std::string& json) {
+  std::error_code ignored;
+  for (const fs::path& input : {files.base_cad, files.variant_cad, files.mesh})
+    for (const fs::path& output : {files.output, fs::path(json)})
+      if (output == input || fs::equivalent(output, input, ignored))
+        throw UsageError("the output " + output.string() +
+                         " is one of the inputs; name another file");
+  if (files.output == json) throw UsageError("the mesh and the report can't both go to " + json);
+  if (files.output.extension() != files.mesh.extension() &&
+      (!fs::exists(files.output, ignored) || fs::is_regular_file(files.output, ignored)))
+    throw UsageError("the output " + files.output.string() + " must be a " +
+                     files.mesh.extension().string() + " file, as the mesh is");
+}
+
+void complain(const PipelineReport& report, const PipelineOptions& options) {
+  const Diagnosis& diagnosis = *report.diagnosis;
+  const bool is_one = diagnosis.bad_cells == 1;
+  std::string what = with_commas(diagnosis.bad_cells) + (is_one ? " element" : " elements");
+  what += report.outcome == Outcome::Inverted ? (is_one ? " is inverted" : " are inverted")
+                                              : format(is_one ? " has a scaled Jacobian below %g"
+                                                              : " have a scaled Jacobian below %g",
+                                                       *options.min_scaled_jacobian);
+  std::fprintf(stderr, "cadmorph: error: %s; the refused mesh is %s (cell array cadmorph_bad)\n%s",
+               what.c_str(), report.written.c_str(), diagnosis_text(diagnosis).c_str());
+}
+
+ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
+  set_thread_count(command.threads);
+  check_json_output(command.json,
+                    {command.files.base_cad, command.files.variant_cad, command.files.mesh});
+  ProgressBar bar(!command.is_quiet);
+  options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+  const PipelineReport report = morph_files(command.files, options);
+  bar.erase();
+  for (const std::string& warning : report.warnings)
+    if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
+  const ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
+  hand_over(command.json, command.is_quiet, summary_text(report),
+            to_json(report, static_cast<int>(code)));
+  if (code != ExitCode::Done) complain(report, options);
+  return code;
+}
+
+void prepare(MorphCommand& command, Action& action) {
+  MorphFiles& files = command.files;
+  check_inputs(files);
+  files.output = command.output.empty() ? default_output(files.mesh) : fs::path(command.output);
+  check_outputs(files, command.json);
+  action.json = command.json;
+  const PipelineOptions options = resolve(command.options);
+  action.needs_fast_blas = is_dense(options);
+  action.run = [command, options] { return run_morph(command, options); };
+}
+
+}  // namespace
+
+void add_morph_command(CLI::App& app, Action& action) {
+  const auto command = std::make_shared<MorphCommand>();
+  add_options(app, *command);
+  app.callback([&app, &action, command] {
+    if (app.get_subcommands().empty()) prepare(*command, action);
+  });
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,64 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "apps/command.h"
+#include "apps/json_report.h"
+#include "apps/options.h"
+#include "apps/summary.h"
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+struct QualityCommand {
+  std::filesystem::path mesh;
+  std::optional<double> min_scaled_jacobian;
+  std::string json;
+  int threads = 0;  ///< 0: all
+};
+
+ExitCode run_quality(const QualityCommand& command) {
+  set_thread_count(command.threads);
+  check_json_output(command.json, {command.mesh});
+  const MeshFile file(command.mesh);
+  const Mesh& mesh = file.mesh();
+  const Orientation orientation = detect_orientation(mesh);
+  const QualityReport quality = measure_quality(mesh, mesh.points, orientation);
+  const ValidityReport validity = check_validity(mesh, mesh.points, orientation);
+  const QualityChecks checks =
+      check_quality(mesh, mesh.points, find_cell_neighbours(mesh), orientation);
+  const bool is_poor = command.min_scaled_jacobian && quality.min < *command.min_scaled_jacobian;
+  const bool is_good = quality.inverted == 0 && validity.invalid == 0 && !is_poor;
+  const ExitCode code = is_good ? ExitCode::Done : ExitCode::Quality;
+  hand_over(command.json, false,
+            quality_text(command.mesh, mesh.node_count(), quality, validity, checks),
+            quality_json(command.mesh, mesh.node_count(), quality, validity, checks,
+                         static_cast<int>(code)));
+  if (!is_good)
+    std::fprintf(stderr, "cadmorph: error: %s: %s\n", command.mesh.c_str(),
+                 quality.inverted + validity.invalid > 0
+                     ? "inverted elements"
+                     : "the smallest scaled Jacobian is below what was asked");
+  return code;
+}
+
+}  // namespace
+
+void add_quality_command(CLI::App& app, Action& action) {
+  const auto command = std::make_shared<QualityCommand>();
+  CLI::App* parser = app.add_subcommand("quality", "measure the elements of a mesh");
+  parser->add_option("MESH", command->mesh, "mesh, .vtu or .vtk")->required();
+  parser
+      ->add_option("--min-scaled-jacobian", command->min_scaled_jacobian,
+                   "exit 5 when an element is below")
+      ->check(CLI::Range(-1.0, 1.0));
+  add_json_option(*parser, command->json);
+  add_threads_option(*parser, command->threads);
+  parser->callback([&action, command] {
+    action.json = command->json;
+    action.run = [command] { return run_quality(*command); };
+  });
+}
+
+}  // namespace cadmorph
