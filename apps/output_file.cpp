@@ -2,11 +2,9 @@
 
 #include <unistd.h>
 
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <memory>
 #include <system_error>
+
+#include "core/temporary_file.h"
 
 namespace cadmorph {
 namespace {
@@ -19,20 +17,6 @@ fs::path folder_of(const fs::path& file) {
 
 [[noreturn]] void refuse(const fs::path& output, const std::string& why) {
   throw OutputError("can't write " + output.string() + ": " + why);
-}
-
-// Removes the file unless it was renamed away.
-struct TemporaryFile {
-  fs::path path;
-  ~TemporaryFile() {
-    std::error_code ignored;
-    if (!path.empty()) fs::remove(path, ignored);
-  }
-};
-
-bool write_and_sync(std::FILE* file, const std::string& text) {
-  return std::fwrite(text.data(), 1, text.size(), file) == text.size() && std::fflush(file) == 0 &&
-         fsync(fileno(file)) == 0;
 }
 
 }  // namespace
@@ -57,16 +41,13 @@ fs::path failed_path(const fs::path& output) {
 }
 
 void write_text(const fs::path& path, const std::string& text) {
-  std::string name = path.filename().string();
-  name.insert(0, 1, '.').append(1, '.').append(std::to_string(getpid())).append(".tmp");
-  TemporaryFile beside{folder_of(path) / name};
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(
-      std::fopen(beside.path.c_str(), "wb"), [](std::FILE* f) { return std::fclose(f); });
-  if (!file || !write_and_sync(file.get(), text)) refuse(path, std::strerror(errno));
-  std::error_code error;
-  fs::rename(beside.path, path, error);
-  if (error) refuse(path, error.message());
-  beside.path.clear();
+  try {
+    TemporaryFile file(path);
+    file.write(text.data(), text.size(), 0);
+    file.commit();
+  } catch (const IoError& error) {
+    throw OutputError(error.what());
+  }
 }
 
 }  // namespace cadmorph

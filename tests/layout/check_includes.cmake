@@ -35,7 +35,8 @@ forbid("[A-Za-z0-9_]+\\.hxx" "OCCT headers belong in cad/*.cpp"
   EXCEPT cad/brep.cpp cad/step_reader.cpp)
 forbid("vtk[A-Za-z]+\\.h" "VTK belongs in the mesh file and the picture"
   FOLDERS core cad surface volume apps
-  EXCEPT core/mesh_file.cpp apps/picture.cpp)
+  EXCEPT core/mesh_file.cpp core/vtk/layout.h core/vtk/messages.cpp core/vtk/reader.h core/vtk/reader.cpp
+    core/vtk/writer.h core/vtk/writer.cpp apps/picture.cpp)
 forbid("nanoflann" "nanoflann belongs in the kd-tree" FOLDERS core cad surface volume apps
   EXCEPT core/kd_tree.cpp)
 forbid("(lapacke?|cblas)" "LAPACK belongs in the dense solvers" FOLDERS core cad surface volume apps

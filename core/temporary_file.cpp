@@ -1,0 +1,66 @@
+#include "core/temporary_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "core/errors.h"
+
+namespace fs = std::filesystem;
+
+namespace cadmorph {
+namespace {
+
+[[noreturn]] void fail(const fs::path& target, const std::string& why) {
+  throw IoError("can't write " + target.string() + ": " + why);
+}
+
+fs::path resolve(const fs::path& target) {
+  std::error_code error;
+  const auto status = fs::status(target, error);
+  if (fs::is_directory(status)) fail(target, "it is a folder");
+  if (fs::exists(status) && !fs::is_regular_file(status)) fail(target, "it is no regular file");
+  return fs::is_symlink(fs::symlink_status(target, error)) ? fs::weakly_canonical(target) : target;
+}
+
+}  // namespace
+
+TemporaryFile::TemporaryFile(const fs::path& target) : target_(resolve(target)) {
+  static std::atomic<int> counter = 0;
+  const auto folder = target_.has_parent_path() ? target_.parent_path() : fs::path(".");
+  path_ =
+      folder / (".cadmorph-" + std::to_string(getpid()) + "-" + std::to_string(counter++) + ".tmp");
+  file_ = open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+  if (file_ < 0) fail(target_, std::strerror(errno));
+}
+
+TemporaryFile::~TemporaryFile() {
+  if (file_ >= 0) close(file_);
+  if (!path_.empty()) unlink(path_.c_str());
+}
+
+void TemporaryFile::write(const char* data, std::size_t size, off_t place) {
+  while (size > 0) {
+    const ssize_t written = pwrite(file_, data, size, place);
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) fail(target_, std::strerror(errno));
+    data += written;
+    size -= static_cast<std::size_t>(written);
+    place += written;
+  }
+}
+
+void TemporaryFile::commit() {
+  if (fsync(file_) != 0) fail(target_, std::strerror(errno));
+  const int closed = close(std::exchange(file_, -1));
+  if (closed != 0) fail(target_, std::strerror(errno));
+  if (rename(path_.c_str(), target_.c_str()) != 0) fail(target_, std::strerror(errno));
+  path_.clear();
+}
+
+}  // namespace cadmorph

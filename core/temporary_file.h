@@ -1,0 +1,32 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstddef>
+#include <filesystem>
+
+namespace cadmorph {
+
+/// A new file beside the one to write; gone again unless it took that one's place. Its members
+/// throw IoError.
+class TemporaryFile {
+ public:
+  /// `target` may be a link: its own target is then replaced.
+  explicit TemporaryFile(const std::filesystem::path& target);
+  ~TemporaryFile();
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  /// Writes at a place in the file.
+  void write(const char* data, std::size_t size, off_t place);
+
+  /// Flushes to disk and takes the target's place.
+  void commit();
+
+ private:
+  std::filesystem::path target_;
+  std::filesystem::path path_;
+  int file_ = -1;
+};
+
+}  // namespace cadmorph

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <vtkSmartPointer.h>
+#include <vtkUnstructuredGrid.h>
+
+#include <filesystem>
+#include <utility>
+
+#include "core/mesh.h"
+#include "core/vtk/layout.h"
+
+namespace cadmorph {
+
+using Grid = vtkSmartPointer<vtkUnstructuredGrid>;
+
+/// Reads a .vtu or legacy .vtk file. Throws IoError.
+std::pair<Grid, Layout> read_grid(const std::filesystem::path& path);
+
+/// The grid as a checked mesh; `path` stands in messages. Throws IoError, InvalidInputError.
+Mesh to_mesh(vtkUnstructuredGrid* grid, const std::filesystem::path& path);
+
+}  // namespace cadmorph

@@ -1,0 +1,162 @@
+#include "core/vtk/writer.h"
+
+#include <vtkErrorCode.h>
+#include <vtkNew.h>
+#include <vtkObjectFactory.h>
+#include <vtkUnstructuredGridWriter.h>
+#include <vtkXMLUnstructuredGridWriter.h>
+
+#include <algorithm>
+#include <exception>
+#include <streambuf>
+#include <vector>
+
+#include "core/errors.h"
+#include "core/temporary_file.h"
+#include "core/vtk/messages.h"
+
+namespace fs = std::filesystem;
+
+namespace cadmorph {
+namespace {
+
+/// Stream buffer onto a TemporaryFile. It keeps the first failure and goes on as if nothing were:
+/// VTK's writer misses some failed writes, and crashes on others.
+class FileBuffer : public std::streambuf {
+ public:
+  explicit FileBuffer(TemporaryFile& file) : file_(file), buffer_(1 << 20) { reset(); }
+
+  /// Writes out what is left; throws the first failure of all.
+  void finish() {
+    flush();
+    if (failure_) std::rethrow_exception(failure_);
+  }
+
+ protected:
+  int_type overflow(int_type c) override {
+    flush();
+    if (!traits_type::eq_int_type(c, traits_type::eof())) sputc(traits_type::to_char_type(c));
+    return traits_type::not_eof(c);
+  }
+  std::streamsize xsputn(const char* data, std::streamsize size) override {
+    if (size > epptr() - pptr()) flush();
+    if (size > epptr() - pptr()) {
+      put(data, size);
+      return size;
+    }
+    std::copy_n(data, size, pptr());
+    pbump(static_cast<int>(size));
+    return size;
+  }
+  pos_type seekoff(off_type offset, std::ios::seekdir from, std::ios::openmode) override {
+    const off_type here = start_ + (pptr() - pbase());
+    end_ = std::max(end_, here);
+    const off_type place = offset + (from == std::ios::beg   ? 0
+                                     : from == std::ios::cur ? here
+                                                             : end_);
+    if (place == here) return place;
+    flush();
+    start_ = place;
+    return place;
+  }
+  pos_type seekpos(pos_type place, std::ios::openmode mode) override {
+    return seekoff(place, std::ios::beg, mode);
+  }
+
+ private:
+  void reset() { setp(buffer_.data(), buffer_.data() + buffer_.size()); }
+  void flush() {
+    put(pbase(), pptr() - pbase());
+    reset();
+  }
+  void put(const char* data, std::streamsize size) {
+    try {
+      if (!failure_) file_.write(data, static_cast<std::size_t>(size), start_);
+    } catch (const IoError&) {
+      failure_ = std::current_exception();
+    }
+    start_ += size;
+    end_ = std::max(end_, start_);
+  }
+
+  TemporaryFile& file_;
+  std::vector<char> buffer_;
+  off_type start_ = 0;  ///< place of the buffer's first character
+  off_type end_ = 0;
+  std::exception_ptr failure_;
+};
+
+/// VTK's writer, onto a stream buffer of ours.
+class BufferWriter : public vtkXMLUnstructuredGridWriter {
+ public:
+  static BufferWriter* New();
+  void set_buffer(std::streambuf* buffer) {
+    buffer_ = buffer;
+    WriteToOutputStringOn();
+  }
+
+ protected:
+  int StartFile() override {
+    Stream->rdbuf(buffer_);
+    return vtkXMLUnstructuredGridWriter::StartFile();
+  }
+
+ private:
+  std::streambuf* buffer_ = nullptr;
+};
+vtkStandardNewMacro(BufferWriter);
+
+/// Blocks of more than 4 GiB need long headers, whatever the input had.
+bool needs_long_headers(vtkUnstructuredGrid* grid) {
+  constexpr unsigned long kKibibytes = 1ul << 21;
+  return grid->GetActualMemorySize() > kKibibytes;
+}
+
+template <class Writer>
+void run_writer(Writer* writer, const fs::path& target) {
+  SilentVtk vtk;
+  const bool is_written = writer->Write() != 0;
+  if (!is_written || vtk.has_errors() || writer->GetErrorCode() != vtkErrorCode::NoError)
+    fail_writing(target, vtk.first_error());
+}
+
+void write_xml(vtkUnstructuredGrid* grid, const Layout& layout, const fs::path& target,
+               TemporaryFile& file) {
+  FileBuffer buffer(file);
+  vtkNew<BufferWriter> writer;
+  writer->set_buffer(&buffer);
+  writer->SetInputData(grid);
+  writer->SetDataMode(layout.data_mode);
+  writer->SetCompressorType(layout.compressor);
+  writer->SetEncodeAppendedData(layout.is_appended_base64);
+  writer->SetHeaderType(layout.has_long_headers || needs_long_headers(grid) ? vtkXMLWriter::UInt64
+                                                                            : vtkXMLWriter::UInt32);
+  run_writer(writer.Get(), target);
+  buffer.finish();
+}
+
+void write_legacy(vtkUnstructuredGrid* grid, const Layout& layout, const fs::path& target,
+                  TemporaryFile& file) {
+  vtkNew<vtkUnstructuredGridWriter> writer;
+  writer->SetInputData(grid);
+  writer->SetFileTypeToBinary();  // VTK writes but 11 digits in ascii
+  writer->SetFileVersion(layout.legacy_version);
+  writer->WriteToOutputStringOn();
+  run_writer(writer.Get(), target);
+  file.write(writer->GetOutputString(), static_cast<std::size_t>(writer->GetOutputStringLength()),
+             0);
+}
+
+}  // namespace
+
+void write_grid(vtkUnstructuredGrid* grid, const Layout& layout, const fs::path& path) {
+  TemporaryFile file(path);
+  const bool is_xml = path.extension() == ".vtu" || (layout.is_xml && path.extension() != ".vtk");
+  if (is_xml)
+    write_xml(grid, layout, path, file);
+  else
+    write_legacy(grid, layout, path, file);
+  file.commit();
+}
+
+}  // namespace cadmorph
