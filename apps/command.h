@@ -24,6 +24,7 @@ struct Action {
 void add_morph_command(CLI::App& app, Action& action);
 void add_quality_command(CLI::App& app, Action& action);
 void add_match_command(CLI::App& app, Action& action);
+void add_compare_command(CLI::App& app, Action& action);
 
 /// Writes to stdout. Throws OutputError.
 void print(const std::string& text);

@@ -20,6 +20,7 @@ constexpr const char* kDescription =
     "  cadmorph BASE.step VARIANT.step MESH [-o OUT] [options]\n"
     "  cadmorph quality MESH [options]\n"
     "  cadmorph match BASE.step VARIANT.step [options]\n"
+    "  cadmorph compare REFERENCE MESH [options]\n"
     "\n"
     "Both STEP files must have the same topology; MESH (.vtu or .vtk) is the mesh of the first. "
     "The\n"
@@ -32,6 +33,7 @@ constexpr const char* kExamples =
     "  cadmorph part.step part_b.step part.vtu --min-scaled-jacobian 0.1 --improve 0.2\n"
     "  cadmorph quality wing_thick.vtu\n"
     "  cadmorph match part.step part_b.step\n"
+    "  cadmorph compare nightly/part_b.vtu part_b.vtu --tolerance 1e-9\n"
     "\n"
     "Exit codes: 0 done; 1 bad usage; 2 an input can't be read or is invalid; 3 the CAD models do\n"
     "not correspond; 4 the mesh does not lie on the base CAD; 5 inverted elements remain or "
@@ -55,6 +57,7 @@ void parse(int argc, char** argv, Action& action) {
   add_morph_command(app, action);
   add_quality_command(app, action);
   add_match_command(app, action);
+  add_compare_command(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& request) {

@@ -3,6 +3,7 @@
 #include <vtkCellArray.h>
 #include <vtkCellData.h>
 #include <vtkDoubleArray.h>
+#include <vtkFieldData.h>
 #include <vtkIdTypeArray.h>
 #include <vtkIntArray.h>
 #include <vtkNew.h>
@@ -10,6 +11,7 @@
 #include <vtkSmartPointer.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkUnstructuredGrid.h>
+#include <vtkVariant.h>
 
 #include <algorithm>
 #include <string>
@@ -76,6 +78,28 @@ vtkSmartPointer<vtkIdTypeArray> to_vtk(const std::vector<Index>& values) {
   return array;
 }
 
+DataArray to_array(vtkAbstractArray* source, ArrayLocation location) {
+  DataArray result{.name = source->GetName() ? source->GetName() : "",
+                   .location = location,
+                   .type = source->GetDataTypeAsString()};
+  const Index tuples = source->GetNumberOfTuples();
+  if (auto* numbers = vtkDataArray::SafeDownCast(source)) {
+    const int type = numbers->GetDataType();
+    result.is_integral = type != VTK_FLOAT && type != VTK_DOUBLE;
+    result.values.resize(tuples, numbers->GetNumberOfComponents());
+    for (Index i = 0; i < tuples; ++i) numbers->GetTuple(i, result.values.row(i).data());
+  } else {
+    for (Index i = 0; i < source->GetNumberOfValues(); ++i)
+      result.texts.push_back(source->GetVariantValue(i).ToString());
+  }
+  return result;
+}
+
+void add_to(std::vector<DataArray>& arrays, vtkFieldData* data, ArrayLocation location) {
+  for (int i = 0; i < data->GetNumberOfArrays(); ++i)
+    arrays.push_back(to_array(data->GetAbstractArray(i), location));
+}
+
 /// Sets the cells with VTK's form of polyhedron faces: the number of faces before them.
 void set_cells(const Mesh& mesh, vtkUnstructuredGrid* grid) {
   vtkNew<vtkUnsignedCharArray> types;
@@ -124,6 +148,14 @@ MeshFile& MeshFile::operator=(MeshFile&&) noexcept = default;
 const Mesh& MeshFile::mesh() const { return impl_->mesh; }
 
 const fs::path& MeshFile::path() const { return impl_->path; }
+
+std::vector<DataArray> MeshFile::arrays() const {
+  std::vector<DataArray> result;
+  add_to(result, impl_->grid->GetPointData(), ArrayLocation::Point);
+  add_to(result, impl_->grid->GetCellData(), ArrayLocation::Cell);
+  add_to(result, impl_->grid->GetFieldData(), ArrayLocation::Field);
+  return result;
+}
 
 void MeshFile::write(const fs::path& path, const Points& points, const ExtraArrays& extra) const {
   check_rows("coordinates", points.rows(), impl_->mesh.node_count());

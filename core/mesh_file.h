@@ -16,6 +16,18 @@ struct ExtraArrays {
   std::map<std::string, std::vector<int>> cell_integers;
 };
 
+enum class ArrayLocation { Point, Cell, Field };
+
+/// An array of a mesh file.
+struct DataArray {
+  std::string name;
+  ArrayLocation location = ArrayLocation::Point;
+  std::string type;  ///< as VTK names it: double, int, vtktypeint64, string, ...
+  bool is_integral = false;
+  RowMatrix values = {};                ///< tuples x components; empty for texts
+  std::vector<std::string> texts = {};  ///< of an array of strings
+};
+
 /// A mesh file held open: its mesh, and everything else in it (arrays, field data, names, types),
 /// so that a copy with other coordinates loses nothing.
 class MeshFile {
@@ -31,6 +43,9 @@ class MeshFile {
 
   const Mesh& mesh() const;
   const std::filesystem::path& path() const;
+
+  /// Copies of all arrays.
+  std::vector<DataArray> arrays() const;
 
   /// Writes a copy with only the coordinates replaced (N x 3, as float64) and `extra` added (in
   /// place of arrays of the same names), in the input's own encoding and compressor; where `path`

@@ -6,7 +6,7 @@
 
 #include "core/errors.h"
 #include "volume/components.h"
-#include "volume/edge_lengths.h"
+#include "core/edge_lengths.h"
 
 namespace cadmorph {
 namespace {

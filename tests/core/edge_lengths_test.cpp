@@ -1,4 +1,4 @@
-#include "volume/edge_lengths.h"
+#include "core/edge_lengths.h"
 
 #include <catch2/catch.hpp>
 
