@@ -1,0 +1,15 @@
+# Every command line of the pages runs as shown, every link leads somewhere, and the site builds.
+file(GLOB pages CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR}
+  ${PROJECT_SOURCE_DIR}/*.md ${PROJECT_SOURCE_DIR}/docs/*.md ${PROJECT_SOURCE_DIR}/models/*.md
+  ${PROJECT_SOURCE_DIR}/models/*/README.md)
+foreach(page ${pages})
+  file(STRINGS ${PROJECT_SOURCE_DIR}/${page} blocks REGEX "^```")
+  if(NOT blocks)
+    continue()
+  endif()
+  add_test(NAME docs.commands:${page}
+    COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/run_commands.sh ${PROJECT_SOURCE_DIR}/${page}
+      ${PROJECT_BINARY_DIR})
+endforeach()
+add_test(NAME docs.links
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/check_links.sh ${PROJECT_SOURCE_DIR})
