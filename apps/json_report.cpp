@@ -145,7 +145,11 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["before"] = to_json(report.before, report.base_cad.diagonal);
   json["after"] = to_json(report.after, report.variant_cad.diagonal);
   json["max_displacement_mm"] = number(report.max_displacement);
-  json["volume_morph"] = to_json(report.solver, report.kernel);
+  json["method"] = to_string(report.method);
+  json["volume_morph"] = report.method == MorphMethod::Rbf
+                             ? to_json(report.solver, report.kernel)
+                             : Json{{"surface_nodes", report.solver.centres},
+                                    {"seconds", number(report.solver.seconds)}};
   json["stepping"] = to_json(report.stepping);
   if (report.untangling) json["untangling"] = to_json(*report.untangling);
   if (report.improving)

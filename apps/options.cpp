@@ -60,10 +60,27 @@ Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
   }
 }
 
+// The choices of the RBF warp mean nothing to another method.
+void check_method(const MorphOptions& options) {
+  const VolumeMorphOptions& volume = options.pipeline.volume;
+  if (volume.method == MorphMethod::Rbf) return;
+  if (options.kernel != KernelName::Triharmonic || options.shape ||
+      volume.rbf.solver != SolverKind::Auto)
+    throw UsageError("--kernel, --shape and --solver choose within --method rbf; " +
+                     to_string(volume.method) + " has none of them");
+}
+
 void add_method_options(CLI::App& app, MorphOptions& raw) {
   const auto group = "Method";
   VolumeMorphOptions& volume = raw.pipeline.volume;
   SteppingOptions& stepping = raw.pipeline.stepping;
+  add_choice(app, "--method", volume.method,
+             {{"rbf", MorphMethod::Rbf},
+              {"femwarp", MorphMethod::Femwarp},
+              {"lbwarp", MorphMethod::Lbwarp},
+              {"simplex-linear", MorphMethod::SimplexLinear}},
+             "how the volume nodes follow the surface (default: rbf)")
+      ->group(group);
   add_choice(app, "--kernel", raw.kernel,
              {{"triharmonic", KernelName::Triharmonic},
               {"biharmonic", KernelName::Biharmonic},
@@ -164,6 +181,7 @@ CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map) {
 
 PipelineOptions resolve(const MorphOptions& options) {
   PipelineOptions result = options.pipeline;
+  check_method(options);
   if (!options.mesh_unit.empty())
     result.surface.association.mesh_unit_mm = parse_unit(options.mesh_unit);
   result.stepping.steps = parse_steps(options.steps);
@@ -174,6 +192,7 @@ PipelineOptions resolve(const MorphOptions& options) {
 
 bool is_dense(const PipelineOptions& options) {
   const VolumeMorphOptions& volume = options.volume;
+  if (volume.method != MorphMethod::Rbf) return false;
   const bool is_triharmonic =
       volume.kernel.order == 3 && volume.kernel.kind == KernelKind::Polyharmonic;
   return volume.rbf.solver != SolverKind::Fast &&

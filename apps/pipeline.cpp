@@ -144,6 +144,7 @@ struct MorphJob::Impl {
     report.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
     report.before.max_distance = association.max_distance;
     report.before.mean_distance = association.mean_distance;
+    report.method = options.volume.method;
     report.kernel = options.volume.kernel;
     report.threads = thread_count();
     report.blas_kernel = blas_info().kernel;

@@ -87,6 +87,7 @@ struct PipelineReport {
   Similarity alignment;          ///< base to variant
   MeshFigures before, after;
   double max_displacement = 0;  ///< millimetres
+  MorphMethod method = MorphMethod::Rbf;
   Kernel kernel;
   RbfReport solver;
   SteppingReport stepping;

@@ -79,13 +79,17 @@ std::string before_after_table(const PipelineReport& report) {
 
 std::string solver_line(const PipelineReport& report) {
   const RbfReport& solver = report.solver;
+  const int steps = report.stepping.steps;
+  const std::string steps_text = format("; %d step%s", steps, steps == 1 ? "" : "s");
+  if (report.method != MorphMethod::Rbf)
+    return to_string(report.method) + ", " + with_commas(solver.centres) + " surface nodes" +
+           steps_text;
   std::string text = to_string(report.kernel) + ", " + with_commas(solver.centres) + " centres, " +
                      to_string(solver.solver);
   if (!solver.reason.empty()) text += " (" + solver.reason + ")";
   if (solver.reciprocal_condition > 0) text += format(", rcond %.1e", solver.reciprocal_condition);
   if (solver.iterations > 0) text += format(", %d iterations", solver.iterations);
-  const int steps = report.stepping.steps;
-  return text + format("; %d step%s", steps, steps == 1 ? "" : "s");
+  return text + steps_text;
 }
 
 std::string attempts_line(const SteppingReport& stepping) {

@@ -1,10 +1,12 @@
 #include "volume/volume_morph.h"
 
 #include <algorithm>
+#include <chrono>
 #include <optional>
 #include <utility>
 
 #include "core/errors.h"
+#include "volume/baselines/baseline.h"
 #include "volume/components.h"
 #include "core/edge_lengths.h"
 
@@ -36,6 +38,10 @@ Eigen::VectorXd local_lengths(const RbfOptions& options, const Mesh& mesh,
   Eigen::VectorXd result(surface_nodes.size());
   for (std::size_t i = 0; i < surface_nodes.size(); ++i) result[i] = lengths[surface_nodes[i]];
   return result;
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 // One component with its system.
@@ -102,8 +108,43 @@ struct VolumeMorph::Impl {
   std::vector<Index> surface_nodes;
   VolumeMorphOptions options;
   std::vector<Part> parts;
+  std::unique_ptr<Baseline> baseline;  // in place of the parts when the method is not RBF
   RbfReport report;
+
+  void set_up_rbf(const Mesh& mesh);
+  void set_up_baseline(const Mesh& mesh);
+  Points morph_by_baseline(const Points& surface_positions, RbfReport* figures) const;
 };
+
+void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
+  const Eigen::VectorXd lengths = local_lengths(options.rbf, mesh, surface_nodes);
+  std::vector<RbfReport> reports;
+  for (Component& component : split_components(mesh, surface_nodes)) {
+    parts.push_back(make_part(std::move(component), mesh, surface_nodes, lengths, options));
+    if (parts.back().system) reports.push_back(parts.back().system->report());
+  }
+  report = combine(reports);
+}
+
+void VolumeMorph::Impl::set_up_baseline(const Mesh& mesh) {
+  const auto start = std::chrono::steady_clock::now();
+  baseline = make_baseline(options.method, mesh, surface_nodes);
+  report.centres = static_cast<Index>(surface_nodes.size());
+  report.seconds = seconds_since(start);
+}
+
+Points VolumeMorph::Impl::morph_by_baseline(const Points& surface_positions,
+                                            RbfReport* figures) const {
+  const auto start = std::chrono::steady_clock::now();
+  Points result = base + baseline->displacements(surface_positions - rows_of(base, surface_nodes));
+  for (std::size_t i = 0; i < surface_nodes.size(); ++i)
+    result.row(surface_nodes[i]) = surface_positions.row(i);
+  if (figures) {
+    *figures = report;
+    figures->seconds += seconds_since(start);
+  }
+  return result;
+}
 
 VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
                          VolumeMorphOptions options) {
@@ -111,20 +152,18 @@ VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
   check_nodes(mesh.node_count(), surface_nodes);
   auto impl = std::make_shared<Impl>();
   impl->base = mesh.points;
-  const Eigen::VectorXd lengths = local_lengths(options.rbf, mesh, surface_nodes);
-  std::vector<RbfReport> reports;
-  for (Component& component : split_components(mesh, surface_nodes)) {
-    impl->parts.push_back(make_part(std::move(component), mesh, surface_nodes, lengths, options));
-    if (impl->parts.back().system) reports.push_back(impl->parts.back().system->report());
-  }
-  impl->report = combine(reports);
   impl->surface_nodes = std::move(surface_nodes);
   impl->options = std::move(options);
+  if (impl->options.method == MorphMethod::Rbf)
+    impl->set_up_rbf(mesh);
+  else
+    impl->set_up_baseline(mesh);
   impl_ = std::move(impl);
 }
 
 Points VolumeMorph::morph(const Points& surface_positions, RbfReport* report) const {
   check_positions(surface_positions, impl_->surface_nodes);
+  if (impl_->baseline) return impl_->morph_by_baseline(surface_positions, report);
   Points result = impl_->base;
   std::vector<RbfReport> reports;
   for (const Part& part : impl_->parts) {

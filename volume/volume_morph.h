@@ -2,28 +2,31 @@
 
 #include "core/mesh.h"
 #include "core/rbf/rbf_system.h"
+#include "volume/morph_method.h"
 
 namespace cadmorph {
 
 struct VolumeMorphOptions {
-  Kernel kernel = Kernel::triharmonic_3d();
+  MorphMethod method = MorphMethod::Rbf;
+  Kernel kernel = Kernel::triharmonic_3d();  ///< of the RBF warp
   RbfOptions rbf = {};
 };
 
 /// Moves all nodes of a mesh with prescribed surface positions by an RBF space warp (Sieger et al.
-/// 2013, sect. 3), component by component (split_components). Holds the factorisations, which
-/// depend on the base mesh alone.
+/// 2013, sect. 3), component by component (split_components), or by one of the methods that it is
+/// compared with (volume/baselines). Holds the factorisations, which depend on the base mesh alone.
 class VolumeMorph {
  public:
   /// `surface_nodes`: ids of the m nodes whose positions are prescribed. The local length of each
   /// is its shortest incident mesh edge. Where every node is prescribed (shell meshes) no system is
   /// set up. Throws InvalidInputError on an empty set, an id out of range or one named twice, and
-  /// what RbfSystem throws.
+  /// what RbfSystem or make_baseline throws.
   VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes, VolumeMorphOptions options = {});
 
   /// Returns the positions of all nodes (N x 3); surface nodes exactly at `surface_positions` (m x
   /// 3). Throws InvalidInputError on a wrong size or a position that is not finite, and what
-  /// RbfSystem::solve throws. `report`, if given, takes the figures of this solve.
+  /// RbfSystem::solve throws. `report`, if given, takes the figures of this solve; of a method
+  /// other than RBF the number of surface nodes and the seconds alone.
   Points morph(const Points& surface_positions, RbfReport* report = nullptr) const;
 
   const RbfReport& report() const;

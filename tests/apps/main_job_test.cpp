@@ -67,6 +67,25 @@ TEST_CASE("Quiet prints nothing, and JSON on stdout is all there is", "[apps][ma
   CHECK(report["seconds"]["total"].get<double>() == Approx(sum));
 }
 
+TEST_CASE("The methods that the RBF warp is compared with do the main job too", "[apps][main]") {
+  const Workplace place;
+  for (const auto& [option, name] :
+       {std::pair("femwarp", "FEMWARP"), std::pair("lbwarp", "LBWARP")}) {
+    const RunResult result = place.run("box.step box_moved.step box.vtu -o out.vtu --method " +
+                                       std::string(option) + " --json out.json");
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    CHECK_THAT(result.out, Catch::Matchers::Contains(name));
+    CHECK(Json::parse(place.read("out.json"))["method"] == name);
+    const MeshFile file(place.folder() / "out.vtu");
+    CHECK(distance_to_stretched(file.mesh().points) < 3e-8);
+  }
+  CHECK(
+      place.run("box.step box_moved.step box.vtu --method femwarp --kernel biharmonic").exit_code ==
+      1);
+  CHECK(place.run("box.step box_moved.step box.vtu --method lbwarp --solver lu").exit_code == 1);
+}
+
 TEST_CASE("A report goes to a file beside the summary", "[apps][main]") {
   const Workplace place;
   const RunResult result = place.run("box.step box_moved.step box.vtu --json report.json");

@@ -39,6 +39,9 @@ forbid("vtk[A-Za-z]+\\.h" "VTK belongs in the mesh file and the picture"
     core/vtk/writer.h core/vtk/writer.cpp apps/picture.cpp)
 forbid("nanoflann" "nanoflann belongs in the kd-tree" FOLDERS core cad surface volume apps
   EXCEPT core/kd_tree.cpp)
+forbid("CGAL/" "CGAL belongs in the simplex-linear method"
+  FOLDERS core cad surface volume apps
+  EXCEPT volume/baselines/simplex_linear.cpp)
 forbid("(lapacke?|cblas)" "LAPACK belongs in the dense solvers" FOLDERS core cad surface volume apps
   EXCEPT core/rbf/dense_solver.cpp)
 
