@@ -94,6 +94,16 @@ Json to_json(const Diagnosis& diagnosis) {
           {"advice", diagnosis.advice}};
 }
 
+Json to_json(const LegReport& leg) {
+  Json json = {{"cad", to_json(leg.cad)},
+               {"matched_by", leg.matched_by},
+               {"after", to_json(leg.after, leg.cad.diagonal)},
+               {"stepping", to_json(leg.stepping)}};
+  if (leg.untangling) json["untangling"] = to_json(*leg.untangling);
+  json["seconds"] = number(leg.seconds);
+  return json;
+}
+
 Json to_json(const std::vector<PhaseTime>& phases) {
   Json result = Json::object();
   for (const PhaseTime& phase : phases) result[phase.name] = phase.seconds;
@@ -159,6 +169,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
                          {"min_before", number(report.improving->min_before)},
                          {"min_after", number(report.improving->min_after)}};
   if (report.diagnosis) json["diagnosis"] = to_json(*report.diagnosis);
+  for (const LegReport& leg : report.legs) json["legs"].push_back(to_json(leg));
   json["warnings"] = report.warnings;
   json["seconds"] = to_json(report.phases);
   json["seconds"]["total"] = report.seconds;

@@ -33,6 +33,10 @@ void add_options(CLI::App& app, MorphCommand& command) {
   app.add_option("MESH", command.files.mesh, "mesh of BASE, .vtu or .vtk");
   app.add_option("-o,--output", command.output, "morphed mesh (default: <stem>.morphed.<ext>)")
       ->type_name("OUT");
+  app.add_option("--via", command.files.via,
+                 "CAD model between BASE and VARIANT to morph through; may be repeated")
+      ->type_name("STEP")
+      ->allow_extra_args(false);
   add_json_option(app, command.json);
   app.add_flag("--diagnostics", command.files.has_diagnostics,
                "add displacement, CAD entity, (u,v) and scaled Jacobian to the output");
@@ -53,7 +57,7 @@ void check_inputs(const MorphFiles& files) {
 
 void check_outputs(const MorphFiles& files, const std::string& json) {
   std::error_code ignored;
-  for (const fs::path& input : {files.base_cad, files.variant_cad, files.mesh})
+  for (const fs::path& input : files.inputs())
     for (const fs::path& output : {files.output, fs::path(json)})
       if (output == input || fs::equivalent(output, input, ignored))
         throw UsageError("the output " + output.string() +
@@ -79,8 +83,7 @@ void complain(const PipelineReport& report, const PipelineOptions& options) {
 
 ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   set_thread_count(command.threads);
-  check_json_output(command.json,
-                    {command.files.base_cad, command.files.variant_cad, command.files.mesh});
+  check_json_output(command.json, command.files.inputs());
   ProgressBar bar(!command.is_quiet);
   options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
   const PipelineReport report = morph_files(command.files, options);
@@ -100,6 +103,8 @@ void prepare(MorphCommand& command, Action& action) {
   files.output = command.output.empty() ? default_output(files.mesh) : fs::path(command.output);
   check_outputs(files, command.json);
   action.json = command.json;
+  if (!files.via.empty() && !command.options.face_map.empty())
+    throw UsageError("--map names faces of two CAD models and can't be used with --via");
   const PipelineOptions options = resolve(command.options);
   action.needs_fast_blas = is_dense(options);
   action.run = [command, options] { return run_morph(command, options); };

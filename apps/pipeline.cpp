@@ -1,13 +1,8 @@
 #include "apps/pipeline.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
-#include <future>
-#include <numeric>
 #include <sstream>
 
-#include "cad/step_reader.h"
 #include "core/blas.h"
 #include "core/parallel.h"
 
@@ -15,12 +10,6 @@ namespace cadmorph {
 namespace {
 
 namespace fs = std::filesystem;
-
-double peak_memory() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return 1024.0 * static_cast<double>(usage.ru_maxrss);
-}
 
 CadFigures figures_of(const CadModel& cad) {
   return {.file = cad.file_name(),
@@ -93,10 +82,11 @@ auto about_file(const fs::path& file, Call&& call) {
 
 struct MorphJob::Impl {
   Impl(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<const MeshFile> file,
-       PipelineOptions job_options)
+       PipelineOptions job_options, Points start)
       : options(with_progress_everywhere(std::move(job_options))),
         base(std::move(base_cad)),
         mesh_file(std::move(file)) {
+    if (start.size() > 0) set_start(std::move(start));
     PhaseClock clock(options.progress);
     clock.start("boundary");
     boundary = about_file(mesh_file->path(), [&] { return extract_boundary(mesh()); });
@@ -110,7 +100,15 @@ struct MorphJob::Impl {
     report.phases = clock.phases();
   }
 
-  const Mesh& mesh() const { return mesh_file->mesh(); }
+  const Mesh& mesh() const { return moved ? *moved : mesh_file->mesh(); }
+
+  void set_start(Points start) {
+    if (start.rows() != mesh_file->mesh().node_count())
+      throw InvalidInputError("a morph needs a start for each of the mesh's " +
+                              std::to_string(mesh_file->mesh().node_count()) + " nodes");
+    moved = mesh_file->mesh();
+    moved->points = std::move(start);
+  }
 
   void set_up_volume() {
     rows = prescribed_rows(surface->association());
@@ -283,14 +281,17 @@ struct MorphJob::Impl {
       lines.push_back("let the number of steps grow: --steps auto");
     const double share = figures.diagnosis->first_inversion;
     if (share > 0 && share < 1)
-      lines.push_back("morph to a smaller change (below " + percent(share) +
-                      " of this one), or remesh there with more elements across the moved gap");
+      lines.push_back(
+          "morph to a smaller change (below " + percent(share) +
+          " of this one), go there by CAD models between (--via), or remesh there with more "
+          "elements across the moved gap");
     return lines;
   }
 
   PipelineOptions options;
   std::shared_ptr<const CadModel> base;
   std::shared_ptr<const MeshFile> mesh_file;
+  std::optional<Mesh> moved;  ///< the file's mesh where the job starts elsewhere
   Boundary boundary;
   Orientation orientation;
   CellNeighbours neighbours;
@@ -303,8 +304,9 @@ struct MorphJob::Impl {
 };
 
 MorphJob::MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const MeshFile> mesh,
-                   PipelineOptions options)
-    : impl_(std::make_unique<Impl>(std::move(base), std::move(mesh), std::move(options))) {}
+                   PipelineOptions options, Points start)
+    : impl_(std::make_unique<Impl>(std::move(base), std::move(mesh), std::move(options),
+                                   std::move(start))) {}
 
 MorphJob::~MorphJob() = default;
 MorphJob::MorphJob(MorphJob&&) noexcept = default;
@@ -353,7 +355,8 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
 
 namespace {
 
-void add_diagnostics(const MorphJob& job, const MorphResult& result, ExtraArrays& extra) {
+void add_diagnostics(const MorphJob& job, const Points& original, const MorphResult& result,
+                     ExtraArrays& extra) {
   const Mesh& mesh = job.mesh();
   const Association& association = job.association();
   const auto& nodes = job.boundary().nodes;
@@ -371,7 +374,7 @@ void add_diagnostics(const MorphJob& job, const MorphResult& result, ExtraArrays
     jacobians(c, 0) = std::isnan(result.quality.values[c])
                           ? scaled_jacobian(mesh, result.positions, c)
                           : result.quality.values[c];
-  extra.point_arrays["cadmorph_displacement"] = result.positions - mesh.points;
+  extra.point_arrays["cadmorph_displacement"] = result.positions - original;
   extra.point_integers["cadmorph_cad_dimension"] = std::move(dimensions);
   extra.point_integers["cadmorph_cad_entity"] = std::move(entities);
   extra.point_arrays["cadmorph_uv"] = std::move(uv);
@@ -383,7 +386,7 @@ void add_diagnostics(const MorphJob& job, const MorphResult& result, ExtraArrays
 fs::path MorphJob::write(const MorphResult& result, const fs::path& output,
                          bool has_diagnostics) const {
   ExtraArrays extra;
-  if (has_diagnostics) add_diagnostics(*this, result, extra);
+  if (has_diagnostics) add_diagnostics(*this, impl_->mesh_file->mesh().points, result, extra);
   fs::path path = output;
   if (result.report.outcome != Outcome::Done) {
     path = failed_path(output);
@@ -397,37 +400,6 @@ fs::path MorphJob::write(const MorphResult& result, const fs::path& output,
     throw OutputError(error.what());
   }
   return path;
-}
-
-PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& options) {
-  check_output(files.output, {files.base_cad, files.variant_cad, files.mesh});
-  PhaseClock clock(options.progress);
-  clock.start("reading");
-  check_step_file(files.variant_cad);
-  // STEP is read by one thread at a time; the mesh is read beside the base, the variant while the
-  // base side is set up.
-  auto mesh_to_come =
-      std::async(std::launch::async, [&] { return std::make_shared<const MeshFile>(files.mesh); });
-  const auto base = std::make_shared<const CadModel>(read_step(files.base_cad));
-  auto variant_to_come =
-      std::async(std::launch::async, [&] { return read_step(files.variant_cad); });
-  const auto mesh = mesh_to_come.get();
-  std::vector<PhaseTime> phases = clock.phases();
-
-  const MorphJob job(base, mesh, options);
-  const MorphResult result = job.morph(variant_to_come.get());
-  PipelineReport report = result.report;
-  PhaseClock writing(options.progress);
-  writing.start("writing");
-  report.written = job.write(result, files.output, files.has_diagnostics);
-
-  phases.insert(phases.end(), report.phases.begin(), report.phases.end());
-  phases.push_back(writing.phases().front());
-  report.phases = std::move(phases);
-  report.seconds = std::accumulate(report.phases.begin(), report.phases.end(), 0.0,
-                                   [](double sum, const PhaseTime& p) { return sum + p.seconds; });
-  report.peak_memory = peak_memory();
-  return report;
 }
 
 }  // namespace cadmorph

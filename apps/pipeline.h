@@ -73,7 +73,18 @@ struct ImproveReport {
 
 enum class Outcome { Done, Inverted, PoorQuality };
 
-/// All figures of one trip.
+/// One morph of a series, onto one CAD model, from the mesh of the morph before.
+struct LegReport {
+  CadFigures cad;          ///< the model it leads to
+  std::string matched_by;  ///< see TopologyMatch::how
+  MeshFigures after;
+  SteppingReport stepping;
+  std::optional<UntangleReport> untangling;
+  double seconds = 0;
+};
+
+/// All figures of one trip. For a series of morphs: those of the whole where they are of the input
+/// or the output, those of the last morph where they tell how it went.
 struct PipelineReport {
   Outcome outcome = Outcome::Done;
   CadFigures base_cad, variant_cad;
@@ -94,6 +105,7 @@ struct PipelineReport {
   std::optional<UntangleReport> untangling;
   std::optional<ImproveReport> improving;
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
+  std::vector<LegReport> legs;         ///< all of a series of morphs; else empty
   std::vector<std::string> warnings;
   std::vector<PhaseTime> phases;
   double seconds = 0;      ///< sum of the phases
@@ -116,9 +128,11 @@ struct MorphResult {
 class MorphJob {
  public:
   /// Extracts the surface of `mesh`, associates it with the base CAD, measures the mesh and sets up
-  /// the volume warp. Throws what extract_boundary, SurfaceMorph and VolumeMorph throw.
+  /// the volume warp. `start`, if not empty, are the node positions (N x 3) on the base CAD, in
+  /// place of the file's: the result of an earlier morph. Throws InvalidInputError on a wrong size
+  /// of it, and what extract_boundary, SurfaceMorph and VolumeMorph throw.
   MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const MeshFile> mesh,
-           PipelineOptions options = {});
+           PipelineOptions options = {}, Points start = {});
   ~MorphJob();
   MorphJob(MorphJob&&) noexcept;
 
@@ -130,11 +144,13 @@ class MorphJob {
   /// Writes a result: to `output` when it is good, else, with the inverted cells marked in the cell
   /// array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the arrays
   /// cadmorph_displacement, _cad_dimension (0 vertex, 1 edge, 2 face, 3 interior, -1 on no CAD
-  /// entity), _cad_entity (1-based as in `cadmorph match`; 0: none), _uv and _scaled_jacobian.
+  /// entity), _cad_entity (1-based as in `cadmorph match`; 0: none), _uv and _scaled_jacobian; the
+  /// displacement from the file's positions, the entities of this job's base CAD.
   /// Returns the path written. Throws OutputError.
   std::filesystem::path write(const MorphResult& result, const std::filesystem::path& output,
                               bool has_diagnostics = false) const;
 
+  /// The mesh at the positions the job starts from.
   const Mesh& mesh() const;
   const Boundary& boundary() const;
   const Association& association() const;
@@ -147,10 +163,17 @@ class MorphJob {
 struct MorphFiles {
   std::filesystem::path base_cad, variant_cad, mesh, output;
   bool has_diagnostics = false;
+  std::vector<std::filesystem::path> via = {};  ///< CAD models on the way, in order
+
+  /// All that is read.
+  std::vector<std::filesystem::path> inputs() const;
 };
 
-/// The whole trip: reads the two STEP files and the mesh, morphs, writes. Throws IoError, CadError
-/// or InvalidInputError for an input, OutputError for the output, and what MorphJob throws.
+/// The whole trip: reads the STEP files and the mesh, morphs, writes. With CAD models on the way:
+/// morphs from each to the next, the mesh associated anew with the model it has reached, its unit
+/// kept; a leg that leaves inverted elements ends the trip and is refused; quality asked for is
+/// asked of the last alone. Throws IoError, CadError or InvalidInputError for an input (a face map
+/// has no meaning in a series), OutputError for the output, and what MorphJob throws.
 PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& options = {});
 
 }  // namespace cadmorph

@@ -130,6 +130,14 @@ std::string improve_line(const ImproveReport& report) {
                 with_commas(report.poor_before).c_str(), report.min_before, report.min_after);
 }
 
+std::string leg_text(const LegReport& leg) {
+  const int steps = leg.stepping.steps;
+  return leg.cad.file.filename().string() +
+         format(": %d step%s, smallest scaled Jacobian %.4f, %s invalid, %.2f s", steps,
+                steps == 1 ? "" : "s", leg.after.min_scaled_jacobian,
+                with_commas(leg.after.invalid).c_str(), leg.seconds);
+}
+
 }  // namespace
 
 std::string to_string(const Kernel& kernel) {
@@ -191,6 +199,8 @@ std::string summary_text(const PipelineReport& report) {
     text += labelled("Steps tried", attempts_line(report.stepping) + " inverted");
   if (report.improving) text += labelled("Improving", improve_line(*report.improving));
   if (report.untangling) text += labelled("Untangling", untangle_line(*report.untangling));
+  for (std::size_t i = 0; i < report.legs.size(); ++i)
+    text += labelled(format("Leg %zu", i + 1), leg_text(report.legs[i]));
   text += labelled("Largest move", millimetres(report.max_displacement));
   text.append("\n").append(before_after_table(report)).append("\n");
   text += labelled("Time", time_line(report));
