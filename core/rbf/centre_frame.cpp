@@ -82,4 +82,11 @@ Eigen::MatrixXd CentreFrame::polynomials(
   return result;
 }
 
+Eigen::MatrixXd CentreFrame::linear(const Eigen::MatrixXd& coefficients) const {
+  Eigen::MatrixXd result(dimension() + 1, coefficients.cols());
+  result.row(0) = coefficients.row(0);
+  result.bottomRows(dimension()) = slopes_ * coefficients.bottomRows(terms() - 1);
+  return result;
+}
+
 }  // namespace cadmorph

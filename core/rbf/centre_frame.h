@@ -31,6 +31,11 @@ class CentreFrame {
   /// Returns the polynomials at unit coordinates: rows x terms().
   Eigen::MatrixXd polynomials(const Eigen::Ref<const Eigen::MatrixXd>& unit_points) const;
 
+  /// Returns the linear function of polynomials(x) * coefficients as constant and slopes by the
+  /// coordinates x: (D + 1) x M.
+  Eigen::MatrixXd linear(const Eigen::MatrixXd& coefficients) const;
+
+  const Eigen::RowVectorXd& centre() const { return centre_; }
   Index dimension() const { return centre_.size(); }
   int terms() const { return static_cast<int>(slopes_.cols()) + 1; }
 

@@ -235,6 +235,28 @@ MatrixXd FastSolver::Impl::solve_weights(const MatrixXd& values, const VectorXd&
 
 namespace {
 
+// The source side of the evaluator's trees.
+SourceTree source_tree(const H2Matrix& h2, const H2Matrix::Sources& sources) {
+  SourceTree tree;
+  tree.separation = EvaluatorOptions{}.separation;
+  tree.skeleton_points = h2.skeleton_points();
+  tree.skeleton_weights = sources.skeletons;
+  for (std::size_t i = 0; i < h2.tree().nodes.size(); ++i) {
+    const Octree::Node& node = h2.tree().nodes[i];
+    const int id = static_cast<int>(i);
+    const Index first = h2.skeleton_begin(id);
+    tree.nodes.push_back({.centre = node.centre,
+                          .radius = node.radius,
+                          .first_child = node.first_child,
+                          .child_count = node.child_count,
+                          .begin = node.begin,
+                          .end = node.end,
+                          .skeleton_begin = first,
+                          .skeleton_end = first + h2.rank(id)});
+  }
+  return tree;
+}
+
 // Direct sums for few targets; else the trees.
 class FastField final : public UnitField {
  public:
@@ -262,7 +284,22 @@ class FastField final : public UnitField {
     return result;
   }
 
+  void describe(FieldTerms& terms) const override {
+    terms.centres = h2_ ? h2_->tree().points : points_;
+    terms.weights = h2_ ? sources_.weights : weights_;
+    terms.linear += frame_in_frame(frame_.linear(coefficients_));
+    if (h2_) terms.tree = source_tree(*h2_, sources_);
+    terms.correction = correction_.levels();
+  }
+
  private:
+  // The frame's coordinates are (x - centre) / unit of those of the points.
+  MatrixXd frame_in_frame(MatrixXd linear) const {
+    linear.bottomRows(3) /= frame_.unit();
+    linear.row(0) -= frame_.centre() * linear.bottomRows(3);
+    return linear;
+  }
+
   std::shared_ptr<const void> owner_;  // of what the references below refer to
   const KernelSum& sum_;
   const MatrixXd& points_;

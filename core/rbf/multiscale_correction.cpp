@@ -121,21 +121,34 @@ MultiscaleCorrection::MultiscaleCorrection(const Points& points,
     if (!solved.has_converged())
       throw SolverError("the surface correction did not converge at spacing " +
                         std::to_string(spacing) + " of the model's radius");
-    levels_.push_back({support, std::move(tree), solved.weights});
+    levels_.push_back({{support, centres, solved.weights}, std::move(tree)});
     residual -= evaluate(levels_.back(), points);
   }
   remainder_ = relative_residual(residual, allowed);
 }
 
+MultiscaleCorrection::MultiscaleCorrection(std::vector<CorrectionLevel> levels) {
+  for (CorrectionLevel& level : levels) {
+    KdTree tree(level.points);
+    levels_.push_back({std::move(level), std::move(tree)});
+  }
+}
+
+std::vector<CorrectionLevel> MultiscaleCorrection::levels() const {
+  std::vector<CorrectionLevel> result;
+  for (const Level& level : levels_) result.push_back(level.terms);
+  return result;
+}
+
 MatrixXd MultiscaleCorrection::evaluate(const Level& level,
                                         const Eigen::Ref<const MatrixXd>& targets) {
-  MatrixXd result = MatrixXd::Zero(targets.rows(), level.coefficients.cols());
+  MatrixXd result = MatrixXd::Zero(targets.rows(), level.terms.coefficients.cols());
   parallel_for(targets.rows(), 512, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const Eigen::RowVector3d x = targets.row(i);
-      for (const Neighbour& near : level.tree.within(x.data(), level.support))
-        result.row(i) += wendland_c2(std::sqrt(near.squared_distance) / level.support) *
-                         level.coefficients.row(near.index);
+      for (const Neighbour& near : level.tree.within(x.data(), level.terms.support))
+        result.row(i) += wendland_c2(std::sqrt(near.squared_distance) / level.terms.support) *
+                         level.terms.coefficients.row(near.index);
     }
   });
   return result;

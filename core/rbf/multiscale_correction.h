@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/kd_tree.h"
+#include "core/rbf/field_terms.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -16,6 +17,9 @@ class MultiscaleCorrection {
   /// No correction.
   MultiscaleCorrection() = default;
 
+  /// The correction with these levels.
+  explicit MultiscaleCorrection(std::vector<CorrectionLevel> levels);
+
   /// Interpolates `residual` (N x M) at points in farthest-point order, within `allowed` (N). The
   /// first level has the points separated by `spacing`; supports are four times the spacing of a
   /// level. Throws SolverError when a level does not converge.
@@ -25,6 +29,8 @@ class MultiscaleCorrection {
   /// Returns the correction at T x 3 targets, T x M (zero columns when there is none).
   Eigen::MatrixXd evaluate(const Eigen::Ref<const Eigen::MatrixXd>& targets) const;
 
+  std::vector<CorrectionLevel> levels() const;
+
   bool is_empty() const { return levels_.empty(); }
 
   /// Largest remainder at a point, in units of `allowed`.
@@ -32,9 +38,8 @@ class MultiscaleCorrection {
 
  private:
   struct Level {
-    double support;
+    CorrectionLevel terms;
     KdTree tree;
-    RowMatrix coefficients;
   };
   static Eigen::MatrixXd evaluate(const Level& level,
                                   const Eigen::Ref<const Eigen::MatrixXd>& targets);

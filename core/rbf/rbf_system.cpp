@@ -149,6 +149,12 @@ class DenseField final : public UnitField {
            frame_.polynomials(targets) * solution_.coefficients;
   }
 
+  void describe(FieldTerms& terms) const override {
+    terms.centres = *centres_;
+    terms.weights = solution_.weights;
+    terms.linear += frame_.linear(solution_.coefficients);
+  }
+
  private:
   KernelSum sum_;
   std::shared_ptr<const MatrixXd> centres_;
@@ -162,6 +168,7 @@ struct RbfField::Impl {
   CentreFrame frame;
   MatrixXd fit;  // coefficients of the linear fit
   std::shared_ptr<const UnitField> rest;
+  Kernel kernel;
   RbfReport report;
 };
 
@@ -363,7 +370,7 @@ RbfField RbfSystem::solve(const RowMatrix& values) const {
 
   RbfField field;
   field.impl_ = std::make_shared<const RbfField::Impl>(
-      RbfField::Impl{s.frame, fit, std::move(rest), std::move(report)});
+      RbfField::Impl{s.frame, fit, std::move(rest), s.kernel, std::move(report)});
   return field;
 }
 
@@ -378,6 +385,21 @@ RowMatrix RbfField::evaluate(const RowMatrix& targets) const {
   MatrixXd values = impl_->rest->evaluate(x);
   values += frame.polynomials(x) * impl_->fit;
   return values;
+}
+
+FieldTerms RbfField::terms() const {
+  const CentreFrame& frame = impl_->frame;
+  if (frame.dimension() != 3 || log_scale(impl_->kernel, 2) != 0)
+    throw InvalidInputError(
+        "RBF field: terms are given for fields in space and kernels without a "
+        "logarithm");
+  FieldTerms terms;
+  terms.origin = frame.centre();
+  terms.unit = frame.unit();
+  terms.kernel = in_units(impl_->kernel, frame.unit());
+  terms.linear = frame.linear(impl_->fit);
+  impl_->rest->describe(terms);
+  return terms;
 }
 
 const RbfReport& RbfField::report() const { return impl_->report; }

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/progress.h"
+#include "core/rbf/field_terms.h"
 #include "core/rbf/kernel.h"
 #include "core/types.h"
 
@@ -43,6 +44,10 @@ class RbfField {
   /// Evaluates at T x D targets; returns T x M. Vectorised for the processor at run time, parallel,
   /// the same result for any number of threads.
   RowMatrix evaluate(const RowMatrix& targets) const;
+
+  /// What the field is made of, to evaluate it elsewhere (see PointwiseField). Throws
+  /// InvalidInputError outside three dimensions and for kernels with a logarithm.
+  FieldTerms terms() const;
 
   const RbfReport& report() const;
 
