@@ -15,4 +15,4 @@ target_link_libraries(cadmorph-picture PRIVATE
 vtk_module_autoinit(TARGETS cadmorph-picture
   MODULES VTK::RenderingFreeType VTK::RenderingOpenGL2)
 cadmorph_warnings(cadmorph-picture)
-install(TARGETS cadmorph-picture)
+install(TARGETS cadmorph-picture COMPONENT cadmorph)

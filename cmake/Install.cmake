@@ -21,3 +21,11 @@ install(
   FILES ${PROJECT_BINARY_DIR}/cadmorphConfig.cmake
     ${PROJECT_BINARY_DIR}/cadmorphConfigVersion.cmake
   DESTINATION ${config_dir})
+
+# The pages, and the model that they show the commands on.
+install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}
+  COMPONENT cadmorph)
+install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT cadmorph)
+install(
+  FILES models/bore/base.step models/bore/step20.step models/bore/hex.vtu models/bore/README.md
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/cadmorph/models/bore COMPONENT cadmorph)

@@ -13,3 +13,5 @@ foreach(page ${pages})
 endforeach()
 add_test(NAME docs.links
   COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/check_links.sh ${PROJECT_SOURCE_DIR})
+add_test(NAME docs.site
+  COMMAND ${PROJECT_SOURCE_DIR}/scripts/docs ${CMAKE_CURRENT_BINARY_DIR}/site)
