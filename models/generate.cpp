@@ -92,13 +92,25 @@ void write_family(const fs::path& out, const Family& family) {
                 gmsh_tolerance);
 }
 
+/// Writes base and variant; the variant has as many entities, read back as well.
+void write_pair(const fs::path& folder, const SmallShape& small) {
+  const fs::path base = folder / (small.name + ".step");
+  const fs::path variant = folder / (small.name + "_variant.step");
+  check_valid(small.base, base.string());
+  check_valid(small.variant, variant.string());
+  write_step(base, small.base, small.name);
+  write_step(variant, small.variant, small.name);
+  const EntityCounts counts = count_entities(read_step(base));
+  if (count_entities(read_step(variant)) != counts)
+    throw TopologyError(variant.string() + " has other entities than its base");
+  std::printf("%s and its variant: %s\n", base.c_str(), counts_text(counts).c_str());
+}
+
 void write_small_shapes(const fs::path& folder) {
   fs::create_directories(folder);
   for (const SmallShape& small : make_small_shapes()) {
-    check_valid(small.shape, small.name);
     const fs::path step = folder / (small.name + ".step");
-    write_step(step, small.shape, small.name);
-    std::printf("%s: %s\n", step.c_str(), counts_text(count_entities(read_step(step))).c_str());
+    write_pair(folder, small);
     const fs::path path = folder / (small.name + ".vtu");
     const Mesh mesh = mesh_with_tets(step, small.tets);
     if (small.tets.far_field_width > 0) {

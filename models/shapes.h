@@ -8,10 +8,10 @@
 
 namespace cadmorph::models {
 
-/// A small part for tests and how coarsely to mesh it.
+/// A small part for tests, the same with other parameters, and how coarsely to mesh the first.
 struct SmallShape {
   std::string name;
-  TopoDS_Shape shape;
+  TopoDS_Shape base, variant;
   TetOptions tets;
 };
 
