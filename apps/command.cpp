@@ -6,6 +6,11 @@
 
 namespace cadmorph {
 
+std::string troubleshooting_line(ExitCode code) {
+  return "cadmorph: more under \"Exit code " + std::to_string(static_cast<int>(code)) +
+         "\" in docs/troubleshooting.md\n";
+}
+
 void print(const std::string& text) {
   if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
     throw OutputError("can't write to the standard output");

@@ -26,6 +26,9 @@ void add_quality_command(CLI::App& app, Action& action);
 void add_match_command(CLI::App& app, Action& action);
 void add_compare_command(CLI::App& app, Action& action);
 
+/// Where the docs say more about an exit code, as a line for stderr.
+std::string troubleshooting_line(ExitCode code);
+
 /// Writes to stdout. Throws OutputError.
 void print(const std::string& text);
 

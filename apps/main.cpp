@@ -43,6 +43,7 @@ constexpr const char* kExamples =
 
 int fail(const std::string& message, ExitCode code, const std::string& json) {
   std::fprintf(stderr, "cadmorph: error: %s\n", message.c_str());
+  if (code != ExitCode::Usage) std::fputs(troubleshooting_line(code).c_str(), stderr);
   const int number = static_cast<int>(code);
   if (json == "-") std::fputs(error_json(message, number).c_str(), stdout);
   return number;

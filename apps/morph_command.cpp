@@ -63,6 +63,7 @@ void check_outputs(const MorphFiles& files, const std::string& json) {
         throw UsageError("the output " + output.string() +
                          " is one of the inputs; name another file");
   if (files.output == json) throw UsageError("the mesh and the report can't both go to " + json);
+  if (files.mesh.extension() != ".vtu" && files.mesh.extension() != ".vtk") return;
   if (files.output.extension() != files.mesh.extension() &&
       (!fs::exists(files.output, ignored) || fs::is_regular_file(files.output, ignored)))
     throw UsageError("the output " + files.output.string() + " must be a " +
@@ -77,8 +78,10 @@ void complain(const PipelineReport& report, const PipelineOptions& options) {
                                               : format(is_one ? " has a scaled Jacobian below %g"
                                                               : " have a scaled Jacobian below %g",
                                                        *options.min_scaled_jacobian);
-  std::fprintf(stderr, "cadmorph: error: %s; the refused mesh is %s (cell array cadmorph_bad)\n%s",
-               what.c_str(), report.written.c_str(), diagnosis_text(diagnosis).c_str());
+  std::fprintf(stderr,
+               "cadmorph: error: %s; the refused mesh is %s (cell array cadmorph_bad)\n%s%s",
+               what.c_str(), report.written.c_str(), diagnosis_text(diagnosis).c_str(),
+               troubleshooting_line(ExitCode::Quality).c_str());
 }
 
 ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {

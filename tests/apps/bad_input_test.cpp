@@ -20,6 +20,13 @@ void check_failure(const Workplace& place, const std::string& arguments, int exi
   CHECK(result.out.empty());
   CHECK(result.err.rfind("cadmorph: error: ", 0) == 0);
   CHECK(line_count(result.err) <= 2);
+  if (exit_code > 1) {
+    const std::string section = "Exit code " + std::to_string(exit_code);
+    CHECK_THAT(result.err,
+               Catch::Matchers::Contains("\"" + section + "\" in docs/troubleshooting"));
+    CHECK_THAT(place.read(source_file("docs/troubleshooting.md")),
+               Catch::Matchers::Contains("## " + section + ":"));
+  }
   for (const std::string& word : words)
     CHECK_THAT(result.err, Catch::Matchers::Contains(word, Catch::CaseSensitive::No));
   CHECK(place.files() == before);
