@@ -1,0 +1,28 @@
+# Makes the Debian packages of BUILD in FOLDER, unpacks the program's, and runs what it holds.
+file(REMOVE_RECURSE ${FOLDER})
+file(MAKE_DIRECTORY ${FOLDER})
+execute_process(COMMAND ${CPACK} --config ${BUILD}/CPackConfig.cmake -B ${FOLDER}
+  WORKING_DIRECTORY ${FOLDER} OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+file(GLOB package ${FOLDER}/cadmorph_*.deb)
+set(root ${FOLDER}/root)
+execute_process(COMMAND dpkg-deb -x ${package} ${root} COMMAND_ERROR_IS_FATAL ANY)
+
+foreach(file bin/cadmorph-picture share/man/man1/cadmorph-compare.1
+    share/bash-completion/completions/cadmorph share/doc/cadmorph/troubleshooting.md)
+  if(NOT EXISTS ${root}/usr/${file})
+    message(FATAL_ERROR "the package lacks ${file}")
+  endif()
+endforeach()
+set(model ${root}/usr/share/cadmorph/models/bore)
+execute_process(
+  COMMAND ${root}/usr/bin/cadmorph ${model}/base.step ${model}/step20.step ${model}/hex.vtu
+    -o ${FOLDER}/bore.vtu --quiet
+  COMMAND_ERROR_IS_FATAL ANY)
+
+# What the program links to must be among the dependencies.
+execute_process(COMMAND dpkg-deb -f ${package} Depends OUTPUT_VARIABLE depends)
+foreach(library libocct-data-exchange libvtk9 libopenblas0 libtbb12)
+  if(NOT depends MATCHES ${library})
+    message(FATAL_ERROR "the package does not depend on ${library}: ${depends}")
+  endif()
+endforeach()
