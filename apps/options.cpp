@@ -39,7 +39,8 @@ int parse_steps(const std::string& text) {
 
 Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
   const bool has_shape = name == KernelName::Gaussian || name == KernelName::Multiquadric ||
-                         name == KernelName::InverseMultiquadric;
+                         name == KernelName::InverseMultiquadric ||
+                         name == KernelName::WendlandC2 || name == KernelName::WendlandC4;
   if (has_shape && !shape)
     throw UsageError("this --kernel needs --shape, the inverse of a length in the mesh's unit");
   if (!has_shape && shape) throw UsageError("--shape has no meaning for a polyharmonic --kernel");
@@ -55,6 +56,10 @@ Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
       return {.kind = KernelKind::Multiquadric, .shape = epsilon};
     case KernelName::InverseMultiquadric:
       return {.kind = KernelKind::InverseMultiquadric, .shape = epsilon};
+    case KernelName::WendlandC2:
+      return {.kind = KernelKind::WendlandC2, .shape = epsilon};
+    case KernelName::WendlandC4:
+      return {.kind = KernelKind::WendlandC4, .shape = epsilon};
     default:
       return Kernel::triharmonic_3d();
   }
@@ -87,11 +92,15 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
               {"quadharmonic", KernelName::Quadharmonic},
               {"gaussian", KernelName::Gaussian},
               {"multiquadric", KernelName::Multiquadric},
-              {"inverse-multiquadric", KernelName::InverseMultiquadric}},
+              {"inverse-multiquadric", KernelName::InverseMultiquadric},
+              {"wendland-c2", KernelName::WendlandC2},
+              {"wendland-c4", KernelName::WendlandC4}},
              "radial function of the volume morph (default: triharmonic)")
       ->group(group);
-  app.add_option("--shape", raw.shape,
-                 "epsilon of the Gaussian and the multiquadrics, 1 / mesh unit")
+  app.add_option(
+         "--shape", raw.shape,
+         "epsilon of the Gaussian and the multiquadrics, 1 / support of Wendland's functions; "
+         "1 / mesh unit")
       ->check(CLI::PositiveNumber)
       ->group(group);
   add_choice(app, "--solver", volume.rbf.solver,

@@ -21,6 +21,8 @@ enum class KernelName {
   Gaussian,
   Multiquadric,
   InverseMultiquadric,
+  WendlandC2,
+  WendlandC4,
 };
 
 /// The options of a morph as the command line gives them.

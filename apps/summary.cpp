@@ -148,6 +148,10 @@ std::string to_string(const Kernel& kernel) {
       return "multiquadric";
     case KernelKind::InverseMultiquadric:
       return "inverse multiquadric";
+    case KernelKind::WendlandC2:
+      return "Wendland C2";
+    case KernelKind::WendlandC4:
+      return "Wendland C4";
     case KernelKind::Polyharmonic:
       break;
   }

@@ -13,6 +13,12 @@ double polyharmonic(const Kernel& kernel, double r) {
   return kernel.dimension % 2 == 0 ? power * std::log(r) : power;
 }
 
+double wendland_c2(double t) { return t < 1 ? std::pow(1 - t, 4) * (4 * t + 1) : 0; }
+
+double wendland_c4(double t) {
+  return t < 1 ? std::pow(1 - t, 6) * (35 * t * t + 18 * t + 3) / 3 : 0;
+}
+
 }  // namespace
 
 double Kernel::operator()(double r) const {
@@ -24,6 +30,10 @@ double Kernel::operator()(double r) const {
       return std::sqrt(1 + scaled * scaled);
     case KernelKind::InverseMultiquadric:
       return 1 / std::sqrt(1 + scaled * scaled);
+    case KernelKind::WendlandC2:
+      return wendland_c2(scaled);
+    case KernelKind::WendlandC4:
+      return wendland_c4(scaled);
     case KernelKind::Polyharmonic:
       break;
   }

@@ -21,6 +21,10 @@ simd::Form form_of(const Kernel& kernel, double log_scale) {
       return simd::Form::Multiquadric;
     case KernelKind::InverseMultiquadric:
       return simd::Form::InverseMultiquadric;
+    case KernelKind::WendlandC2:
+      return simd::Form::WendlandC2;
+    case KernelKind::WendlandC4:
+      return simd::Form::WendlandC4;
     case KernelKind::Polyharmonic:
       break;
   }

@@ -16,7 +16,9 @@ enum class Form {
   EvenPowerLog,
   Gaussian,
   Multiquadric,
-  InverseMultiquadric
+  InverseMultiquadric,
+  WendlandC2,
+  WendlandC4
 };
 
 /// out(i, c) += sum_j weights(j, c) phi(|targets(i, :) - sources(j, :)|), all column-major.
@@ -24,7 +26,7 @@ struct SumTask {
   Form form;
   int exponent;      ///< of OddPower and EvenPowerLog
   double log_shift;  ///< EvenPowerLog: r^n (log r + log_shift)
-  double shape;      ///< epsilon of the Gaussian and the multiquadrics
+  double shape;      ///< Kernel::shape
   int dimension;
   int columns;
   const double* targets;

@@ -17,6 +17,9 @@ const Kernel kMultiquadric{KernelKind::Multiquadric, 0, 0, 2.0};
 const Kernel kInverseMultiquadric{KernelKind::InverseMultiquadric, 0, 0, 2.0};
 const Kernel kTriharmonic2D{KernelKind::Polyharmonic, 3, 2};
 
+const Kernel kWendlandC2{KernelKind::WendlandC2, 0, 0, 0.8};
+const Kernel kWendlandC4{KernelKind::WendlandC4, 0, 0, 0.8};
+
 const std::vector<Kernel> kAll = {kGaussian,
                                   kMultiquadric,
                                   kInverseMultiquadric,
@@ -24,7 +27,13 @@ const std::vector<Kernel> kAll = {kGaussian,
                                   Kernel::biharmonic_3d(),
                                   Kernel::triharmonic_3d(),
                                   Kernel::quadharmonic_3d(),
-                                  kTriharmonic2D};
+                                  kTriharmonic2D,
+                                  kWendlandC2,
+                                  kWendlandC4};
+
+bool is_compact(const Kernel& kernel) {
+  return kernel.kind == KernelKind::WendlandC2 || kernel.kind == KernelKind::WendlandC4;
+}
 
 // Polynomials below degree `order` at points, as columns.
 MatrixXd polynomials(const MatrixXd& x, int order) {
@@ -65,11 +74,27 @@ TEST_CASE("kernels are those of Table 1", "[core][rbf]") {
   CHECK(Kernel::biharmonic_2d()(0) == 0);
 }
 
+TEST_CASE("Wendland's functions are the published polynomials", "[core][rbf]") {
+  // Expanded: no term in t (nor t^3 for C4), which is what makes them smooth at the centre.
+  for (const double t : {0.0, 0.1, 0.35, 0.5, 0.99}) {
+    const double c2 =
+        1 - 10 * std::pow(t, 2) + 20 * std::pow(t, 3) - 15 * std::pow(t, 4) + 4 * std::pow(t, 5);
+    const double c4 = 1 - 28.0 / 3 * std::pow(t, 2) + 70 * std::pow(t, 4) -
+                      448.0 / 3 * std::pow(t, 5) + 140 * std::pow(t, 6) - 64 * std::pow(t, 7) +
+                      35.0 / 3 * std::pow(t, 8);
+    CHECK(kWendlandC2(t / 0.8) == Approx(c2).epsilon(1e-9).margin(1e-13));
+    CHECK(kWendlandC4(t / 0.8) == Approx(c4).epsilon(1e-9).margin(1e-13));
+  }
+  CHECK(kWendlandC2(1.251) == 0);
+  CHECK(kWendlandC4(1.251) == 0);
+}
+
 TEST_CASE("sign * kernel is positive definite beside polynomials of its order", "[core][rbf]") {
   srand(3);
   for (const Kernel& kernel : kAll) {
     // Embedded in higher dimensions r^2 log r and r^3 keep their order.
     for (const int dimension : {2, 3, 4}) {
+      if (is_compact(kernel) && dimension > 3) continue;  // positive definite up to R^3 only
       const MatrixXd x = MatrixXd::Random(40, dimension);
       const MatrixXd P = polynomials(x, kernel.cpd_order());
       MatrixXd A(40, 40);

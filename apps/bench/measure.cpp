@@ -1,0 +1,34 @@
+#include "apps/bench/measure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/validity.h"
+
+namespace cadmorph::bench {
+namespace {
+
+constexpr double kWorstShare = 0.05;  // Sieger et al. 2013, Fig. 4
+
+double mean_of_worst(std::vector<double> values) {
+  std::erase_if(values, [](double v) { return std::isnan(v); });
+  if (values.empty()) return 0;
+  const auto count =
+      static_cast<std::ptrdiff_t>(std::ceil(kWorstShare * static_cast<double>(values.size())));
+  std::ranges::nth_element(values, values.begin() + count - 1);
+  return std::accumulate(values.begin(), values.begin() + count, 0.0) / static_cast<double>(count);
+}
+
+}  // namespace
+
+Figures measure(const Series& series, const Points& positions) {
+  const QualityReport quality = measure_quality(series.mesh, positions, series.orientation);
+  return {.min = quality.min,
+          .mean_worst = mean_of_worst(quality.values),
+          .mean = quality.mean,
+          .inverted = quality.inverted,
+          .invalid = check_validity(series.mesh, positions, series.orientation).invalid};
+}
+
+}  // namespace cadmorph::bench

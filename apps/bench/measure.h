@@ -1,0 +1,30 @@
+#pragma once
+
+#include <chrono>
+
+#include "apps/bench/families.h"
+
+namespace cadmorph::bench {
+
+/// How the elements of a morphed mesh are.
+struct Figures {
+  double min = 0;         ///< scaled Jacobian
+  double mean_worst = 0;  ///< mean scaled Jacobian of the worst 5 % of the elements
+  double mean = 0;        ///< of all
+  Index inverted = 0;     ///< elements with a corner Jacobian that is not positive
+  Index invalid = 0;      ///< elements that fail the exact test
+};
+
+Figures measure(const Series& series, const Points& positions);
+
+class Stopwatch {
+ public:
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace cadmorph::bench
