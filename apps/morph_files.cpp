@@ -100,6 +100,10 @@ class Trip {
 
   PipelineReport write() {
     PhaseClock clock(options_.progress);
+    if (files_.on_result) {
+      clock.start("report");
+      files_.on_result(*job_, *base_, result_);
+    }
     clock.start("writing");
     const fs::path written = job_->write(result_, files_.output, files_.has_diagnostics);
     add_phases(phases_, clock.phases());

@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <fstream>
+#include <iterator>
 #include <system_error>
 
 #include "core/temporary_file.h"
@@ -38,6 +40,13 @@ void check_output(const fs::path& output, const std::vector<fs::path>& inputs) {
 
 fs::path failed_path(const fs::path& output) {
   return folder_of(output) / (output.stem().string() + ".failed" + output.extension().string());
+}
+
+std::string read_bytes(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  if (!file) throw IoError("can't read " + path.string());
+  return bytes;
 }
 
 void write_text(const fs::path& path, const std::string& text) {

@@ -23,7 +23,10 @@ void check_output(const std::filesystem::path& output,
 /// `<stem>.failed.<ext>` beside `output`.
 std::filesystem::path failed_path(const std::filesystem::path& output);
 
-/// Writes a small text file whole or not at all: beside, then renamed. Throws OutputError.
+/// Returns the contents of a file. Throws IoError.
+std::string read_bytes(const std::filesystem::path& path);
+
+/// Writes a small file whole or not at all: beside, then renamed. Throws OutputError.
 void write_text(const std::filesystem::path& path, const std::string& text);
 
 }  // namespace cadmorph

@@ -311,9 +311,13 @@ MorphJob::MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const M
 MorphJob::~MorphJob() = default;
 MorphJob::MorphJob(MorphJob&&) noexcept = default;
 
+const CadModel& MorphJob::base() const { return *impl_->base; }
 const Mesh& MorphJob::mesh() const { return impl_->mesh(); }
 const Boundary& MorphJob::boundary() const { return impl_->boundary; }
 const Association& MorphJob::association() const { return impl_->surface->association(); }
+const CellNeighbours& MorphJob::neighbours() const { return impl_->neighbours; }
+const Orientation& MorphJob::orientation() const { return impl_->orientation; }
+const QualityReport& MorphJob::base_quality() const { return impl_->quality; }
 
 MorphResult MorphJob::morph(const CadModel& variant) const {
   const Impl& job = *impl_;
@@ -323,9 +327,10 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
   PipelineReport& report = result.report;
 
   clock.start("matching");
-  const TopologyMatch match = job.match(variant, report);
+  result.match = job.match(variant, report);
   clock.start("surface morph");
-  SurfaceMorphResult surface = job.surface->morph(variant, match);
+  SurfaceMorphResult surface = job.surface->morph(variant, result.match);
+  result.surface_distance = std::move(surface.distance);
   report.after.max_distance = surface.max_distance;
   report.after.mean_distance = surface.mean_distance;
   report.warnings.insert(report.warnings.end(), surface.warnings.begin(), surface.warnings.end());

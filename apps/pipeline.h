@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -120,6 +121,8 @@ struct MorphResult {
   Points positions;  ///< N x 3, in the mesh's unit
   QualityReport quality;
   ValidityReport validity;
+  TopologyMatch match;
+  Eigen::VectorXd surface_distance;  ///< see SurfaceMorphResult::distance
   PipelineReport report;
 };
 
@@ -150,10 +153,14 @@ class MorphJob {
   std::filesystem::path write(const MorphResult& result, const std::filesystem::path& output,
                               bool has_diagnostics = false) const;
 
+  const CadModel& base() const;
   /// The mesh at the positions the job starts from.
   const Mesh& mesh() const;
   const Boundary& boundary() const;
   const Association& association() const;
+  const CellNeighbours& neighbours() const;
+  const Orientation& orientation() const;
+  const QualityReport& base_quality() const;
 
  private:
   struct Impl;
@@ -164,6 +171,10 @@ struct MorphFiles {
   std::filesystem::path base_cad, variant_cad, mesh, output;
   bool has_diagnostics = false;
   std::vector<std::filesystem::path> via = {};  ///< CAD models on the way, in order
+
+  /// Called with the result before it is written: for what shows more than the figures.
+  std::function<void(const MorphJob& job, const CadModel& variant, const MorphResult& result)>
+      on_result = {};
 
   /// All that is read.
   std::vector<std::filesystem::path> inputs() const;

@@ -410,10 +410,11 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   Points moved = placed.feet + placed.offsets;
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
+  result.distance = Eigen::VectorXd::Zero(moved.rows());
   Index matched = 0;
   for (int n = 0; n < static_cast<int>(moved.rows()); ++n) {
     if (self.association.dimension[n] == CadDimension::None) continue;
-    const double d = placed.offsets.row(n).norm();
+    const double d = result.distance[n] = placed.offsets.row(n).norm();
     result.max_distance = std::max(result.max_distance, d);
     result.mean_distance += d;
     ++matched;

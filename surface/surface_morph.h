@@ -31,7 +31,8 @@ struct SurfaceMorphOptions {
 /// The surface of one variant. Rows follow Boundary::nodes.
 struct SurfaceMorphResult {
   Points positions;         ///< new node positions, in the mesh's unit (free nodes: old)
-  double max_distance = 0;  ///< to the matched variant entity, millimetres
+  Eigen::VectorXd distance;  ///< to the matched variant entity, millimetres; 0 where there is none
+  double max_distance = 0;   ///< the largest of them
   double mean_distance = 0;
   std::vector<std::string> warnings;  ///< folded faces, fallbacks, sliding patches: one line each
 };

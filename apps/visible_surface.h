@@ -1,0 +1,24 @@
+#pragma once
+
+#include <vector>
+
+#include "core/quality_checks.h"
+
+namespace cadmorph {
+
+/// A mesh, or a part of it, seen from outside.
+struct VisibleSurface {
+  Mesh mesh;                 ///< shell cells; no regions
+  std::vector<Index> nodes;  ///< ids, ascending, in the mesh it was taken from, of its nodes
+  std::vector<Index> cells;  ///< id of the cell each shell cell belongs to
+};
+
+/// Returns the faces of the shown solid cells (`is_shown`, one a cell) that no other shown cell
+/// covers; in a mesh without solid cells, the shown shell cells. O(cells).
+VisibleSurface visible_surface(const Mesh& mesh, const CellNeighbours& neighbours,
+                               const std::vector<char>& is_shown);
+
+/// 1 for each cell of `mesh` whose centre lies above the middle of its bounding box along `axis`.
+std::vector<char> cells_above_middle(const Mesh& mesh, int axis);
+
+}  // namespace cadmorph
