@@ -4,6 +4,7 @@
 
 #include "apps/command.h"
 #include "apps/json_report.h"
+#include "apps/morph_showing.h"
 #include "apps/options.h"
 #include "apps/progress_bar.h"
 #include "apps/summary.h"
@@ -19,12 +20,21 @@ struct MorphCommand {
   MorphFiles files;
   MorphOptions options;
   std::string output, json;
+  ShowFiles show;
   bool is_quiet = false;
   int threads = 0;  ///< 0: all
 };
 
 std::filesystem::path default_output(const std::filesystem::path& mesh) {
   return mesh.parent_path() / (mesh.stem().string() + ".morphed" + mesh.extension().string());
+}
+
+void add_show_options(CLI::App& app, ShowFiles& show) {
+  app.add_option("--report", show.report,
+                 "write a page to look at: figures, charts, pictures, 3D view")
+      ->type_name("FILE.html");
+  app.add_option("--picture", show.picture, "write a picture of the mesh before and after")
+      ->type_name("FILE.png");
 }
 
 void add_options(CLI::App& app, MorphCommand& command) {
@@ -38,6 +48,7 @@ void add_options(CLI::App& app, MorphCommand& command) {
       ->type_name("STEP")
       ->allow_extra_args(false);
   add_json_option(app, command.json);
+  add_show_options(app, command.show);
   app.add_flag("--diagnostics", command.files.has_diagnostics,
                "add displacement, CAD entity, (u,v) and scaled Jacobian to the output");
   app.add_flag("--quiet", command.is_quiet, "print errors only");
@@ -55,14 +66,20 @@ void check_inputs(const MorphFiles& files) {
                      "; usage: cadmorph BASE.step VARIANT.step MESH [-o OUT] (see --help)");
 }
 
-void check_outputs(const MorphFiles& files, const std::string& json) {
+void check_outputs(const MorphCommand& command) {
+  const MorphFiles& files = command.files;
+  const std::vector<fs::path> outputs = {files.output, command.json, command.show.report,
+                                         command.show.picture};
   std::error_code ignored;
   for (const fs::path& input : files.inputs())
-    for (const fs::path& output : {files.output, fs::path(json)})
+    for (const fs::path& output : outputs)
       if (output == input || fs::equivalent(output, input, ignored))
         throw UsageError("the output " + output.string() +
                          " is one of the inputs; name another file");
-  if (files.output == json) throw UsageError("the mesh and the report can't both go to " + json);
+  for (std::size_t i = 0; i < outputs.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (!outputs[i].empty() && outputs[i] == outputs[j])
+        throw UsageError("two outputs can't both go to " + outputs[i].string());
   if (files.mesh.extension() != ".vtu" && files.mesh.extension() != ".vtk") return;
   if (files.output.extension() != files.mesh.extension() &&
       (!fs::exists(files.output, ignored) || fs::is_regular_file(files.output, ignored)))
@@ -87,13 +104,25 @@ void complain(const PipelineReport& report, const PipelineOptions& options) {
 ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   set_thread_count(command.threads);
   check_json_output(command.json, command.files.inputs());
+  for (const fs::path& output : {command.show.report, command.show.picture})
+    if (!output.empty()) check_output(output, command.files.inputs());
   ProgressBar bar(!command.is_quiet);
   options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
-  const PipelineReport report = morph_files(command.files, options);
-  bar.erase();
-  for (const std::string& warning : report.warnings)
-    if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
+  MorphShowing showing(command.show);
+  MorphFiles files = command.files;
+  if (!command.show.is_empty())
+    files.on_result = [&](const MorphJob& job, const CadModel& variant, const MorphResult& result) {
+      showing.collect(job, variant, result);
+    };
+  const PipelineReport report = morph_files(files, options);
   const ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
+  std::vector<std::string> warnings = report.warnings;
+  if (!command.show.is_empty())
+    for (std::string& warning : showing.write(report, static_cast<int>(code)))
+      warnings.push_back(std::move(warning));
+  bar.erase();
+  for (const std::string& warning : warnings)
+    if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
   hand_over(command.json, command.is_quiet, summary_text(report),
             to_json(report, static_cast<int>(code)));
   if (code != ExitCode::Done) complain(report, options);
@@ -104,7 +133,7 @@ void prepare(MorphCommand& command, Action& action) {
   MorphFiles& files = command.files;
   check_inputs(files);
   files.output = command.output.empty() ? default_output(files.mesh) : fs::path(command.output);
-  check_outputs(files, command.json);
+  check_outputs(command);
   action.json = command.json;
   if (!files.via.empty() && !command.options.face_map.empty())
     throw UsageError("--map names faces of two CAD models and can't be used with --via");

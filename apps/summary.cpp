@@ -46,33 +46,9 @@ std::string distance(double length, double diagonal) {
 
 using Row = std::vector<std::string>;
 
-std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& after) {
-  const auto row = [](const char* name, const char* pattern, double a, double b) {
-    return Row{name, format(pattern, a), format(pattern, b)};
-  };
-  const auto counts = [](const char* name, Index a, Index b) {
-    return Row{name, with_commas(a), with_commas(b)};
-  };
-  const QualityChecks &a = before.checks, &b = after.checks;
-  return {
-      row("Scaled Jacobian, min", "%.4f", before.min_scaled_jacobian, after.min_scaled_jacobian),
-      row("Scaled Jacobian, mean", "%.4f", before.mean_scaled_jacobian, after.mean_scaled_jacobian),
-      counts("Inverted elements (corner Jacobians)", before.inverted, after.inverted),
-      counts("Invalid elements (exact test)", before.invalid, after.invalid),
-      row("Non-orthogonality, max (deg)", "%.1f", a.max_non_orthogonality_deg,
-          b.max_non_orthogonality_deg),
-      row("Skewness, max", "%.2f", a.max_skewness, b.max_skewness),
-      row("Aspect ratio, max", "%.1f", a.max_aspect_ratio, b.max_aspect_ratio),
-  };
-}
-
 std::string before_after_table(const PipelineReport& report) {
-  std::vector<Row> rows = {
-      {"", "before", "after"},
-      {"Distance to CAD, max", distance(report.before.max_distance, report.base_cad.diagonal),
-       distance(report.after.max_distance, report.variant_cad.diagonal)},
-      {"Distance to CAD, mean", distance(report.before.mean_distance, report.base_cad.diagonal),
-       distance(report.after.mean_distance, report.variant_cad.diagonal)}};
+  std::vector<Row> rows = {{"", "before", "after"}};
+  for (Row& row : distance_rows(report)) rows.push_back(std::move(row));
   for (Row& row : quality_rows(report.before, report.after)) rows.push_back(std::move(row));
   return align(rows);
 }
@@ -188,6 +164,33 @@ std::string unit_name(double millimetres) {
        {std::pair{1.0, "mm"}, {10.0, "cm"}, {1000.0, "m"}, {25.4, "inch"}, {304.8, "foot"}})
     if (std::abs(millimetres - length) < 1e-9 * length) return name;
   return format("%.6g mm", millimetres);
+}
+
+std::vector<Row> distance_rows(const PipelineReport& report) {
+  return {{"Distance to CAD, max", distance(report.before.max_distance, report.base_cad.diagonal),
+           distance(report.after.max_distance, report.variant_cad.diagonal)},
+          {"Distance to CAD, mean", distance(report.before.mean_distance, report.base_cad.diagonal),
+           distance(report.after.mean_distance, report.variant_cad.diagonal)}};
+}
+
+std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& after) {
+  const auto row = [](const char* name, const char* pattern, double a, double b) {
+    return Row{name, format(pattern, a), format(pattern, b)};
+  };
+  const auto counts = [](const char* name, Index a, Index b) {
+    return Row{name, with_commas(a), with_commas(b)};
+  };
+  const QualityChecks &a = before.checks, &b = after.checks;
+  return {
+      row("Scaled Jacobian, min", "%.4f", before.min_scaled_jacobian, after.min_scaled_jacobian),
+      row("Scaled Jacobian, mean", "%.4f", before.mean_scaled_jacobian, after.mean_scaled_jacobian),
+      counts("Inverted elements (corner Jacobians)", before.inverted, after.inverted),
+      counts("Invalid elements (exact test)", before.invalid, after.invalid),
+      row("Non-orthogonality, max (deg)", "%.1f", a.max_non_orthogonality_deg,
+          b.max_non_orthogonality_deg),
+      row("Skewness, max", "%.2f", a.max_skewness, b.max_skewness),
+      row("Aspect ratio, max", "%.1f", a.max_aspect_ratio, b.max_aspect_ratio),
+  };
 }
 
 std::string summary_text(const PipelineReport& report) {

@@ -9,6 +9,11 @@ namespace cadmorph {
 /// The report as a page of aligned text with units, for people.
 std::string summary_text(const PipelineReport& report);
 
+/// What changed, in rows of name, before and after.
+std::vector<std::vector<std::string>> distance_rows(const PipelineReport& report);
+std::vector<std::vector<std::string>> quality_rows(const MeshFigures& before,
+                                                   const MeshFigures& after);
+
 /// The diagnosis of a refused result in a few lines.
 std::string diagnosis_text(const Diagnosis& diagnosis);
 

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <string_view>
+
+namespace cadmorph {
+
+// The files of apps/report, put into the program by the build. The script and its licences are
+// empty in a build without npm.
+extern const std::string_view kPageTemplate;
+extern const std::string_view kBinTableTemplate;
+extern const std::string_view kPageStyle;
+extern const std::string_view kPageScript;
+extern const std::string_view kPageLicences;
+
+}  // namespace cadmorph
