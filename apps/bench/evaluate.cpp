@@ -18,6 +18,7 @@ using Row = std::vector<std::string>;
 
 const Row kHeader = {"family",
                      "mesh",
+                     "surface",
                      "mode",
                      "method",
                      "step",
@@ -43,19 +44,24 @@ VolumeMorphOptions options_of(Contender contender) {
       return {.method = MorphMethod::Lbwarp};
     case Contender::SimplexLinear:
       return {.method = MorphMethod::SimplexLinear};
-    case Contender::RbfIqr:
-    case Contender::RbfS:
+    case Contender::Rbf:
     case Contender::Default:
       break;
   }
   return {};
 }
 
+/// What is compared: the methods of the paper on the surface given to all, then all on RBF-S's.
+struct Task {
+  Surface surface;
+  Contender contender;
+  Mode mode;
+};
+
 /// One method on one mesh of a family, through all steps.
 class Run {
  public:
-  Run(const Series& series, Contender contender, Mode mode)
-      : series_(series), contender_(contender), mode_(mode), mesh_(series.mesh) {}
+  Run(const Series& series, const Task& task) : series_(series), task_(task), mesh_(series.mesh) {}
 
   std::vector<Row> rows() {
     for (int step = 1; step <= kSteps && note_.empty(); ++step) {
@@ -71,27 +77,27 @@ class Run {
   }
 
  private:
-  static constexpr std::size_t kFirstInvertedColumn = 14;
+  static constexpr std::size_t kFirstInvertedColumn = 15;
 
   void take(int step) {
     set_up_seconds_ = 0;
-    if (!morph_ || mode_ == Mode::Relative) {
+    if (!morph_ || task_.mode == Mode::Relative) {
       const Stopwatch watch;
-      morph_.emplace(mesh_, series_.surface_nodes, options_of(contender_));
+      morph_.emplace(mesh_, series_.surface_nodes, options_of(task_.contender));
       set_up_seconds_ = watch.seconds();
     }
     const Stopwatch watch;
-    Points positions = move(series_.surface(mode_)[step - 1]);
+    Points positions = move(series_.path(task_.surface, task_.mode)[step - 1]);
     seconds_ = watch.seconds();
     const Figures figures = measure(series_, positions);
     if (figures.inverted > 0 && first_inverted_ == 0) first_inverted_ = step;
     add_row(step, figures);
-    if (mode_ == Mode::Relative) mesh_.points = std::move(positions);
+    if (task_.mode == Mode::Relative) mesh_.points = std::move(positions);
   }
 
   // The default method: steps where elements invert, then untangling.
   Points move(const Points& surface) const {
-    if (contender_ != Contender::Default) return morph_->morph(surface);
+    if (task_.contender != Contender::Default) return morph_->morph(surface);
     SteppingResult result = morph_in_steps(mesh_, *morph_, surface, series_.orientation);
     if (result.report.validity.invalid == 0) return std::move(result.positions);
     std::vector<char> is_fixed(mesh_.node_count(), 0);
@@ -107,17 +113,17 @@ class Run {
       return figures ? std::to_string((*figures).*value) : "";
     };
     rows_.push_back(
-        {series_.subject.family, series_.subject.mesh, to_string(mode_), to_string(contender_),
-         std::to_string(step), format("%g", 100.0 * step / kSteps),
-         std::to_string(mesh_.node_count()), std::to_string(series_.surface_nodes.size()),
-         std::to_string(mesh_.cell_count()), number(&Figures::min), number(&Figures::mean_worst),
-         number(&Figures::mean), count(&Figures::inverted), count(&Figures::invalid), "",
-         format("%.4g", set_up_seconds_), format("%.4g", seconds_), note_});
+        {series_.subject.family, series_.subject.mesh, to_string(task_.surface),
+         to_string(task_.mode), to_string(task_.contender, task_.surface), std::to_string(step),
+         format("%g", 100.0 * step / kSteps), std::to_string(mesh_.node_count()),
+         std::to_string(series_.surface_nodes.size()), std::to_string(mesh_.cell_count()),
+         number(&Figures::min), number(&Figures::mean_worst), number(&Figures::mean),
+         count(&Figures::inverted), count(&Figures::invalid), "", format("%.4g", set_up_seconds_),
+         format("%.4g", seconds_), note_});
   }
 
   const Series& series_;
-  Contender contender_;
-  Mode mode_;
+  Task task_;
   Mesh mesh_;  // that the next step starts from
   std::optional<VolumeMorph> morph_;
   double set_up_seconds_ = 0, seconds_ = 0;
@@ -130,69 +136,74 @@ bool is_chosen(const std::set<std::string>& names, const std::string& name) {
   return names.empty() || names.contains(name);
 }
 
-struct Task {
-  Contender contender;
-  Mode mode;
-};
+std::vector<Contender> contenders(Surface surface) {
+  std::vector<Contender> result = {Contender::Rbf};
+  if (surface == Surface::RbfS) result.push_back(Contender::Default);
+  result.insert(result.end(), {Contender::Femwarp, Contender::Lbwarp});
+  if (has_simplex_linear()) result.push_back(Contender::SimplexLinear);
+  return result;
+}
 
 std::vector<Task> open_tasks(const Subject& subject, const EvaluateOptions& options,
                              const ResultsFile& file) {
   std::vector<Task> tasks;
-  for (const Mode mode : {Mode::Absolute, Mode::Relative})
-    for (const Contender contender : all_contenders())
-      if (is_chosen(options.methods, to_string(contender)) &&
-          !file.has({subject.family, subject.mesh, to_string(mode), to_string(contender)}))
-        tasks.push_back({contender, mode});
+  for (const Surface surface : {Surface::RbfS, Surface::Harmonic})
+    for (const Mode mode : {Mode::Absolute, Mode::Relative})
+      for (const Contender contender : contenders(surface)) {
+        const std::string method = to_string(contender, surface);
+        if (is_chosen(options.methods, method) &&
+            !file.has({subject.family, subject.mesh, to_string(surface), to_string(mode), method}))
+          tasks.push_back({surface, contender, mode});
+      }
   return tasks;
 }
 
 }  // namespace
 
-std::string to_string(Contender contender) {
+std::string to_string(Contender contender, Surface surface) {
   switch (contender) {
-    case Contender::RbfS:
-      return "RBF-S";
-    case Contender::RbfIqr:
-      return "RBF-IQR";
+    case Contender::Rbf:
+      return surface == Surface::RbfS ? "RBF-S" : "RBF";
     case Contender::Default:
       return "default";
     case Contender::Femwarp:
-      return "FEMWARP";
+      return to_string(MorphMethod::Femwarp);
     case Contender::Lbwarp:
-      return "LBWARP";
+      return to_string(MorphMethod::Lbwarp);
     case Contender::SimplexLinear:
-      return "simplex-linear";
+      return to_string(MorphMethod::SimplexLinear);
   }
   return {};
 }
 
+std::string to_string(Surface surface) { return surface == Surface::RbfS ? "RBF-S" : "harmonic"; }
+
 std::string to_string(Mode mode) { return mode == Mode::Absolute ? "absolute" : "relative"; }
 
-std::vector<Contender> all_contenders() {
-  std::vector<Contender> result = {Contender::RbfS, Contender::Default, Contender::Femwarp,
-                                   Contender::Lbwarp};
-  if (has_simplex_linear()) result.push_back(Contender::SimplexLinear);
+std::vector<Subject> chosen_subjects(const EvaluateOptions& options) {
+  std::vector<Subject> result = find_subjects(options.models);
+  std::erase_if(result, [&](const Subject& subject) {
+    return !is_chosen(options.families, subject.family) || !is_chosen(options.meshes, subject.mesh);
+  });
+  if (result.empty())
+    throw IoError(options.models.string() + " holds none of the families and meshes asked for");
   return result;
 }
 
 void evaluate(const EvaluateOptions& options) {
-  const auto tell = [&](const std::string& text) {
-    if (options.tell) options.tell(text);
-  };
   ResultsFile file(options.output, kHeader);
-  for (const Subject& subject : find_subjects(options.models)) {
-    if (!is_chosen(options.families, subject.family) || !is_chosen(options.meshes, subject.mesh))
-      continue;
+  for (const Subject& subject : chosen_subjects(options)) {
     const std::vector<Task> tasks = open_tasks(subject, options, file);
     if (tasks.empty()) continue;
     const std::string name = subject.family + " " + subject.mesh;
-    tell(name + ": surface at all steps");
+    options.tell(name + ": surface at all steps");
     const Series series = make_series(subject);
     for (const Task& task : tasks) {
       const Stopwatch watch;
-      file.append(Run(series, task.contender, task.mode).rows());
-      tell(name + " " + to_string(task.mode) + " " + to_string(task.contender) +
-           format(": %.1f s", watch.seconds()));
+      file.append(Run(series, task).rows());
+      options.tell(name + ": " + to_string(task.contender, task.surface) + ", " +
+                   to_string(task.mode) + ", surface " + to_string(task.surface) +
+                   format(": %.1f s", watch.seconds()));
     }
   }
 }

@@ -10,15 +10,13 @@
 
 namespace cadmorph::bench {
 
-/// A way to move a mesh, as the figures name it.
-enum class Contender { RbfS, RbfIqr, Default, Femwarp, Lbwarp, SimplexLinear };
+/// A way to move the nodes inside.
+enum class Contender { Rbf, Default, Femwarp, Lbwarp, SimplexLinear };
 
-/// Names as in the results: RBF-S, RBF-IQR, default, FEMWARP, LBWARP, simplex-linear.
-std::string to_string(Contender contender);
+/// Names as in the results; the RBF warp on its own surface morph is the paper's RBF-S.
+std::string to_string(Contender contender, Surface surface);
+std::string to_string(Surface surface);
 std::string to_string(Mode mode);
-
-/// What can be evaluated in this build.
-std::vector<Contender> all_contenders();
 
 struct EvaluateOptions {
   std::filesystem::path models, output;
@@ -26,6 +24,9 @@ struct EvaluateOptions {
   /// Told of each series before it runs.
   std::function<void(const std::string&)> tell;
 };
+
+/// The subjects that the options choose. Throws IoError when there is none.
+std::vector<Subject> chosen_subjects(const EvaluateOptions& options);
 
 /// Morphs every mesh of every family to steps 1 .. kSteps by every method, absolutely and
 /// relatively, and appends a row a step to the CSV file `output`, series by series. Series that the

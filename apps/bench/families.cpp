@@ -5,6 +5,7 @@
 #include <optional>
 #include <set>
 
+#include "apps/bench/given_surface.h"
 #include "apps/text_table.h"
 #include "cad/step_reader.h"
 #include "core/boundary.h"
@@ -53,30 +54,38 @@ class Stage {
  public:
   Stage(std::shared_ptr<const CadModel> cad, const Mesh& mesh, const Boundary& boundary)
       : cad_(std::move(cad)),
+        boundary_(boundary),
+        start_(rows_of(mesh.points, boundary.nodes)),
         surface_(cad_, mesh, boundary),
         rows_(prescribed_rows(surface_.association())) {}
 
   const std::vector<Index>& rows() const { return rows_; }
 
-  Points positions_on(const CadModel& variant) const {
-    return rows_of(surface_.morph(variant, match_topology(*cad_, variant)).positions, rows_);
+  Points positions_on(const CadModel& variant, Surface kind) const {
+    const TopologyMatch match = match_topology(*cad_, variant);
+    Points all = surface_.morph(variant, match).positions;
+    if (kind == Surface::Harmonic)
+      all = harmonic_surface(start_, boundary_, surface_.association(), variant, match, all);
+    return rows_of(all, rows_);
   }
 
  private:
   std::shared_ptr<const CadModel> cad_;
+  const Boundary& boundary_;
+  Points start_;
   SurfaceMorph surface_;
   std::vector<Index> rows_;
 };
 
 // The mesh inside follows, so that the next association sees its local edges.
-std::vector<Points> relative_positions(const Subject& subject, const Stage& base,
-                                       const Series& series, const Boundary& boundary) {
-  std::vector<Points> result;
+Path relative_path(const Subject& subject, Surface kind, const Stage& base, const Series& series,
+                   const Boundary& boundary) {
+  Path result;
   Mesh mesh = series.mesh;
   std::optional<Stage> stage;
   for (int step = 1; step <= kSteps; ++step) {
     const auto variant = read_cad(step_file(subject, step));
-    result.push_back((stage ? *stage : base).positions_on(*variant));
+    result.push_back((stage ? *stage : base).positions_on(*variant, kind));
     if (step == kSteps) break;
     mesh.points = VolumeMorph(mesh, series.surface_nodes).morph(result.back());
     stage.emplace(variant, mesh, boundary);
@@ -112,10 +121,15 @@ Series make_series(const Subject& subject, bool last_only) {
   const Boundary boundary = extract_boundary(series.mesh);
   const Stage base(read_cad(subject.folder / "base.step"), series.mesh, boundary);
   for (const Index row : base.rows()) series.surface_nodes.push_back(boundary.nodes[row]);
-  series.absolute.resize(kSteps);
-  for (int step = last_only ? kSteps : 1; step <= kSteps; ++step)
-    series.absolute[step - 1] = base.positions_on(*read_cad(step_file(subject, step)));
-  if (!last_only) series.relative = relative_positions(subject, base, series, boundary);
+  for (const Surface kind : {Surface::RbfS, Surface::Harmonic}) {
+    if (last_only && kind == Surface::Harmonic) break;
+    const int place = static_cast<int>(kind);
+    series.absolute[place].resize(kSteps);
+    for (int step = last_only ? kSteps : 1; step <= kSteps; ++step)
+      series.absolute[place][step - 1] =
+          base.positions_on(*read_cad(step_file(subject, step)), kind);
+    if (!last_only) series.relative[place] = relative_path(subject, kind, base, series, boundary);
+  }
   return series;
 }
 

@@ -27,22 +27,31 @@ enum class Mode {
   Relative,  ///< each step from the one before
 };
 
+/// Where the surface nodes go.
+enum class Surface {
+  RbfS,      ///< Sieger et al. 2013, sect. 4
+  Harmonic,  ///< stands in for what the methods were given there: harmonic_surface
+};
+
+/// Positions of the surface nodes at steps 1 .. kSteps.
+using Path = std::vector<Points>;
+
 /// Where the surface of a mesh is at each step.
 struct Series {
   Subject subject;
   Mesh mesh;  ///< the base
   Orientation orientation;
   std::vector<Index> surface_nodes;  ///< prescribed ones
-  std::vector<Points> absolute;      ///< their positions at steps 1 .. kSteps, each from the base
-  std::vector<Points> relative;      ///< each from the CAD and the surface of the step before
+  Path absolute[2];                  ///< by Surface; each step from the base
+  Path relative[2];                  ///< each from the CAD and the surface of the step before
 
-  const std::vector<Points>& surface(Mode mode) const {
-    return mode == Mode::Absolute ? absolute : relative;
+  const Path& path(Surface surface, Mode mode) const {
+    return (mode == Mode::Absolute ? absolute : relative)[static_cast<int>(surface)];
   }
 };
 
-/// Reads base, mesh and steps, and morphs the surface (Sieger et al. 2013, sect. 4). `last_only`:
-/// of step kSteps alone, absolute; the other positions stay empty. Throws what the pipeline throws.
+/// Reads base, mesh and steps, and morphs the surface. `last_only`: by RbfS to step kSteps alone,
+/// absolute; the other positions stay empty. Throws what the pipeline throws.
 Series make_series(const Subject& subject, bool last_only = false);
 
 }  // namespace cadmorph::bench

@@ -3,11 +3,13 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "apps/bench/demonstrations.h"
 #include "apps/bench/evaluate.h"
+#include "apps/bench/kernels.h"
+#include "apps/bench/solvers.h"
 #include "apps/blas_restart.h"
 #include "apps/exit_code.h"
 #include "core/errors.h"
-#include "core/parallel.h"
 
 namespace {
 
@@ -15,25 +17,40 @@ using namespace cadmorph;
 using namespace cadmorph::bench;
 
 struct CommandLine {
-  EvaluateOptions evaluate;
-  int threads = 0;
+  EvaluateOptions options;
+  std::filesystem::path demonstrations;
+  std::string solver;
 };
 
-void add_selection(CLI::App& app, EvaluateOptions& options) {
-  app.add_option("MODELS", options.models, "folder of families, as models/generate.sh makes it")
+CLI::App* add_command(CLI::App& app, const std::string& name, const std::string& description,
+                      EvaluateOptions& options) {
+  CLI::App* command = app.add_subcommand(name, description);
+  command->add_option("MODELS", options.models, "folder of families, see models/generate.sh")
       ->required();
-  app.add_option("-o,--output", options.output, "CSV file; series it holds already are kept")
+  command->add_option("-o,--output", options.output, "CSV file; rows it holds already are kept")
       ->required();
-  app.add_option("--family", options.families, "only these families");
-  app.add_option("--mesh", options.meshes, "only these meshes: hex, tet, ...");
+  command->add_option("--family", options.families, "only these families");
+  command->add_option("--mesh", options.meshes, "only these meshes: hex, tet, ...");
+  return command;
 }
 
-void add_evaluate(CLI::App& app, CommandLine& line) {
-  CLI::App* command = app.add_subcommand(
-      "evaluate", "morphs every mesh to steps 1..20 by every method, absolutely and relatively");
-  add_selection(*command, line.evaluate);
-  command->add_option("--method", line.evaluate.methods, "only these methods, named as in the CSV");
-  command->callback([&line] { evaluate(line.evaluate); });
+void add_commands(CLI::App& app, CommandLine& line) {
+  EvaluateOptions& options = line.options;
+  CLI::App* methods =
+      add_command(app, "evaluate", "every method at steps 1..20, absolute and relative", options);
+  methods->add_option("--method", options.methods, "only these methods, named as in the CSV");
+  methods->callback([&line] { evaluate(line.options); });
+  add_command(app, "kernels", "every kernel at the full change, with condition numbers", options)
+      ->callback([&line] { evaluate_kernels(line.options); });
+  add_command(app, "solvers", "every solver at the full change: seconds and memory", options)
+      ->callback([&line] { compare_solvers(line.options, "cadmorph-bench"); });
+  CLI::App* one = add_command(app, "run-solver", "one solver, for `solvers`", options)->group("");
+  one->add_option("--solver", line.solver)->required();
+  one->callback([&line] { run_solver(line.options, line.solver); });
+  CLI::App* demonstrations =
+      app.add_subcommand("demonstrations", "data of the two-dimensional demonstrations");
+  demonstrations->add_option("-o,--output", line.demonstrations, "folder")->required();
+  demonstrations->callback([&line] { write_demonstrations(line.demonstrations); });
 }
 
 }  // namespace
@@ -41,23 +58,16 @@ void add_evaluate(CLI::App& app, CommandLine& line) {
 int main(int argc, char** argv) {
   restart_with_fitting_blas(argv);
   CommandLine line;
-  line.evaluate.tell = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
+  line.options.tell = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
   CLI::App app("cadmorph-bench: compares morphing methods, kernels and solvers on model families.",
                "cadmorph-bench");
   app.require_subcommand(1);
-  app.add_option_function<int>(
-         "--threads", [](int count) { set_thread_count(count); },
-         "number of threads (default: all processors)")
-      ->check(CLI::PositiveNumber);
-  add_evaluate(app, line);
+  add_commands(app, line);
   try {
     app.parse(argc, argv);
     return 0;
-  } catch (const CLI::Success& request) {
-    return app.exit(request);
   } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return static_cast<int>(ExitCode::Usage);
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::Usage);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "cadmorph-bench: error: %s\n", error.what());
     return static_cast<int>(exit_code_of(error));

@@ -11,7 +11,7 @@ programs=$(realpath "$2")/apps
 root=$(realpath "$(dirname "$0")/../..")
 
 is_excluded() {
-  [[ $1 =~ ^(sudo\ )?(scripts/(demo|test|build|docs|install-dependencies|update-references)|models/generate\.sh|apt-get|git\ clone|cmake|cpack)(\ |$) ]]
+  [[ $1 =~ ^(sudo\ )?(scripts/(demo|test|build|docs|evaluation|install-dependencies|update-references)|models/generate\.sh|apt-get|git\ clone|cmake|cpack)(\ |$) ]]
 }
 
 scratch=$(mktemp -d)

@@ -1,0 +1,159 @@
+#include "apps/bench/solvers.h"
+
+#include <dlfcn.h>
+#include <spawn.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "apps/bench/measure.h"
+#include "apps/bench/results_file.h"
+#include "apps/text_table.h"
+#include "core/errors.h"
+#include "volume/volume_morph.h"
+
+extern char** environ;
+
+namespace cadmorph::bench {
+namespace {
+
+using Row = std::vector<std::string>;
+
+const Row kHeader = {
+    "family",         "mesh",          "solver",      "surface_nodes", "nodes",
+    "set_up_seconds", "morph_seconds", "cpu_seconds", "memory_bytes",  "min_scaled_jacobian",
+    "lapack",         "note"};
+
+/// A solver of the comparison, and the most centres it is run for: beyond it takes hours.
+struct Solver {
+  std::string name;
+  SolverKind kind;
+  bool is_netlib;  ///< with the reference LAPACK and BLAS
+  std::size_t most_centres;
+};
+
+const std::vector<Solver> kSolvers = {
+    {"netlib LU", SolverKind::Lu, true, 8000},
+    {"netlib LDL^T", SolverKind::Ldlt, true, 8000},
+    {"OpenBLAS LU", SolverKind::Lu, false, 20000},
+    {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 20000},
+    {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 20000},
+    {"fast", SolverKind::Fast, false, 100000000},
+};
+
+const Solver& find_solver(const std::string& name) {
+  const auto found = std::ranges::find(kSolvers, name, &Solver::name);
+  if (found == kSolvers.end()) throw InvalidInputError("there is no solver " + name);
+  return *found;
+}
+
+rusage usage() {
+  rusage result{};
+  getrusage(RUSAGE_SELF, &result);
+  return result;
+}
+
+double cpu_seconds(const rusage& used) {
+  return static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
+         1e-6 * static_cast<double>(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
+}
+
+// File name of the library whose dgetrf runs.
+std::string lapack_library() {
+  Dl_info info{};
+  if (dladdr(dlsym(RTLD_DEFAULT, "dgetrf_"), &info) == 0) return "";
+  return std::filesystem::path(info.dli_fname).filename().string();
+}
+
+// Starts this program for one solver; returns whether it ended well. The reference libraries are
+// loaded before OpenBLAS, so that their symbols are taken.
+bool run_child(const std::string& program, const EvaluateOptions& options, const Subject& subject,
+               const Solver& solver) {
+  std::vector<std::string> words = {program,
+                                    "run-solver",
+                                    options.models.string(),
+                                    "-o",
+                                    options.output.string(),
+                                    "--family",
+                                    subject.family,
+                                    "--mesh",
+                                    subject.mesh,
+                                    "--solver",
+                                    solver.name};
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  std::string preload = "LD_PRELOAD=" CADMORPH_NETLIB_LAPACK ":" CADMORPH_NETLIB_BLAS;
+  std::vector<char*> environment;
+  for (char** entry = environ; *entry; ++entry) environment.push_back(*entry);
+  if (solver.is_netlib) environment.push_back(preload.data());
+  environment.push_back(nullptr);
+  pid_t child = 0;
+  if (posix_spawn(&child, "/proc/self/exe", nullptr, nullptr, arguments.data(),
+                  environment.data()) != 0)
+    return false;
+  int status = 0;
+  return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+Row row_without_figures(const Subject& subject, const Series& series, const Solver& solver,
+                        const std::string& note) {
+  Row row = {subject.family, subject.mesh, solver.name, std::to_string(series.surface_nodes.size()),
+             std::to_string(series.mesh.node_count())};
+  row.resize(kHeader.size());
+  row.back() = note;
+  return row;
+}
+
+const char* why_not(const Solver& solver, const Series& series) {
+  if (series.surface_nodes.size() > solver.most_centres) return "not run: too many centres";
+  if (solver.is_netlib && !std::filesystem::exists(CADMORPH_NETLIB_LAPACK))
+    return "not run: the reference LAPACK is not installed";
+  return nullptr;
+}
+
+}  // namespace
+
+void compare_solvers(const EvaluateOptions& options, const std::string& program) {
+  ResultsFile file(options.output, kHeader);
+  for (const Subject& subject : chosen_subjects(options)) {
+    const Series series = make_series(subject, true);
+    for (const Solver& solver : kSolvers) {
+      if (file.has({subject.family, subject.mesh, solver.name})) continue;
+      options.tell(subject.family + " " + subject.mesh + ": " + solver.name);
+      if (const char* note = why_not(solver, series))
+        file.append({row_without_figures(subject, series, solver, note)});
+      else if (!run_child(program, options, subject, solver))
+        file.append({row_without_figures(subject, series, solver, "failed")});
+    }
+  }
+}
+
+void run_solver(const EvaluateOptions& options, const std::string& name) {
+  const Solver& solver = find_solver(name);
+  const std::string library = lapack_library();
+  if (solver.is_netlib && library.find("openblas") != std::string::npos)
+    throw SolverError("the reference LAPACK was not loaded");
+  const Subject subject = chosen_subjects(options).front();
+  const Series series = make_series(subject, true);
+  const rusage before = usage();
+  const Stopwatch set_up;
+  const VolumeMorph morph(series.mesh, series.surface_nodes, {.rbf = {.solver = solver.kind}});
+  const double set_up_seconds = set_up.seconds();
+  const Stopwatch watch;
+  const Points positions = morph.morph(series.path(Surface::RbfS, Mode::Absolute)[kSteps - 1]);
+  const double seconds = watch.seconds();
+  const rusage after = usage();
+  const double memory = 1024.0 * static_cast<double>(after.ru_maxrss - before.ru_maxrss);
+  ResultsFile(options.output, kHeader)
+      .append(
+          {{subject.family, subject.mesh, solver.name, std::to_string(series.surface_nodes.size()),
+            std::to_string(series.mesh.node_count()), format("%.4g", set_up_seconds),
+            format("%.4g", seconds), format("%.4g", cpu_seconds(after) - cpu_seconds(before)),
+            format("%.4g", memory), format("%.6g", measure(series, positions).min), library, ""}});
+}
+
+}  // namespace cadmorph::bench
