@@ -102,11 +102,12 @@ bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch
 }
 
 void equal_parameters(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
-                      std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
+                      bool has_planes, std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
   constexpr int n = 4;
   for (std::size_t f = 0; f < match.faces.size(); ++f) {
     const CadFace& a = base.faces()[f];
     const CadFace& b = variant.faces()[match.faces[f]];
+    if (!has_planes && a.type == SurfaceType::Plane) continue;
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
         const Vector2d s((i + 0.5) / n, (j + 0.5) / n);
@@ -179,10 +180,17 @@ void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) 
   match.is_congruent = coincide(base, variant, match, match.alignment);
   if (match.is_congruent) return;
   std::vector<Vector3d> from, to;
-  equal_parameters(base, variant, match, from, to);
-  match.alignment = fit_similarity(from, to);
-  match.is_congruent = residual(match.alignment, from, to) < kExactFit * variant.diagonal();
-  if (match.is_congruent) return;
+  // Exporters turn planes over: the curved faces alone may tell.
+  for (const bool has_planes : {true, false}) {
+    from.clear();
+    to.clear();
+    equal_parameters(base, variant, match, has_planes, from, to);
+    match.alignment = fit_similarity(from, to);
+    match.is_congruent = !from.empty() &&
+                         residual(match.alignment, from, to) < kExactFit * variant.diagonal() &&
+                         (has_planes || coincide(base, variant, match, match.alignment));
+    if (match.is_congruent) return;
+  }
   from.clear();
   to.clear();
   landmarks(base, variant, match, from, to);

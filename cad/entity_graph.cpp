@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <map>
 
 namespace cadmorph {
 namespace {
@@ -55,6 +56,7 @@ class GraphBuilder {
       const CadCoedge& coedge = model_.coedges()[c];
       const int use = graph_.size();
       add_nodes(kUse, 1);
+      graph_.uses.push_back({use, id, c});
       connect(use, coedge.face, kUseFace);
       connect(use, graph_.curve_node(id), kUseCurve);
       if (curve.start < 0) continue;
@@ -79,6 +81,26 @@ EntityGraph build_graph(const CadModel& model, bool is_oriented) {
 
 ColourRefinement::ColourRefinement(const EntityGraph& base, const EntityGraph& variant)
     : graphs_{&base, &variant}, colours_{base.kind, variant.kind}, colour_count_(kUse + 1) {}
+
+void ColourRefinement::hint(const std::vector<std::uint64_t>& base,
+                            const std::vector<std::uint64_t>& variant) {
+  struct Count {
+    int excess = 0, colour = 0;
+  };
+  const std::vector<std::uint64_t>* labels[2] = {&base, &variant};
+  std::map<std::pair<int, std::uint64_t>, Count> counts;
+  for (int g = 0; g < 2; ++g)
+    for (std::size_t n = 0; n < labels[g]->size(); ++n)
+      if ((*labels[g])[n] != 0) counts[{colours_[g][n], (*labels[g])[n]}].excess += g == 0 ? 1 : -1;
+  for (auto& [key, count] : counts)
+    if (count.excess == 0) count.colour = colour_count_++;
+  for (int g = 0; g < 2; ++g)
+    for (std::size_t n = 0; n < labels[g]->size(); ++n) {
+      if ((*labels[g])[n] == 0) continue;
+      const Count& count = counts.at({colours_[g][n], (*labels[g])[n]});
+      if (count.excess == 0) colours_[g][n] = count.colour;
+    }
+}
 
 void ColourRefinement::individualise(int b, int v) {
   colours_[0][b] = colours_[1][v] = colour_count_++;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "cad/brep.h"
 
 namespace cadmorph {
@@ -10,9 +12,14 @@ struct EntityGraph {
   struct Arc {
     int label, to;
   };
+  /// The use of a curve by a face: its node and one of its coedges.
+  struct Use {
+    int node, curve, coedge;
+  };
   int faces = 0, curves = 0, corners = 0;  ///< the first nodes, in this order
   std::vector<int> kind;                   ///< a node
   std::vector<std::vector<Arc>> arcs;      ///< a node
+  std::vector<Use> uses;
 
   int size() const { return static_cast<int>(kind.size()); }
   int curve_node(int curve) const { return faces + curve; }
@@ -29,6 +36,10 @@ EntityGraph build_graph(const CadModel& model, bool is_oriented);
 class ColourRefinement {
  public:
   ColourRefinement(const EntityGraph& base, const EntityGraph& variant);
+
+  /// Tells nodes of different labels (one a node) apart, as far as a label occurs equally often in
+  /// both graphs; 0 says nothing.
+  void hint(const std::vector<std::uint64_t>& base, const std::vector<std::uint64_t>& variant);
 
   /// Declares base node b and variant node v counterparts.
   void individualise(int b, int v);

@@ -22,13 +22,15 @@ struct Similarity {
 /// The variant's counterpart of every base entity. Curves and corners are those of
 /// CadModel::skeleton.
 struct TopologyMatch {
-  std::vector<int> faces;               ///< base face -> variant face
-  std::vector<int> curves;              ///< base curve -> variant curve
-  std::vector<int> corners;             ///< base corner -> variant corner
-  std::vector<double> face_confidence;  ///< 1: the only possibility; less: decided by position
-  Similarity alignment;                 ///< base -> variant, best over all entities
-  bool is_congruent = false;            ///< the alignment carries one shape exactly onto the other
-  bool joins_edges = false;             ///< edges were cut differently; see above
+  std::vector<int> faces;    ///< base face -> variant face
+  std::vector<int> curves;   ///< base curve -> variant curve
+  std::vector<int> corners;  ///< base corner -> variant corner
+  /// How sure each pair is, in (0, 1]. 1: the only possibility, or nothing else comes near; 1/2: as
+  /// good as another one; less: another one lies nearer.
+  std::vector<double> face_confidence, curve_confidence, corner_confidence;
+  Similarity alignment;       ///< base -> variant, best over all entities
+  bool is_congruent = false;  ///< the alignment carries one shape exactly onto the other
+  bool joins_edges = false;   ///< edges were cut differently; see above
   std::string how;  ///< what decided: topology ("structure"), file order, position, a map file
 };
 

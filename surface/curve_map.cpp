@@ -19,11 +19,48 @@ constexpr double kSameForm = 1e-4;   // of the curve's length: room for its samp
 constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
+constexpr double kSameRange = 1e-9;  // of the range of a chain's parameters
 
 std::size_t link_index(const CadCurve& curve, int edge) {
   const auto it = std::find_if(curve.links.begin(), curve.links.end(),
                                [&](const CurveLink& link) { return link.edge == edge; });
   return static_cast<std::size_t>(it - curve.links.begin());
+}
+
+double range(const CadModel& model, const CurveLink& link) {
+  const CadEdge& edge = model.edges()[link.edge];
+  return edge.last - edge.first;
+}
+
+double range(const CadModel& model, const CadCurve& curve) {
+  double sum = 0;
+  for (const CurveLink& link : curve.links) sum += range(model, link);
+  return sum;
+}
+
+// Parameters that the chain runs through up to a location.
+double range_before(const CadModel& model, const CadCurve& curve, const CurveLocation& location) {
+  double sum = 0;
+  for (const CurveLink& link : curve.links) {
+    const CadEdge& edge = model.edges()[link.edge];
+    if (link.edge == location.edge)
+      return sum + (link.is_reversed ? edge.last - location.t : location.t - edge.first);
+    sum += edge.last - edge.first;
+  }
+  return sum;
+}
+
+CurveLocation locate_range(const CadModel& model, const CadCurve& curve, double covered) {
+  for (const CurveLink& link : curve.links) {
+    const CadEdge& edge = model.edges()[link.edge];
+    const double more = edge.last - edge.first;
+    if (covered <= more || &link == &curve.links.back()) {
+      const double s = std::clamp(covered, 0.0, more);
+      return {link.edge, link.is_reversed ? edge.last - s : edge.first + s};
+    }
+    covered -= more;
+  }
+  return {};
 }
 
 }  // namespace
@@ -62,10 +99,27 @@ CurveLocation CurveMap::by_parameter(const Way& way, const CurveLocation& base) 
   return {to.edge, is_flipped ? b.last - s * (b.last - b.first) : b.first + s * (b.last - b.first)};
 }
 
+// The same parameters in other pieces.
+CurveLocation CurveMap::by_range(const Way& way, const CurveLocation& base) const {
+  const double all = range(variant_.model(), *variant_curve_);
+  double covered = range_before(base_.model(), *base_curve_, base);
+  if (way.is_reversed) covered = all - covered;
+  covered += way.phase * all;
+  if (base_curve_->is_closed()) covered -= all * std::floor(covered / all);
+  return locate_range(variant_.model(), *variant_curve_, covered);
+}
+
+bool CurveMap::has_equal_range() const {
+  const double a = range(base_.model(), *base_curve_);
+  return std::abs(range(variant_.model(), *variant_curve_) - a) < kSameRange * a;
+}
+
 CurveLocation CurveMap::apply(const Way& way, const CurveLocation& base) const {
   switch (way.mode) {
     case Mode::Parameter:
       return by_parameter(way, base);
+    case Mode::Range:
+      return by_range(way, base);
     case Mode::Length: {
       const double fraction = base_.fraction(base);
       return variant_.locate((way.is_reversed ? 1 - fraction : fraction) + way.phase);
@@ -137,6 +191,23 @@ CurveMap::Way CurveMap::best_shift() const {
   return best;
 }
 
+// A chain cut into other pieces starts where one of them does.
+CurveMap::Way CurveMap::best_start() const {
+  const double all = range(variant_.model(), *variant_curve_);
+  Way best;
+  double least = 1e300, before = 0;
+  for (const CurveLink& link : variant_curve_->links) {
+    const Way way{Mode::Range, least_motion_.is_reversed, 0, before / all};
+    const double d = deviation(way);
+    if (d < least) {
+      least = d;
+      best = way;
+    }
+    before += range(variant_.model(), link);
+  }
+  return best;
+}
+
 // Unit vector about which the variant runs, by the right-hand rule.
 Vector3d CurveMap::axis() const {
   Vector3d area = Vector3d::Zero();
@@ -157,8 +228,8 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
   least_motion_ = best_phase(false);
   const Way back = best_phase(true);
   if (deviation(back) < deviation(least_motion_)) least_motion_ = back;
-  if (!has_equal_links) return least_motion_;
-  const Way trusted = best_shift();
+  if (!has_equal_links && !has_equal_range()) return least_motion_;
+  const Way trusted = has_equal_links ? best_shift() : best_start();
   if (!keeps_form(least_motion_)) return trusted;
   const auto shift_at = [&](const CurveLocation& l) {
     return shift_along(apply(least_motion_, l), apply(trusted, l));
@@ -198,7 +269,7 @@ CurveMap::Way CurveMap::choose() {
     way = choose_closed(has_equal_links);
   } else {
     way.is_reversed = runs_backward();
-    way.mode = has_equal_links ? Mode::Parameter : Mode::Length;
+    way.mode = has_equal_links ? Mode::Parameter : has_equal_range() ? Mode::Range : Mode::Length;
   }
   if (!is_same_under_alignment()) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};

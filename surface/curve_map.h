@@ -35,16 +35,19 @@ class CurveMap {
   void take_least_motion() { way_ = least_motion_; }
 
  private:
-  enum class Mode { Parameter, Length, Nearest };
+  enum class Mode { Parameter, Range, Length, Nearest };
   struct Way {
     Mode mode = Mode::Parameter;
     bool is_reversed = false;
     std::size_t shift = 0;  // of the links, closed chains by parameter
-    double phase = 0;       // of the length fraction, closed curves by length
+    double phase = 0;       // of the fraction, closed curves by range or length
   };
 
   CurveLocation apply(const Way& way, const CurveLocation& base) const;
   CurveLocation by_parameter(const Way& way, const CurveLocation& base) const;
+  CurveLocation by_range(const Way& way, const CurveLocation& base) const;
+  bool has_equal_range() const;
+  Way best_start() const;
   double deviation(const Way& way) const;
   Way best_phase(bool is_reversed) const;
   Way choose();

@@ -338,9 +338,14 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
     improve(map_face(fine, pair, maps, nodes.uv, nodes.points),
             "its wires had to be sampled finer");
   }
-  for (int steps = 2; folds > 0 && steps <= kMostSteps && !nodes.domain->is_closed(); steps *= 2)
-    improve(map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points, steps),
-            "the motion of its wires had to be split into steps");
+  for (int steps = 2; folds > 0 && steps <= kMostSteps && !nodes.domain->is_closed(); steps *= 2) {
+    try {
+      improve(map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points, steps),
+              "the motion of its wires had to be split into steps");
+    } catch (const SolverError&) {
+      continue;  // wires that pass through each other on their way
+    }
+  }
   if (folds > 0 && !mapped.is_projected)
     improve(project_face(*nodes.domain, pair, maps, nodes.points),
             "its parameter warp folded; predicted positions were projected instead");

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>
+#include <functional>
 #include <numbers>
 #include <numeric>
 #include <regex>
@@ -110,19 +111,19 @@ std::string refusal(const CadModel& base, const CadModel& variant) {
   return "matched";
 }
 
-/// Names the faces of a STEP file f1, f2, ... in the order of the file.
-void name_faces(const std::filesystem::path& path) {
+/// Names the faces of a STEP file in its order, by their numbers from 0.
+void name_faces(const std::filesystem::path& path, const std::function<std::string(int)>& name) {
   std::ifstream in(path);
   std::stringstream text;
   text << in.rdbuf();
   const std::string old = text.str();
   const std::regex face("ADVANCED_FACE\\('[^']*'");
   std::ofstream out(path);
-  int number = 0;
+  int face_number = 0;
   std::size_t at = 0;
   for (std::sregex_iterator it(old.begin(), old.end(), face), end; it != end; ++it) {
-    out << old.substr(at, static_cast<std::size_t>(it->position()) - at) << "ADVANCED_FACE('f"
-        << ++number << "'";
+    out << old.substr(at, static_cast<std::size_t>(it->position()) - at) << "ADVANCED_FACE('"
+        << name(face_number++) << "'";
     at = static_cast<std::size_t>(it->position() + it->length());
   }
   out << old.substr(at);
@@ -135,6 +136,20 @@ gp_Trsf half_turn(double x, double y) {
 }
 
 const std::vector<Vector2d> kFourHoles{{15, 15}, {15, 45}, {45, 15}, {45, 45}};
+
+/// The plate with four holes and its image, with named faces, through STEP.
+struct NamedPair {
+  using Name = std::function<std::string(int)>;
+  static CadModel named_plate(const gp_Trsf& map, const Name& name) {
+    const TemporaryFile file(".step");
+    write_step(file.path(), transformed(read_shape(model_file("shapes/plate_4_holes.step")), map));
+    name_faces(file.path(), name);
+    return read_step(file.path());
+  }
+  NamedPair(const gp_Trsf& map, const Name& base_name, const Name& variant_name)
+      : base(named_plate({}, base_name)), variant(named_plate(map, variant_name)) {}
+  CadModel base, variant;
+};
 
 }  // namespace
 
@@ -189,11 +204,15 @@ TEST_CASE("shapes match themselves in any order, entity by entity", "[cad][match
         CHECK(is_permutation(match.corners, base.skeleton().corners.size()));
         CHECK(misplaced(base, variant, match, {}) == 0);
         CHECK(match.is_congruent);
-        CHECK(match.face_confidence.size() == base.faces().size());
-        for (const double confidence : match.face_confidence) {
-          CHECK(confidence > 0);
-          CHECK(confidence <= 1);
-        }
+        CHECK(match.face_confidence.size() == match.faces.size());
+        CHECK(match.curve_confidence.size() == match.curves.size());
+        CHECK(match.corner_confidence.size() == match.corners.size());
+        for (const auto& all :
+             {match.face_confidence, match.curve_confidence, match.corner_confidence})
+          for (const double confidence : all) {
+            CHECK(confidence > 0);
+            CHECK(confidence <= 1);
+          }
       }
     }
 }
@@ -215,6 +234,45 @@ TEST_CASE("equal holes are matched by position when they move and the operands c
   } while (std::next_permutation(order.begin(), order.end()));
 }
 
+TEST_CASE("rows of equal holes keep their neighbours when the part shears, bends or twists far",
+          "[cad][match]") {
+  const TopoDS_Shape plate = to_nurbs(drilled_plate(180, 120, 12, 6, grid(9, 6, 20)));
+  const CadModel base = to_model(plate);
+  // Holes move by several times their distance.
+  const auto bend = [](const Vector3d& x) -> Vector3d {
+    const double angle = x.x() / 90, radius = 140 + x.y();
+    return {radius * std::sin(angle), radius * std::cos(angle), x.z() * (1 + x.x() / 200)};
+  };
+  const auto twist = [](const Vector3d& x) -> Vector3d {
+    const double angle = x.x() / 120, y = x.y() - 60, z = x.z() - 6;
+    return {1.2 * x.x(), y * std::cos(angle) - z * std::sin(angle),
+            y * std::sin(angle) + z * std::cos(angle)};
+  };
+  const auto shear = [](const Vector3d& x) -> Vector3d {
+    return {1.4 * x.x() + 0.5 * x.y(), 0.7 * x.y(), x.z() + 0.3 * x.x()};
+  };
+  const std::vector<std::pair<const char*, std::function<Vector3d(const Vector3d&)>>> maps{
+      {"bent", bend}, {"twisted", twist}, {"sheared", shear}};
+  for (const auto& [name, map] : maps)
+    for (const unsigned seed : {1u, 2u}) {
+      DYNAMIC_SECTION(name << ' ' << seed) {
+        const Shuffled variant =
+            shuffle(with_moved_poles(plate, map, 6), {.seed = seed, .has_reversed_edges = true});
+        CHECK(match_topology(base, to_model(variant.shape)).faces == variant.faces);
+        // Without a word from the parameters, which the conversion of the sheared part changes.
+        if (name != std::string("sheared")) continue;
+        const TopoDS_Shape analytic = drilled_plate(180, 120, 12, 6, grid(9, 6, 20));
+        gp_GTrsf affine;
+        for (int column = 1; column <= 3; ++column) {
+          const Vector3d image = shear(Vector3d::Unit(column - 1));
+          for (int row = 1; row <= 3; ++row) affine.SetValue(row, column, image[row - 1]);
+        }
+        const Shuffled sheared = shuffle(transformed(analytic, affine), {.seed = seed});
+        CHECK(match_topology(to_model(analytic), to_model(sheared.shape)).faces == sheared.faces);
+      }
+    }
+}
+
 TEST_CASE("a part that changes in its own frame is matched in place", "[cad][match]") {
   // By the generator and the faces' places: the pipe's faces keep their numbers; of the bore's, the
   // wall (7) and the sides and ground of its keyway (6, 9, 8) come in another order.
@@ -234,18 +292,38 @@ TEST_CASE("a part that changes in its own frame is matched in place", "[cad][mat
 }
 
 TEST_CASE("unique names in the STEP files decide before position does", "[cad][match]") {
-  const TopoDS_Shape plate = read_shape(model_file("shapes/plate_4_holes.step"));
-  const TemporaryFile base_file(".step"), variant_file(".step");
-  write_step(base_file.path(), plate);
-  // The same set of points, each face opposite to where it was.
-  write_step(variant_file.path(), transformed(plate, half_turn(30, 30)));
-  name_faces(base_file.path());
-  name_faces(variant_file.path());
-  const CadModel base = read_step(base_file.path()), variant = read_step(variant_file.path());
-  std::vector<int> same(base.faces().size());
+  const NamedPair pair(
+      half_turn(30, 30), [](int f) { return "side " + std::to_string(7 * f % 11); },
+      [](int f) { return "side " + std::to_string(7 * f % 11); });
+  std::vector<int> same(pair.base.faces().size());
   std::iota(same.begin(), same.end(), 0);
-  CHECK(base.faces()[0].name == "f1");
-  CHECK(match_topology(base, variant).faces == same);
+  CHECK(pair.base.faces()[1].name == "side 7");
+  // The same set of points, each face opposite to where it was.
+  CHECK(match_topology(pair.base, pair.variant).faces == same);
+}
+
+TEST_CASE("names that only number the faces of a file don't mislead", "[cad][match]") {
+  const auto number = [](int f) { return "Face" + std::to_string(f + 1); };
+  const NamedPair pair(half_turn(30, 30), number, number);
+  const int hole = hole_at(pair.base, kFourHoles[0]);
+  CHECK(match_topology(pair.base, pair.variant).faces[hole] ==
+        hole_at(pair.variant, kFourHoles[0]));
+}
+
+TEST_CASE("names that contradict the positions don't mislead", "[cad][match]") {
+  std::vector<int> holes;
+  const CadModel plate = read_step(model_file("shapes/plate_4_holes.step"));
+  for (int f = 0; f < static_cast<int>(plate.faces().size()); ++f)
+    if (plate.faces()[f].type == SurfaceType::Cylinder) holes.push_back(f);
+  REQUIRE(holes.size() == 4);
+  const auto name = [](int f) { return "side " + std::to_string(7 * f % 11); };
+  // Two holes have changed names: possible by adjacency, but nothing else moved.
+  const NamedPair pair({}, name, [&](int f) {
+    return name(f == holes[0] ? holes[1] : f == holes[1] ? holes[0] : f);
+  });
+  std::vector<int> same(pair.base.faces().size());
+  std::iota(same.begin(), same.end(), 0);
+  CHECK(match_topology(pair.base, pair.variant).faces == same);
 }
 
 TEST_CASE("pairs of a map file decide before position does", "[cad][match]") {

@@ -1,0 +1,81 @@
+#include "cad/match_refusal.h"
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+
+#include "cad/match_search.h"
+#include "cad/motion_guess.h"
+#include "core/errors.h"
+
+namespace cadmorph {
+namespace {
+
+constexpr int kMaxNamed = 6;
+
+std::string list(const std::vector<std::string>& items) {
+  std::string text;
+  for (std::size_t i = 0; i < items.size() && i < kMaxNamed; ++i)
+    text += (i ? "; " : "") + items[i];
+  if (items.size() > kMaxNamed)
+    text += "; and " + std::to_string(items.size() - kMaxNamed) + " more";
+  return text;
+}
+
+// Entities [begin, end) of one kind left over by greedy pairing, nearest first.
+void leftovers(const MatchSide& base, const MatchSide& variant, const Similarity& t,
+               std::array<int, 2> b, std::array<int, 2> v, std::vector<std::string>& unpaired_base,
+               std::vector<std::string>& unpaired_variant) {
+  struct Pair {
+    double distance;
+    int base, variant;
+  };
+  std::vector<Pair> pairs;
+  for (int i = b[0]; i < b[1]; ++i)
+    for (int j = v[0]; j < v[1]; ++j)
+      pairs.push_back({squared_distance(base.features[i], variant.features[j],
+                                        t(base.features[i].centre), t.scale),
+                       i, j});
+  std::sort(pairs.begin(), pairs.end(),
+            [](const Pair& x, const Pair& y) { return x.distance < y.distance; });
+  std::vector<char> is_paired_base(base.features.size()),
+      is_paired_variant(variant.features.size());
+  for (const Pair& p : pairs)
+    if (!is_paired_base[p.base] && !is_paired_variant[p.variant])
+      is_paired_base[p.base] = is_paired_variant[p.variant] = 1;
+  for (int i = b[0]; i < b[1]; ++i)
+    if (!is_paired_base[i]) unpaired_base.push_back("base " + describe(base, i));
+  for (int j = v[0]; j < v[1]; ++j)
+    if (!is_paired_variant[j]) unpaired_variant.push_back("variant " + describe(variant, j));
+}
+
+}  // namespace
+
+void refuse_match(const MatchSide& base, const MatchSide& variant) {
+  const EntityGraph &b = base.graph, &v = variant.graph;
+  std::vector<std::string> lost, added;
+  const Similarity t = (base.model.lower() - variant.model.lower()).norm() +
+                                   (base.model.upper() - variant.model.upper()).norm() <
+                               0.1 * base.model.diagonal()
+                           ? Similarity{}
+                           : align_bounds(base.model, variant.model);
+  leftovers(base, variant, t, {0, b.faces}, {0, v.faces}, lost, added);
+  if (lost.empty() && added.empty())
+    leftovers(base, variant, t, {b.faces, b.faces + b.curves}, {v.faces, v.faces + v.curves}, lost,
+              added);
+  if (lost.empty() && added.empty())
+    leftovers(base, variant, t, {b.faces + b.curves, b.entity_count()},
+              {v.faces + v.curves, v.entity_count()}, lost, added);
+  lost.insert(lost.end(), added.begin(), added.end());
+  std::ostringstream text;
+  text << variant.model.file_name() << " does not correspond to " << base.model.file_name()
+       << ": base has " << b.faces << " faces, " << b.curves << " edges, " << b.corners
+       << " vertices, variant " << v.faces << ", " << v.curves << ", " << v.corners
+       << " (seams not counted). "
+       << (lost.empty() ? "The counts agree but the faces are connected differently"
+                        : "Without a partner: " + list(lost))
+       << ". A feature was added, removed or split; use a variant with the same topology.";
+  throw TopologyError(text.str());
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "cad/entity_motion.h"
+#include "cad/match_side.h"
+
+namespace cadmorph {
+
+/// A colour that several entities share: nodes that the topology can't tell apart.
+struct ColourClass {
+  std::vector<int> base, variant;
+};
+
+/// Colours of several entities.
+std::vector<ColourClass> open_classes(const ColourRefinement& colours, int entities);
+
+/// A first guess of the motion, and the scale that it gives to lengths.
+struct MotionGuess {
+  RoughMotion motion;
+  double scale = 1;
+};
+
+/// Decides every open entity by closeness to where the guess and the entities decided so far
+/// predict it, the surest ones first, each decision carried on over the adjacency by refinement.
+/// Returns the decided colours; nothing when it gets stuck or needs more than `most_refinements`,
+/// as a wrong guess makes it.
+std::optional<ColourRefinement> decide_by_closeness(const MatchSide& base, const MatchSide& variant,
+                                                    ColourRefinement colours,
+                                                    const MotionGuess& guess, int most_refinements);
+
+/// Distance of a base entity, predicted at `at` and of its size times `scale`, to a variant entity.
+double squared_distance(const EntityFeature& base, const EntityFeature& variant,
+                        const Eigen::Vector3d& at, double scale);
+
+}  // namespace cadmorph
