@@ -45,6 +45,18 @@ class Stepper {
     return positions;
   }
 
+  std::vector<std::vector<RbfField>> fields(int steps) const {
+    std::vector<std::vector<RbfField>> result{first_.fields(at(1, steps))};
+    Mesh moved = mesh_;
+    if (steps > 1) moved.points = first_.morph(at(1, steps));
+    for (int step = 2; step <= steps; ++step) {
+      const VolumeMorph morph(moved, first_.surface_nodes(), first_.options());
+      result.push_back(morph.fields(at(step, steps)));
+      if (step < steps) moved.points = morph.morph(at(step, steps));
+    }
+    return result;
+  }
+
   double seconds_set_up() const { return seconds_set_up_; }
 
  private:
@@ -96,6 +108,15 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
   }
   report.seconds_set_up = stepper.seconds_set_up();
   return best;
+}
+
+std::vector<std::vector<RbfField>> fields_of_steps(const Mesh& mesh, const VolumeMorph& first,
+                                                   const Points& surface_positions, int steps,
+                                                   const SurfacePath& path) {
+  check_options({.steps = steps});
+  const Stepper stepper(mesh, first, surface_positions,
+                        path ? path : linear_path(mesh, first.surface_nodes(), surface_positions));
+  return stepper.fields(std::max(steps, 1));
 }
 
 }  // namespace cadmorph

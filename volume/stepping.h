@@ -47,4 +47,10 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                               const Points& surface_positions, const Orientation& orientation,
                               const SteppingOptions& options = {}, const SurfacePath& path = {});
 
+/// The displacement fields of such a morph in exactly `steps` steps, of each step in turn (see
+/// VolumeMorph::fields).
+std::vector<std::vector<RbfField>> fields_of_steps(const Mesh& mesh, const VolumeMorph& first,
+                                                   const Points& surface_positions, int steps,
+                                                   const SurfacePath& path = {});
+
 }  // namespace cadmorph

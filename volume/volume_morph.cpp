@@ -5,10 +5,10 @@
 #include <optional>
 #include <utility>
 
+#include "core/edge_lengths.h"
 #include "core/errors.h"
 #include "volume/baselines/baseline.h"
 #include "volume/components.h"
-#include "core/edge_lengths.h"
 
 namespace cadmorph {
 namespace {
@@ -178,6 +178,24 @@ Points VolumeMorph::morph(const Points& surface_positions, RbfReport* report) co
   if (report) *report = combine(reports);
   for (std::size_t i = 0; i < impl_->surface_nodes.size(); ++i)
     result.row(impl_->surface_nodes[i]) = surface_positions.row(i);
+  return result;
+}
+
+std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const {
+  check_positions(surface_positions, impl_->surface_nodes);
+  if (impl_->baseline)
+    throw InvalidInputError("a morph by " + to_string(impl_->options.method) +
+                            " has no field; use the RBF method");
+  std::vector<RbfField> result;
+  for (const Part& part : impl_->parts) {
+    if (part.nodes.surface.empty()) continue;
+    const RowMatrix moves = rows_of(surface_positions, part.nodes.surface) - part.centres;
+    if (part.system)
+      result.push_back(part.system->solve(moves));
+    else
+      result.push_back(
+          RbfSystem(part.centres, impl_->options.kernel, impl_->options.rbf).solve(moves));
+  }
   return result;
 }
 

@@ -29,6 +29,10 @@ class VolumeMorph {
   /// other than RBF the number of surface nodes and the seconds alone.
   Points morph(const Points& surface_positions, RbfReport* report = nullptr) const;
 
+  /// The displacement fields that `morph` evaluates, one for each component that has surface nodes.
+  /// Throws as `morph` does, and InvalidInputError when the method is not RBF.
+  std::vector<RbfField> fields(const Points& surface_positions) const;
+
   const RbfReport& report() const;
   const std::vector<Index>& surface_nodes() const;
   const VolumeMorphOptions& options() const;
