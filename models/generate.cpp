@@ -1,15 +1,20 @@
-// Writes the CAD families bore and pipe, the small shapes, and their meshes.
+// Writes the CAD families, the small shapes, and their meshes.
 
+#include <CLI/CLI.hpp>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <numeric>
+#include <optional>
 
 #include "core/boundary.h"
 #include "core/errors.h"
 #include "core/mesh_file.h"
 #include "models/bore.h"
+#include "models/courier.h"
 #include "models/pipe.h"
 #include "models/shapes.h"
 #include "models/step_files.h"
@@ -21,15 +26,27 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int step_count = 20;
+constexpr std::size_t most_checked_nodes = 12000;
 constexpr double exact = 1e-12;          // mm; rounding of coordinates of 100 mm
 constexpr double gmsh_tolerance = 1e-6;  // mm; gmsh's nodes are on the curve, not the surface
+
+/// A mesh of a family's base.
+struct ModelMesh {
+  std::string file;
+  std::function<Mesh(const fs::path&)> make;  ///< given the base's STEP file
+  double tolerance;                           ///< mm; largest distance of surface nodes to the CAD
+};
 
 struct Family {
   std::string name;
   std::function<TopoDS_Shape(double)> make;
-  std::function<Mesh()> make_hex;
-  TetOptions tets;
-  TetOptions quadratic_tets;
+  std::vector<ModelMesh> meshes;
+};
+
+struct Request {
+  fs::path out;
+  std::vector<std::string> families;  ///< empty: all, and the small shapes
+  std::vector<int> further_steps;     ///< beyond the last one
 };
 
 std::string counts_text(const EntityCounts& counts) {
@@ -43,9 +60,13 @@ void write_model_mesh(const fs::path& path, const Mesh& mesh) {
               static_cast<long long>(mesh.node_count()), static_cast<long long>(mesh.cell_count()));
 }
 
-/// Checks that the surface of `mesh` lies on the CAD it is meant for, and writes it.
+/// Checks that the surface of `mesh` lies on the CAD it is meant for, and writes it. Of a large
+/// mesh an even choice of the surface nodes is checked.
 void write_checked(const fs::path& path, const Mesh& mesh, const fs::path& step, double tolerance) {
-  const std::vector<Index> nodes = extract_boundary(mesh).nodes;
+  const std::vector<Index> all_nodes = extract_boundary(mesh).nodes;
+  const std::size_t stride = 1 + all_nodes.size() / most_checked_nodes;
+  std::vector<Index> nodes;
+  for (std::size_t i = 0; i < all_nodes.size(); i += stride) nodes.push_back(all_nodes[i]);
   const double distance = largest_distance(mesh.points(nodes, Eigen::all), read_step(step));
   if (distance > tolerance) {
     throw InvalidInputError(path.string() + " is off its CAD by " + std::to_string(distance));
@@ -61,9 +82,13 @@ fs::path step_path(const fs::path& folder, int step) {
 }
 
 /// Writes all steps; every one is valid and has as many entities as the base, read back as well.
-void write_steps(const fs::path& folder, const Family& family) {
+void write_steps(const fs::path& folder, const Family& family,
+                 const std::vector<int>& further_steps) {
+  std::vector<int> steps(step_count + 1);
+  std::iota(steps.begin(), steps.end(), 0);
+  steps.insert(steps.end(), further_steps.begin(), further_steps.end());
   EntityCounts base;
-  for (int step = 0; step <= step_count; ++step) {
+  for (const int step : steps) {
     const fs::path path = step_path(folder, step);
     const TopoDS_Shape made = family.make(static_cast<double>(step) / step_count);
     check_valid(made, path.string());
@@ -77,19 +102,18 @@ void write_steps(const fs::path& folder, const Family& family) {
                           counts_text(base));
     }
   }
-  std::printf("%s: base and %d steps, each %s\n", folder.c_str(), step_count,
+  std::printf("%s: base and %zu steps, each %s\n", folder.c_str(), steps.size() - 1,
               counts_text(base).c_str());
 }
 
-void write_family(const fs::path& out, const Family& family) {
-  const fs::path folder = out / family.name;
+void write_family(const Request& request, const Family& family) {
+  const fs::path folder = request.out / family.name;
   fs::create_directories(folder);
-  write_steps(folder, family);
+  write_steps(folder, family, request.further_steps);
   const fs::path base = step_path(folder, 0);
-  write_checked(folder / "hex.vtu", family.make_hex(), base, exact);
-  write_checked(folder / "tet.vtu", mesh_with_tets(base, family.tets), base, gmsh_tolerance);
-  write_checked(folder / "tet_quadratic.vtu", mesh_with_tets(base, family.quadratic_tets), base,
-                gmsh_tolerance);
+  for (const ModelMesh& mesh : family.meshes) {
+    write_checked(folder / mesh.file, mesh.make(base), base, mesh.tolerance);
+  }
 }
 
 /// Writes base and variant; the variant has as many entities, read back as well.
@@ -121,29 +145,68 @@ void write_small_shapes(const fs::path& folder) {
   }
 }
 
-void generate(const fs::path& out) {
-  write_family(out, {"bore",
-                     make_bore,
-                     make_bore_hex,
-                     {.size = 4.6, .elements_per_turn = 30},
-                     {.size = 14, .minimum_size = 5, .elements_per_turn = 12, .order = 2}});
-  write_family(
-      out,
-      {"pipe", make_pipe, [] { return make_pipe_hex(); }, {.size = 2.3}, {.size = 9, .order = 2}});
-  write_small_shapes(out / "shapes");
+ModelMesh hexes(std::function<Mesh()> make) {
+  return {"hex.vtu", [make](const fs::path&) { return make(); }, exact};
+}
+
+ModelMesh tets(const std::string& file, const TetOptions& options) {
+  return {file, [options](const fs::path& base) { return mesh_with_tets(base, options); },
+          gmsh_tolerance};
+}
+
+std::vector<Family> all_families() {
+  return {{"bore",
+           make_bore,
+           {hexes(make_bore_hex), tets("tet.vtu", {.size = 4.6, .elements_per_turn = 30}),
+            tets("tet_quadratic.vtu",
+                 {.size = 14, .minimum_size = 5, .elements_per_turn = 12, .order = 2})}},
+          {"pipe",
+           make_pipe,
+           {hexes([] { return make_pipe_hex(); }), tets("tet.vtu", {.size = 2.3}),
+            tets("tet_quadratic.vtu", {.size = 9, .order = 2})}},
+          {"courier", make_courier, {hexes(make_courier_hex), tets("tet.vtu", {.size = 1.3})}}};
+}
+
+bool is_wanted(const Request& request, const std::string& name) {
+  return request.families.empty() || std::ranges::count(request.families, name) > 0;
+}
+
+void generate(const Request& request) {
+  for (const Family& family : all_families()) {
+    if (is_wanted(request, family.name)) write_family(request, family);
+  }
+  if (is_wanted(request, "shapes")) write_small_shapes(request.out / "shapes");
+}
+
+/// Sets `exit_code` when the program is to end at once, help or a wrong argument having been shown.
+Request parse(int argc, char** argv, std::optional<int>& exit_code) {
+  Request request;
+  CLI::App app("Writes CAD families and their meshes.");
+  app.add_option("OUTDIR", request.out, "folder to write to")->required();
+  std::vector<std::string> names = {"shapes"};
+  for (const Family& family : all_families()) names.push_back(family.name);
+  app.add_option("--family", request.families, "write these alone")->check(CLI::IsMember(names));
+  app.add_option("--step", request.further_steps,
+                 "write these steps as well; 30 is 150 % of the full change")
+      ->check(CLI::Range(step_count + 1, 99));
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    exit_code = app.exit(error);
+  }
+  return request;
 }
 
 }  // namespace
 }  // namespace cadmorph::models
 
 int main(int argc, char** argv) {
-  if (argc != 2) {
-    std::fprintf(stderr, "usage: cadmorph-models OUTDIR\n");
-    return 1;
-  }
   Message::DefaultMessenger()->ChangePrinters().Clear();  // OCCT tells of every transfer
   try {
-    cadmorph::models::generate(argv[1]);
+    std::optional<int> exit_code;
+    const cadmorph::models::Request request = cadmorph::models::parse(argc, argv, exit_code);
+    if (exit_code) return *exit_code;
+    cadmorph::models::generate(request);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "cadmorph-models: %s\n", error.what());
     return 2;

@@ -1,28 +1,15 @@
 #include "models/tet_mesher.h"
 
-#include <gmsh.h>
-
 #include <unordered_map>
 
 #include "core/errors.h"
+#include "models/gmsh_scope.h"
 #include "models/hex_builder.h"
 
 namespace cadmorph::models {
 namespace {
 
 using DimTags = gmsh::vectorpair;
-
-class GmshScope {
- public:
-  GmshScope() {
-    gmsh::initialize();
-    gmsh::option::setNumber("General.Terminal", 0);
-    gmsh::option::setNumber("General.NumThreads", 1);
-  }
-  ~GmshScope() { gmsh::finalize(); }
-  GmshScope(const GmshScope&) = delete;
-  GmshScope& operator=(const GmshScope&) = delete;
-};
 
 void set_sizes(const TetOptions& options) {
   gmsh::option::setNumber("Mesh.MeshSizeMax", options.size);
