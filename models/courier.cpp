@@ -81,7 +81,8 @@ TopoDS_Shape add_bosses(const CourierParameters& p, TopoDS_Shape part) {
   }
   BRepFilletAPI_MakeFillet fillet(part);
   for (const Point2& centre : mirrored({p.boss_x, p.boss_y})) {
-    fillet.Add(p.boss_fillet, edge_at(part, gp_Pnt(centre[0] + p.boss, centre[1], p.thickness)));
+    const Point2 rim = polar(centre, p.boss, 1);  // away from the seam
+    fillet.Add(p.boss_fillet, edge_at(part, gp_Pnt(rim[0], rim[1], p.thickness)));
   }
   return fillet.Shape();
 }

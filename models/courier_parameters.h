@@ -35,8 +35,8 @@ struct CourierParameters {
 /// Parameters at `change`: 0 the base, 1 the last step.
 inline CourierParameters courier_parameters(double change) {
   const auto from_to = [change](double base, double full) { return std::lerp(base, full, change); };
-  return {.corner_x = from_to(56, 69),
-          .corner_y = from_to(31, 26),
+  return {.corner_x = from_to(56, 66),
+          .corner_y = from_to(31, 28),
           .height = from_to(40, 54),
           .thickness = from_to(5, 6),
           .wall = from_to(24, 26),
@@ -47,8 +47,8 @@ inline CourierParameters courier_parameters(double change) {
           .hole_x = from_to(24, 27),
           .hole_y = from_to(27, 27),
           .hole = from_to(5, 6.5),
-          .boss_x = from_to(46, 60),
-          .boss_y = from_to(25, 21),
+          .boss_x = from_to(46, 56),
+          .boss_y = from_to(25, 23),
           .boss = from_to(8, 9.5),
           .boss_hole = from_to(4, 5),
           .boss_top = from_to(24, 34),
@@ -62,7 +62,7 @@ inline CourierParameters courier_parameters(double change) {
           .rib_fillet = from_to(4, 5),
           .rib_reach_x = from_to(40, 44),
           .rib_reach_y = from_to(31, 33),
-          .rib_turn_deg = from_to(0, 14)};
+          .rib_turn_deg = from_to(0, 8)};
 }
 
 /// Outline of hub and ribs, counter-clockwise from the start of the first rib's fillet. Six curves

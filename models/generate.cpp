@@ -9,16 +9,20 @@
 #include <functional>
 #include <numeric>
 #include <optional>
+#include <random>
+#include <sstream>
 
 #include "core/boundary.h"
 #include "core/errors.h"
 #include "core/mesh_file.h"
+#include "core/quality.h"
 #include "models/bore.h"
 #include "models/courier.h"
 #include "models/pipe.h"
 #include "models/shapes.h"
 #include "models/step_files.h"
 #include "models/tet_mesher.h"
+#include "models/wing.h"
 
 namespace cadmorph::models {
 namespace {
@@ -26,9 +30,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int step_count = 20;
-constexpr std::size_t most_checked_nodes = 12000;
-constexpr double exact = 1e-12;          // mm; rounding of coordinates of 100 mm
-constexpr double gmsh_tolerance = 1e-6;  // mm; gmsh's nodes are on the curve, not the surface
+constexpr int most_checked_nodes = 12000;
+constexpr double exact = 1e-12;            // mm; rounding of coordinates of 100 mm
+constexpr double fillet_tolerance = 1e-6;  // mm; OCCT's fillets off their radius
+constexpr double not_on_cad = 1e300;       // most of the mesh's surface is a far field
+constexpr double gmsh_tolerance = 1e-6;    // mm; gmsh's nodes are on the curve, not the surface
 
 /// A mesh of a family's base.
 struct ModelMesh {
@@ -55,21 +61,29 @@ std::string counts_text(const EntityCounts& counts) {
 }
 
 void write_model_mesh(const fs::path& path, const Mesh& mesh) {
+  const QualityReport quality = measure_quality(mesh, mesh.points, detect_orientation(mesh));
+  if (quality.inverted > 0) {
+    throw InvalidInputError(path.string() + " has " + std::to_string(quality.inverted) +
+                            " inverted elements");
+  }
   write_mesh(path, mesh);
-  std::printf("%s: %lld nodes, %lld cells\n", path.c_str(),
-              static_cast<long long>(mesh.node_count()), static_cast<long long>(mesh.cell_count()));
+  std::printf("%s: %lld nodes, %lld cells, scaled Jacobian %.3f / %.3f\n", path.c_str(),
+              static_cast<long long>(mesh.node_count()), static_cast<long long>(mesh.cell_count()),
+              quality.min, quality.mean);
 }
 
 /// Checks that the surface of `mesh` lies on the CAD it is meant for, and writes it. Of a large
-/// mesh an even choice of the surface nodes is checked.
+/// mesh a random choice of the surface nodes is checked, always the same.
 void write_checked(const fs::path& path, const Mesh& mesh, const fs::path& step, double tolerance) {
+  if (tolerance == not_on_cad) return write_model_mesh(path, mesh);
   const std::vector<Index> all_nodes = extract_boundary(mesh).nodes;
-  const std::size_t stride = 1 + all_nodes.size() / most_checked_nodes;
   std::vector<Index> nodes;
-  for (std::size_t i = 0; i < all_nodes.size(); i += stride) nodes.push_back(all_nodes[i]);
+  std::ranges::sample(all_nodes, std::back_inserter(nodes), most_checked_nodes, std::mt19937(1));
   const double distance = largest_distance(mesh.points(nodes, Eigen::all), read_step(step));
   if (distance > tolerance) {
-    throw InvalidInputError(path.string() + " is off its CAD by " + std::to_string(distance));
+    std::ostringstream text;
+    text << path.string() << " is off its CAD by " << distance << " mm";
+    throw InvalidInputError(text.str());
   }
   write_model_mesh(path, mesh);
 }
@@ -145,8 +159,8 @@ void write_small_shapes(const fs::path& folder) {
   }
 }
 
-ModelMesh hexes(std::function<Mesh()> make) {
-  return {"hex.vtu", [make](const fs::path&) { return make(); }, exact};
+ModelMesh hexes(std::function<Mesh()> make, double tolerance = exact) {
+  return {"hex.vtu", [make](const fs::path&) { return make(); }, tolerance};
 }
 
 ModelMesh tets(const std::string& file, const TetOptions& options) {
@@ -164,7 +178,10 @@ std::vector<Family> all_families() {
            make_pipe,
            {hexes([] { return make_pipe_hex(); }), tets("tet.vtu", {.size = 2.3}),
             tets("tet_quadratic.vtu", {.size = 9, .order = 2})}},
-          {"courier", make_courier, {hexes(make_courier_hex), tets("tet.vtu", {.size = 1.3})}}};
+          {"courier",
+           make_courier,
+           {hexes(make_courier_hex, fillet_tolerance), tets("tet.vtu", {.size = 1.3})}},
+          {"wing", make_wing, {{"layers.vtu", make_wing_layers, not_on_cad}}}};
 }
 
 bool is_wanted(const Request& request, const std::string& name) {

@@ -7,7 +7,6 @@
 #include <string>
 #include <unordered_map>
 
-#include "core/errors.h"
 #include "models/gmsh_scope.h"
 
 namespace cadmorph::models {
@@ -52,14 +51,15 @@ CoarseMesh collect_coarse(int surface) {
 }
 
 CoarseMesh mesh_coarsely(const std::vector<Loop>& loops) {
-  const GmshScope gmsh_scope;
-  std::vector<int> curve_loops;
-  for (const Loop& loop : loops) curve_loops.push_back(add_loop(loop));
-  const int surface = gmsh::model::geo::addPlaneSurface(curve_loops);
-  gmsh::model::geo::synchronize();
-  gmsh::option::setNumber("Mesh.Algorithm", 6);  // frontal; 8, for quadrangles, crashes in 4.8.4
-  gmsh::model::mesh::generate(2);
-  return collect_coarse(surface);
+  return with_gmsh("a plane section", [&] {
+    std::vector<int> curve_loops;
+    for (const Loop& loop : loops) curve_loops.push_back(add_loop(loop));
+    const int surface = gmsh::model::geo::addPlaneSurface(curve_loops);
+    gmsh::model::geo::synchronize();
+    gmsh::option::setNumber("Mesh.Algorithm", 6);  // frontal; 8, for quadrangles, crashes in 4.8.4
+    gmsh::model::mesh::generate(2);
+    return collect_coarse(surface);
+  });
 }
 
 double cross(const Point2& a, const Point2& b) { return a[0] * b[1] - a[1] * b[0]; }
@@ -233,15 +233,10 @@ Loop sample_circle(const Point2& centre, double radius, int cells, double first)
 PlanMesh mesh_plan(const Loop& outline, const std::vector<Loop>& holes) {
   std::vector<Loop> loops = {outline};
   loops.insert(loops.end(), holes.begin(), holes.end());
-  try {
-    const CoarseMesh coarse = pair_triangles(mesh_coarsely(loops));
-    const Subdivision subdivision(coarse, loops);
-    PlanMesh mesh = subdivision.mesh();
-    smooth(mesh, subdivision.is_fixed());
-    return mesh;
-  } catch (const std::exception& error) {
-    throw InvalidInputError("gmsh can't mesh a plane section: " + std::string(error.what()));
-  }
+  const Subdivision subdivision(pair_triangles(mesh_coarsely(loops)), loops);
+  PlanMesh mesh = subdivision.mesh();
+  smooth(mesh, subdivision.is_fixed());
+  return mesh;
 }
 
 }  // namespace cadmorph::models

@@ -85,21 +85,33 @@ TopoDS_Shape read_step(const std::filesystem::path& path) {
   return reader.OneShape();
 }
 
-double largest_distance(const Points& points, const TopoDS_Shape& shape) {
-  TopoDS_Compound faces;
+NearestOnShape::NearestOnShape(const TopoDS_Shape& shape, ShapeKind kind)
+    : extrema_(std::make_unique<BRepExtrema_DistShapeShape>()) {
+  TopoDS_Compound parts;
   BRep_Builder builder;
-  builder.MakeCompound(faces);
-  for (TopExp_Explorer face(shape, TopAbs_FACE); face.More(); face.Next()) {
-    builder.Add(faces, face.Current());
+  builder.MakeCompound(parts);
+  const TopAbs_ShapeEnum wanted = kind == ShapeKind::Faces ? TopAbs_FACE : TopAbs_EDGE;
+  for (TopExp_Explorer part(shape, wanted); part.More(); part.Next()) {
+    builder.Add(parts, part.Current());
   }
-  BRepExtrema_DistShapeShape extrema;
-  extrema.LoadS2(faces);
+  extrema_->LoadS2(parts);
+}
+
+NearestOnShape::~NearestOnShape() = default;
+
+Eigen::Vector3d NearestOnShape::operator()(const Eigen::Vector3d& point) const {
+  extrema_->LoadS1(BRepBuilderAPI_MakeVertex(gp_Pnt(point[0], point[1], point[2])).Shape());
+  extrema_->Perform();
+  const gp_Pnt nearest = extrema_->PointOnShape2(1);
+  return {nearest.X(), nearest.Y(), nearest.Z()};
+}
+
+double largest_distance(const Points& points, const TopoDS_Shape& shape) {
+  const NearestOnShape nearest(shape, ShapeKind::Faces);
   double largest = 0;
   for (Index i = 0; i < points.rows(); ++i) {
-    extrema.LoadS1(
-        BRepBuilderAPI_MakeVertex(gp_Pnt(points(i, 0), points(i, 1), points(i, 2))).Shape());
-    extrema.Perform();
-    largest = std::max(largest, extrema.Value());
+    const Eigen::Vector3d point = points.row(i);
+    largest = std::max(largest, (nearest(point) - point).norm());
   }
   return largest;
 }

@@ -2,9 +2,12 @@
 
 #include <TopoDS_Shape.hxx>
 #include <filesystem>
+#include <memory>
 #include <string>
 
 #include "core/types.h"
+
+class BRepExtrema_DistShapeShape;
 
 namespace cadmorph::models {
 
@@ -26,6 +29,19 @@ void write_step(const std::filesystem::path& path, const TopoDS_Shape& shape,
 
 /// Reads a STEP file back, in millimetres. Throws IoError.
 TopoDS_Shape read_step(const std::filesystem::path& path);
+
+enum class ShapeKind { Faces, Edges };
+
+/// Finds the nearest points on all faces or all edges of a shape. About 1 ms a point.
+class NearestOnShape {
+ public:
+  NearestOnShape(const TopoDS_Shape& shape, ShapeKind kind);
+  ~NearestOnShape();
+  Eigen::Vector3d operator()(const Eigen::Vector3d& point) const;
+
+ private:
+  std::unique_ptr<BRepExtrema_DistShapeShape> extrema_;
+};
 
 /// Returns the largest distance of a point (N x 3) to the surface of `shape`. About 1 ms a point.
 double largest_distance(const Points& points, const TopoDS_Shape& shape);

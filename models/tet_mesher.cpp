@@ -2,7 +2,6 @@
 
 #include <unordered_map>
 
-#include "core/errors.h"
 #include "models/gmsh_scope.h"
 #include "models/hex_builder.h"
 
@@ -10,15 +9,6 @@ namespace cadmorph::models {
 namespace {
 
 using DimTags = gmsh::vectorpair;
-
-void set_sizes(const TetOptions& options) {
-  gmsh::option::setNumber("Mesh.MeshSizeMax", options.size);
-  gmsh::option::setNumber("Mesh.MeshSizeMin", options.minimum_size);
-  gmsh::option::setNumber("Mesh.MeshSizeFromCurvature", options.elements_per_turn > 0 ? 1 : 0);
-  gmsh::option::setNumber("Mesh.MinimumElementsPerTwoPi", options.elements_per_turn);
-  gmsh::option::setNumber("Mesh.ElementOrder", options.order);
-  gmsh::option::setNumber("Mesh.HighOrderOptimize", options.order > 1 ? 1 : 0);
-}
 
 void surround_with_cube(DimTags& solids, double width) {
   double x0, y0, z0, x1, y1, z1;
@@ -90,20 +80,26 @@ Mesh collect(const DimTags& solids, int order) {
 
 }  // namespace
 
+void set_tet_options(const TetOptions& options) {
+  gmsh::option::setNumber("Mesh.MeshSizeMax", options.size);
+  gmsh::option::setNumber("Mesh.MeshSizeMin", options.minimum_size);
+  gmsh::option::setNumber("Mesh.MeshSizeFromCurvature", options.elements_per_turn > 0 ? 1 : 0);
+  gmsh::option::setNumber("Mesh.MinimumElementsPerTwoPi", options.elements_per_turn);
+  gmsh::option::setNumber("Mesh.ElementOrder", options.order);
+  gmsh::option::setNumber("Mesh.HighOrderOptimize", options.order > 1 ? 1 : 0);
+}
+
 Mesh mesh_with_tets(const std::filesystem::path& step, const TetOptions& options) {
-  const GmshScope gmsh_scope;
-  try {
+  return with_gmsh(step.string(), [&] {
     DimTags solids;
     gmsh::model::occ::importShapes(step.string(), solids);
     if (options.far_field_width > 0) surround_with_cube(solids, options.far_field_width);
     if (solids.size() > 1) join_touching(solids);
     gmsh::model::occ::synchronize();
-    set_sizes(options);
+    set_tet_options(options);
     gmsh::model::mesh::generate(3);
     return collect(solids, options.order);
-  } catch (const std::exception& error) {
-    throw InvalidInputError("gmsh can't mesh " + step.string() + ": " + error.what());
-  }
+  });
 }
 
 }  // namespace cadmorph::models

@@ -16,6 +16,9 @@ struct TetOptions {
       0;  ///< if positive, mesh the cube of this width around the shape instead
 };
 
+/// Sets gmsh's options for sizes and order; gmsh must be initialised.
+void set_tet_options(const TetOptions& options);
+
 /// Meshes the solids of a STEP file with tetrahedra; boundary nodes are on its faces, edges and
 /// vertices. Solids that touch share nodes; when there are several, each is a region, from 1 on.
 /// The same file always gives the same mesh. Throws InvalidInputError when gmsh can't mesh it.

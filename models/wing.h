@@ -1,0 +1,22 @@
+#pragma once
+
+#include <TopoDS_Shape.hxx>
+#include <filesystem>
+
+#include "core/mesh.h"
+
+namespace cadmorph::models {
+
+/// Makes the wing model: half a wing with a blunt trailing edge, its root in the plane y = 0. As
+/// `change` goes from 0 to 1 span, tip chord, sweep, dihedral, twist, thickness and camber change.
+TopoDS_Shape make_wing(double change);
+
+/// Meshes the air around the wing of `step`, make_wing(0), up to a far-field box: wedges on the
+/// wing, the first 1e-5 of the root chord high, tetrahedra outside.
+Mesh make_wing_layers(const std::filesystem::path& step);
+
+/// Meshes the same air with polyhedra, the median dual of a coarser tetrahedral mesh. Its nodes on
+/// the wing are on the CAD, at the duals' corners too.
+Mesh make_wing_polyhedra(const std::filesystem::path& step);
+
+}  // namespace cadmorph::models
