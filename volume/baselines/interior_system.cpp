@@ -53,8 +53,18 @@ using ConjugateGradients =
     IterativeSolver<Eigen::ConjugateGradient<SparseColumns, Eigen::Lower | Eigen::Upper,
                                              Eigen::IncompleteCholesky<double>>,
                     SparseColumns>;
+
+// Incomplete factors of weighted means: Eigen's own threshold of 1e-12 drops next to nothing.
+class SparseFactors : public Eigen::IncompleteLUT<double> {
+ public:
+  SparseFactors() {
+    setDroptol(1e-3);
+    setFillfactor(5);
+  }
+};
+
 using BiconjugateGradients =
-    IterativeSolver<Eigen::BiCGSTAB<SparseRows, Eigen::IncompleteLUT<double>>, SparseRows>;
+    IterativeSolver<Eigen::BiCGSTAB<SparseRows, SparseFactors>, SparseRows>;
 
 template <class Factorisation>
 MatrixXd solve_by_factors(const SparseColumns& A, const MatrixXd& rhs) {
