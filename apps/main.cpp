@@ -20,6 +20,8 @@ constexpr const char* kDescription =
     "  cadmorph BASE.step VARIANT.step MESH [-o OUT] [options]\n"
     "  cadmorph quality MESH [options]\n"
     "  cadmorph match BASE.step VARIANT.step [options]\n"
+    "  cadmorph field BASE.step VARIANT.step MESH -o FIELD.cmf [options]\n"
+    "  cadmorph apply FIELD.cmf MESH [-o OUT] [options]\n"
     "  cadmorph compare REFERENCE MESH [options]\n"
     "\n"
     "Both STEP files must have the same topology; MESH (.vtu or .vtk) is the mesh of the first. "
@@ -58,6 +60,8 @@ void parse(int argc, char** argv, Action& action) {
   add_morph_command(app, action);
   add_quality_command(app, action);
   add_match_command(app, action);
+  add_field_command(app, action);
+  add_apply_command(app, action);
   add_compare_command(app, action);
   try {
     app.parse(argc, argv);

@@ -25,10 +25,6 @@ struct MorphCommand {
   int threads = 0;  ///< 0: all
 };
 
-std::filesystem::path default_output(const std::filesystem::path& mesh) {
-  return mesh.parent_path() / (mesh.stem().string() + ".morphed" + mesh.extension().string());
-}
-
 void add_show_options(CLI::App& app, ShowFiles& show) {
   app.add_option("--report", show.report,
                  "write a page to look at: figures, charts, pictures, 3D view")

@@ -12,12 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-double peak_memory() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return 1024.0 * static_cast<double>(usage.ru_maxrss);
-}
-
 // Adds times to those of phases of the same names.
 void add_phases(std::vector<PhaseTime>& all, const std::vector<PhaseTime>& more) {
   for (const PhaseTime& phase : more) {
@@ -149,6 +143,12 @@ std::vector<fs::path> MorphFiles::inputs() const {
   std::vector<fs::path> all = {base_cad, variant_cad, mesh};
   all.insert(all.end(), via.begin(), via.end());
   return all;
+}
+
+double peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return 1024.0 * static_cast<double>(usage.ru_maxrss);
 }
 
 PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& options) {

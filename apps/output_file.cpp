@@ -38,6 +38,10 @@ void check_output(const fs::path& output, const std::vector<fs::path>& inputs) {
     refuse(output, "it exists and is no regular file");
 }
 
+fs::path default_output(const fs::path& mesh) {
+  return mesh.parent_path() / (mesh.stem().string() + ".morphed" + mesh.extension().string());
+}
+
 fs::path failed_path(const fs::path& output) {
   return folder_of(output) / (output.stem().string() + ".failed" + output.extension().string());
 }

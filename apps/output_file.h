@@ -20,6 +20,9 @@ class OutputError : public Error {
 void check_output(const std::filesystem::path& output,
                   const std::vector<std::filesystem::path>& inputs);
 
+/// Where a morphed mesh goes when not told: `<stem>.morphed.<ext>` beside the mesh.
+std::filesystem::path default_output(const std::filesystem::path& mesh);
+
 /// `<stem>.failed.<ext>` beside `output`.
 std::filesystem::path failed_path(const std::filesystem::path& output);
 

@@ -353,6 +353,7 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
   report.max_displacement =
       report.mesh_unit_mm * (result.positions - mesh().points).rowwise().norm().maxCoeff();
   job.judge(result, surface_positions);
+  result.surface_positions = surface_positions;
   const auto& phases = clock.phases();
   report.phases.insert(report.phases.end(), phases.begin(), phases.end());
   return result;
@@ -387,6 +388,16 @@ void add_diagnostics(const MorphJob& job, const Points& original, const MorphRes
 }
 
 }  // namespace
+
+DeformationTerms MorphJob::deformation(const MorphResult& result) const {
+  const Impl& job = *impl_;
+  DeformationTerms terms = about_file(job.mesh_file->path(), [&] {
+    return record_deformation(mesh(), *job.volume, result.surface_positions,
+                              result.report.stepping.steps);
+  });
+  terms.mesh_unit_mm = result.report.mesh_unit_mm;
+  return terms;
+}
 
 fs::path MorphJob::write(const MorphResult& result, const fs::path& output,
                          bool has_diagnostics) const {

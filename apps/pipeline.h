@@ -16,6 +16,7 @@
 #include "core/quality_checks.h"
 #include "core/validity.h"
 #include "surface/surface_morph.h"
+#include "volume/deformation_field.h"
 #include "volume/stepping.h"
 #include "volume/untangle.h"
 #include "volume/volume_morph.h"
@@ -123,6 +124,7 @@ struct MorphResult {
   ValidityReport validity;
   TopologyMatch match;
   Eigen::VectorXd surface_distance;  ///< see SurfaceMorphResult::distance
+  Points surface_positions;  ///< those prescribed, in the order of VolumeMorph::surface_nodes
   PipelineReport report;
 };
 
@@ -154,6 +156,10 @@ class MorphJob {
                               bool has_diagnostics = false) const;
 
   const CadModel& base() const;
+  /// The deformation field of a result: what moves any other points as it moved the nodes, repair
+  /// by optimisation apart, which has no field. Throws what record_deformation throws.
+  DeformationTerms deformation(const MorphResult& result) const;
+
   /// The mesh at the positions the job starts from.
   const Mesh& mesh() const;
   const Boundary& boundary() const;
@@ -166,6 +172,9 @@ class MorphJob {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// Largest memory of this process so far, bytes.
+double peak_memory();
 
 struct MorphFiles {
   std::filesystem::path base_cad, variant_cad, mesh, output;
