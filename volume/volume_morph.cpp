@@ -47,8 +47,9 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 // One component with its system.
 struct Part {
   Component nodes;
-  RowMatrix centres, targets;
+  RowMatrix centres;
   std::optional<RbfSystem> system;  // none where no node is free
+  std::optional<RbfTargets> targets;
 };
 
 Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surface_nodes,
@@ -58,13 +59,13 @@ Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surf
   std::vector<Index> ids;
   for (const Index i : part.nodes.surface) ids.push_back(surface_nodes[i]);
   part.centres = rows_of(mesh.points, ids);
-  part.targets = rows_of(mesh.points, part.nodes.volume);
   if (part.nodes.volume.empty() || ids.empty()) return part;
   RbfOptions rbf = options.rbf;
   rbf.local_length = lengths(part.nodes.surface);
   // A node without an edge gives no scale of its own: leave the choice to the solver.
   if (rbf.local_length.minCoeff() <= 0) rbf.local_length.resize(0);
   part.system.emplace(part.centres, options.kernel, rbf);
+  part.targets.emplace(*part.system, rows_of(mesh.points, part.nodes.volume));
   return part;
 }
 
@@ -114,6 +115,11 @@ struct VolumeMorph::Impl {
   void set_up_rbf(const Mesh& mesh);
   void set_up_baseline(const Mesh& mesh);
   Points morph_by_baseline(const Points& surface_positions, RbfReport* figures) const;
+  void morph_by_rbf(const std::vector<Points>& surface_positions,
+                    std::vector<VolumeMorphResult>& results) const;
+  void move_part(const Part& part, const std::vector<Points>& surface_positions,
+                 std::vector<VolumeMorphResult>& results,
+                 std::vector<std::vector<RbfReport>>& reports) const;
 };
 
 void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
@@ -146,6 +152,48 @@ Points VolumeMorph::Impl::morph_by_baseline(const Points& surface_positions,
   return result;
 }
 
+// Moves the volume nodes of one component in all results that have no error yet.
+void VolumeMorph::Impl::move_part(const Part& part, const std::vector<Points>& surface_positions,
+                                  std::vector<VolumeMorphResult>& results,
+                                  std::vector<std::vector<RbfReport>>& reports) const {
+  std::vector<std::size_t> sound;
+  std::vector<RowMatrix> values;
+  for (std::size_t r = 0; r < results.size(); ++r) {
+    if (results[r].error) continue;
+    sound.push_back(r);
+    values.push_back(rows_of(surface_positions[r], part.nodes.surface) - part.centres);
+  }
+  std::vector<RbfSolution> solutions = part.system->solve_each(values);
+  std::vector<RbfField> fields;
+  std::vector<std::size_t> solved;
+  for (std::size_t s = 0; s < sound.size(); ++s) {
+    results[sound[s]].error = solutions[s].error;
+    if (solutions[s].error) continue;
+    solved.push_back(sound[s]);
+    reports[sound[s]].push_back(solutions[s].field.report());
+    fields.push_back(std::move(solutions[s].field));
+  }
+  const std::vector<RowMatrix> displacements = part.targets->evaluate(fields);
+  for (std::size_t s = 0; s < solved.size(); ++s)
+    for (std::size_t i = 0; i < part.nodes.volume.size(); ++i)
+      results[solved[s]].positions.row(part.nodes.volume[i]) += displacements[s].row(i);
+}
+
+void VolumeMorph::Impl::morph_by_rbf(const std::vector<Points>& surface_positions,
+                                     std::vector<VolumeMorphResult>& results) const {
+  for (VolumeMorphResult& result : results)
+    if (!result.error) result.positions = base;
+  std::vector<std::vector<RbfReport>> reports(results.size());
+  for (const Part& part : parts)
+    if (part.system) move_part(part, surface_positions, results, reports);
+  for (std::size_t r = 0; r < results.size(); ++r) {
+    if (results[r].error) continue;
+    results[r].report = combine(reports[r]);
+    for (std::size_t i = 0; i < surface_nodes.size(); ++i)
+      results[r].positions.row(surface_nodes[i]) = surface_positions[r].row(i);
+  }
+}
+
 VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
                          VolumeMorphOptions options) {
   if (surface_nodes.empty()) throw InvalidInputError("no surface node to prescribe");
@@ -162,23 +210,26 @@ VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
 }
 
 Points VolumeMorph::morph(const Points& surface_positions, RbfReport* report) const {
-  check_positions(surface_positions, impl_->surface_nodes);
-  if (impl_->baseline) return impl_->morph_by_baseline(surface_positions, report);
-  Points result = impl_->base;
-  std::vector<RbfReport> reports;
-  for (const Part& part : impl_->parts) {
-    if (!part.system) continue;
-    const RowMatrix target = rows_of(surface_positions, part.nodes.surface);
-    const RbfField field = part.system->solve(target - part.centres);
-    const RowMatrix displacements = field.evaluate(part.targets);
-    for (std::size_t i = 0; i < part.nodes.volume.size(); ++i)
-      result.row(part.nodes.volume[i]) += displacements.row(i);
-    reports.push_back(field.report());
+  VolumeMorphResult result = std::move(morph_each({surface_positions}).front());
+  if (result.error) std::rethrow_exception(result.error);
+  if (report) *report = std::move(result.report);
+  return std::move(result.positions);
+}
+
+std::vector<VolumeMorphResult> VolumeMorph::morph_each(
+    const std::vector<Points>& surface_positions) const {
+  std::vector<VolumeMorphResult> results(surface_positions.size());
+  for (std::size_t r = 0; r < results.size(); ++r) {
+    try {
+      check_positions(surface_positions[r], impl_->surface_nodes);
+      if (impl_->baseline)
+        results[r].positions = impl_->morph_by_baseline(surface_positions[r], &results[r].report);
+    } catch (const Error&) {
+      results[r].error = std::current_exception();
+    }
   }
-  if (report) *report = combine(reports);
-  for (std::size_t i = 0; i < impl_->surface_nodes.size(); ++i)
-    result.row(impl_->surface_nodes[i]) = surface_positions.row(i);
-  return result;
+  if (!impl_->baseline) impl_->morph_by_rbf(surface_positions, results);
+  return results;
 }
 
 std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const {

@@ -89,4 +89,11 @@ Eigen::MatrixXd CentreFrame::linear(const Eigen::MatrixXd& coefficients) const {
   return result;
 }
 
+Eigen::MatrixXd CentreFrame::linear_in_given(const Eigen::MatrixXd& coefficients) const {
+  Eigen::MatrixXd result = linear(coefficients);
+  result.bottomRows(dimension()) /= unit_;
+  result.row(0) -= centre_ * result.bottomRows(dimension());
+  return result;
+}
+
 }  // namespace cadmorph

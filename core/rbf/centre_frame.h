@@ -35,6 +35,9 @@ class CentreFrame {
   /// coordinates x: (D + 1) x M.
   Eigen::MatrixXd linear(const Eigen::MatrixXd& coefficients) const;
 
+  /// Likewise, by the coordinates of the points that the frame was made of.
+  Eigen::MatrixXd linear_in_given(const Eigen::MatrixXd& coefficients) const;
+
   const Eigen::RowVectorXd& centre() const { return centre_; }
   Index dimension() const { return centre_.size(); }
   int terms() const { return static_cast<int>(slopes_.cols()) + 1; }

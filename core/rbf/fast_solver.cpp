@@ -2,19 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <mutex>
-#include <vector>
+#include <utility>
 
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/parallel.h"
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/conjugate_gradient.h"
-#include "core/rbf/field_evaluator.h"
 #include "core/rbf/h2_matrix.h"
 #include "core/rbf/multiscale_correction.h"
 #include "core/rbf/point_order.h"
 #include "core/rbf/sparse_inverse_cholesky.h"
+#include "core/rbf/unit_targets.h"
 
 namespace cadmorph {
 namespace {
@@ -45,6 +46,11 @@ constexpr double kMargin = 0.8;
 // (measured).
 constexpr double kFarFieldAccuracy = 5e-4;
 
+// A coarser H2 matrix serves once the residual is below kRelaxedBelow allowances: errors of the
+// product then matter less in that proportion (measured: leaves the true residual unchanged).
+constexpr double kRelaxedAccuracy = 1e3;
+constexpr double kRelaxedBelow = 1e3;
+
 // Part of the largest value that the rounding of the sums may come to.
 constexpr double kRounding = 1e-9;
 
@@ -62,50 +68,6 @@ double diagonal(const MatrixXd& points) {
   return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
 }
 
-}  // namespace
-
-struct FastSolver::Impl {
-  Impl(const MatrixXd& given, const VectorXd& local_length, FastOptions options);
-
-  // What may be refined when a solution calls for it; taken and replaced as a whole.
-  struct Tools {
-    std::shared_ptr<const SparseInverseCholesky> factor;
-    std::shared_ptr<const H2Matrix> h2;  // none: direct sums
-    bool is_adaptive = false;
-    double accuracy = 0;  // of h2
-
-    MatrixXd multiply(const Impl& s, const MatrixXd& weights) const {
-      return h2 ? h2->multiply(weights) : s.sum(s.points, s.points, weights);
-    }
-  };
-
-  Tools tools() const;
-  Tools with_larger_stencils() const;
-  Tools with_finer_far_field(double accuracy) const;
-  MatrixXd solve_weights(const MatrixXd& values, const VectorXd& allowed, Tools& tools,
-                         MatrixXd& residual, FastReport& report) const;
-  double sampled_error(const MatrixXd& weights, const MatrixXd& image,
-                       const VectorXd& allowed) const;
-
-  FastOptions options;
-  PointOrder order;         // of all points, farthest first
-  Points ordered;           // all points in that order
-  VectorXd ordered_length;  // local lengths of all points in that order
-  double thinning_distance;
-  std::vector<Index> rows;  // kept points (rows of the given), coarse to fine for the factor
-  MatrixXd points;          // kept, in that order
-  Points point_rows;        // the same, row-major
-  VectorXd length;          // local length of kept points, where thinning left room
-  CentreFrame frame;
-  MatrixXd P;
-  KernelSum sum{Kernel::triharmonic_3d()};
-  std::string remarks;
-  mutable std::mutex mutex;
-  mutable Tools tools_;
-};
-
-namespace {
-
 // Elimination order of the points that are kept: rows of the given points.
 std::vector<Index> kept_rows(const PointOrder& order, const Points& ordered, double distance) {
   Index count = 0;
@@ -118,7 +80,69 @@ std::vector<Index> kept_rows(const PointOrder& order, const Points& ordered, dou
   return rows;
 }
 
+// The matrix of the system, and a coarser form; none: direct sums.
+struct FarField {
+  std::shared_ptr<const H2Matrix> exact, relaxed;
+};
+
+// How far a solution has got.
+struct Progression {
+  MatrixXd values;   // at the kept points
+  VectorXd allowed;  // residual of each
+  MatrixXd weights, residual;
+  bool is_adaptive = false;  // has the larger stencils
+  int refinement = 0;        // of the far field, in powers of ten
+  int restarts = 0;
+  bool is_solved = false;
+  std::string error;
+  FastReport report;
+
+  bool is_open() const { return !is_solved && error.empty(); }
+  bool has_tools_of(const Progression& other) const {
+    return is_adaptive == other.is_adaptive && refinement == other.refinement;
+  }
+};
+
 }  // namespace
+
+struct FastSolver::Impl {
+  Impl(const MatrixXd& given, const VectorXd& local_length, FastOptions options);
+
+  void choose_stencils();
+  std::shared_ptr<const SparseInverseCholesky> factor(bool is_adaptive) const;
+  FarField far_field(int refinement) const;
+  MatrixXd multiply(const H2Matrix* h2, const MatrixXd& weights) const {
+    return h2 ? h2->multiply(weights) : sum(*points, *points, weights);
+  }
+
+  Progression start(const MatrixXd& values) const;
+  void advance(const std::vector<Progression*>& solutions) const;
+  void iterate(const std::vector<Progression*>& solutions) const;
+  void verify(Progression& solution, MatrixXd image, bool has_converged) const;
+  double sampled_error(const Progression& solution, const MatrixXd& image) const;
+  FastSolution finish(Progression solution) const;
+  void correct(const std::vector<MatrixXd>& value_sets, std::vector<FastSolution>& solutions) const;
+  VectorXd allowance(const VectorXd& lengths, const MatrixXd& values) const;
+
+  FastOptions options;
+  PointOrder order;         // of all points, farthest first
+  Points ordered;           // all points in that order
+  VectorXd ordered_length;  // local lengths of all points in that order
+  double thinning_distance;
+  std::vector<Index> rows;  // kept points (rows of the given), coarse to fine for the factor
+  std::shared_ptr<const MatrixXd> points;  // kept, in that order
+  Points point_rows;                       // the same, row-major
+  VectorXd length;                         // local length of kept points, where thinning left room
+  CentreFrame frame;
+  MatrixXd P;
+  KernelSum sum{Kernel::triharmonic_3d()};
+  FactorOptions stencils;
+  std::string remarks;
+
+  mutable std::mutex mutex;  // of what follows, made when first needed
+  mutable std::map<bool, std::shared_ptr<const SparseInverseCholesky>> factors;
+  mutable std::map<int, FarField> far_fields;
+};
 
 FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
                        FastOptions given_options)
@@ -127,8 +151,8 @@ FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
       ordered(select(given, order.rows)),
       thinning_distance(kThinning * diagonal(given)),
       rows(kept_rows(order, ordered, thinning_distance)),
-      points(select(given, rows)),
-      point_rows(points),
+      points(std::make_shared<const MatrixXd>(select(given, rows))),
+      point_rows(*points),
       frame(point_rows),
       P(frame.polynomials(frame.to_unit(point_rows))) {
   const VectorXd nearest = nearest_distances(given);
@@ -141,204 +165,201 @@ FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
     if (options.progress) options.progress("preparing the solver", fraction);
   };
   tell(0.1);
-  FactorOptions factor_options;
-  const double defect = stencil_defect(point_rows, frame.terms(), factor_options);
-  if (defect > kDefectAdaptive) {
-    factor_options.is_adaptive = tools_.is_adaptive = true;
-    remarks = "larger stencils for thin gaps";
-  } else if (defect > kDefectWide) {
-    factor_options.neighbours = defect > kDefectWider ? 128 : 96;
-  }
-  tools_.factor =
-      std::make_shared<SparseInverseCholesky>(point_rows, frame.terms(), factor_options);
+  choose_stencils();
+  factor(stencils.is_adaptive);
   tell(0.5);
-  tools_.accuracy = kFarFieldAccuracy * options.tolerance;
-  if (points.rows() > kDirectCentres)
-    tools_.h2 = std::make_shared<H2Matrix>(points, length, H2Options{.accuracy = tools_.accuracy});
+  far_field(0);
   tell(1);
 }
 
-FastSolver::Impl::Tools FastSolver::Impl::tools() const {
-  const std::lock_guard lock(mutex);
-  return tools_;
+void FastSolver::Impl::choose_stencils() {
+  const double defect = stencil_defect(point_rows, frame.terms(), stencils);
+  if (defect > kDefectAdaptive) {
+    stencils.is_adaptive = true;
+    remarks = "larger stencils for thin gaps";
+  } else if (defect > kDefectWide) {
+    stencils.neighbours = defect > kDefectWider ? 128 : 96;
+  }
 }
 
-FastSolver::Impl::Tools FastSolver::Impl::with_larger_stencils() const {
+std::shared_ptr<const SparseInverseCholesky> FastSolver::Impl::factor(bool is_adaptive) const {
   const std::lock_guard lock(mutex);
-  if (!tools_.is_adaptive) {
-    tools_.factor = std::make_shared<SparseInverseCholesky>(point_rows, frame.terms(),
-                                                            FactorOptions{.is_adaptive = true});
-    tools_.is_adaptive = true;
-  }
-  return tools_;
+  auto& result = factors[is_adaptive];
+  if (!result)
+    result = std::make_shared<const SparseInverseCholesky>(
+        point_rows, frame.terms(), is_adaptive ? FactorOptions{.is_adaptive = true} : stencils);
+  return result;
 }
 
-FastSolver::Impl::Tools FastSolver::Impl::with_finer_far_field(double accuracy) const {
+FarField FastSolver::Impl::far_field(int refinement) const {
+  if (points->rows() <= kDirectCentres) return {};
   const std::lock_guard lock(mutex);
-  if (tools_.accuracy > accuracy) {
-    tools_.h2 = std::make_shared<H2Matrix>(points, length, H2Options{.accuracy = accuracy});
-    tools_.accuracy = accuracy;
+  FarField& result = far_fields[refinement];
+  if (!result.exact) {
+    const double accuracy = kFarFieldAccuracy * options.tolerance * std::pow(0.1, refinement);
+    result.exact =
+        std::make_shared<const H2Matrix>(*points, length, H2Options{.accuracy = accuracy});
+    result.relaxed = std::make_shared<const H2Matrix>(
+        *points, length, H2Options{.accuracy = kRelaxedAccuracy * accuracy});
   }
-  return tools_;
+  return result;
 }
 
 // The H2 product against direct sums at some centres, in units of their allowance.
-double FastSolver::Impl::sampled_error(const MatrixXd& weights, const MatrixXd& image,
-                                       const VectorXd& allowed) const {
+double FastSolver::Impl::sampled_error(const Progression& solution, const MatrixXd& image) const {
   constexpr Index kSample = 256;
-  std::vector<Index> sample(std::min(kSample, points.rows()));
+  std::vector<Index> sample(std::min(kSample, points->rows()));
   for (std::size_t s = 0; s < sample.size(); ++s)
-    sample[s] = static_cast<Index>(s) * points.rows() / static_cast<Index>(sample.size());
-  const MatrixXd exact = sum(select(points, sample), points, weights);
-  return relative_residual(exact - select(image, sample), select(allowed, sample));
+    sample[s] = static_cast<Index>(s) * points->rows() / static_cast<Index>(sample.size());
+  const MatrixXd exact = sum(select(*points, sample), *points, solution.weights);
+  return relative_residual(exact - select(image, sample), select(solution.allowed, sample));
 }
 
-// Conjugate gradients, restarted from the true residual until that is within the allowance.
-MatrixXd FastSolver::Impl::solve_weights(const MatrixXd& values, const VectorXd& allowed,
-                                         Tools& tools, MatrixXd& residual,
-                                         FastReport& report) const {
-  MatrixXd weights = MatrixXd::Zero(values.rows(), values.cols());
-  residual = values;
-  for (int restart = 0; restart <= kRestarts; ++restart) {
-    CgOptions cg{.max_iterations = tools.is_adaptive ? kAdaptiveIterations : kIterations};
-    if (options.progress)
-      cg.watch = [&](int iteration, double) {
-        options.progress("solving", std::min(0.95, iteration / 12.0));
-      };
-    const CgResult step =
-        solve_projected_cg([&](const MatrixXd& x) { return tools.multiply(*this, x); },
-                           [&](const MatrixXd& x) { return tools.factor->apply(x); }, P, residual,
-                           kMargin * allowed, cg);
-    report.iterations += step.iterations;
-    weights += step.weights;
-    MatrixXd image = tools.multiply(*this, weights);
-    const double far_field = tools.h2 ? sampled_error(weights, image, allowed) : 0;
-    if (far_field > 1) {
-      tools = with_finer_far_field(tools.accuracy / (10 * far_field));
-      image = tools.multiply(*this, weights);
-      report.remarks = "finer far field: the usual one was too coarse for some centres";
+VectorXd FastSolver::Impl::allowance(const VectorXd& lengths, const MatrixXd& values) const {
+  const double least = kRounding * values.cwiseAbs().maxCoeff() + 1e-300;
+  return (options.tolerance * options.unit * lengths).cwiseMax(least);
+}
+
+Progression FastSolver::Impl::start(const MatrixXd& values) const {
+  Progression result;
+  result.values = select(values, rows);
+  result.allowed = allowance(length, values);
+  result.weights = MatrixXd::Zero(result.values.rows(), result.values.cols());
+  result.residual = result.values;
+  result.is_adaptive = stencils.is_adaptive;
+  return result;
+}
+
+// One run of conjugate gradients from the true residuals of solutions with the same tools.
+void FastSolver::Impl::advance(const std::vector<Progression*>& solutions) const {
+  try {
+    iterate(solutions);
+  } catch (const SolverError& error) {
+    for (Progression* solution : solutions) solution->error = error.what();
+  }
+}
+
+void FastSolver::Impl::iterate(const std::vector<Progression*>& solutions) const {
+  const Progression& first = *solutions.front();
+  const auto preconditioner = factor(first.is_adaptive);
+  const FarField far = far_field(first.refinement);
+  std::vector<MatrixXd> residuals;
+  std::vector<VectorXd> goals;
+  for (const Progression* solution : solutions) {
+    residuals.push_back(solution->residual);
+    goals.push_back(kMargin * solution->allowed);
+  }
+  CgOptions cg{.max_iterations = first.is_adaptive ? kAdaptiveIterations : kIterations};
+  if (far.relaxed) {
+    cg.relaxed = [&](const MatrixXd& x) { return far.relaxed->multiply(x); };
+    cg.relaxed_below = kRelaxedBelow;
+  }
+  if (options.progress)
+    cg.watch = [&](int iteration, double) {
+      options.progress("solving", std::min(0.95, iteration / 12.0));
+    };
+  const std::vector<CgResult> steps = solve_projected_cg(
+      [&](const MatrixXd& x) { return multiply(far.exact.get(), x); },
+      [&](const MatrixXd& x) { return preconditioner->apply(x); }, P, residuals, goals, cg);
+  std::vector<const MatrixXd*> weights;
+  for (std::size_t s = 0; s < solutions.size(); ++s) {
+    solutions[s]->report.iterations += steps[s].iterations;
+    solutions[s]->weights += steps[s].weights;
+    weights.push_back(&solutions[s]->weights);
+  }
+  const MatrixXd image = multiply(far.exact.get(), join_columns(weights));
+  Index column = 0;
+  for (std::size_t s = 0; s < solutions.size(); ++s) {
+    const Index width = solutions[s]->weights.cols();
+    verify(*solutions[s], image.middleCols(column, width), steps[s].has_converged());
+    column += width;
+  }
+}
+
+// Takes the true residual and says how to go on where it is above the allowance.
+void FastSolver::Impl::verify(Progression& solution, MatrixXd image, bool has_converged) const {
+  if (far_field(0).exact) {
+    const double error = sampled_error(solution, image);
+    if (error > 1) {
+      solution.refinement += static_cast<int>(std::ceil(std::log10(10 * error)));
+      image = far_field(solution.refinement).exact->multiply(solution.weights);
+      solution.report.remarks = "finer far field: the usual one was too coarse for some centres";
     }
-    residual = values - image;
-    MatrixXd projected = residual;
-    project_out(P, projected);
-    report.residual = relative_residual(projected, allowed);
-    if (report.residual <= 1) return weights;
-    if (step.has_converged()) continue;
-    if (tools.is_adaptive) break;
-    tools = with_larger_stencils();
-    report.remarks = "larger stencils: the plain ones did not converge";
   }
-  throw SolverError("the fast solver reached only " + std::to_string(report.residual) +
-                    " times the residual asked in " + std::to_string(report.iterations) +
-                    " iterations; allow a larger tolerance or use a dense solver");
+  solution.residual = solution.values - image;
+  MatrixXd projected = solution.residual;
+  project_out(P, projected);
+  solution.report.residual = relative_residual(projected, solution.allowed);
+  if (solution.report.residual <= 1) {
+    solution.is_solved = true;
+  } else if (++solution.restarts > kRestarts || (!has_converged && solution.is_adaptive)) {
+    solution.error = "the fast solver reached only " + std::to_string(solution.report.residual) +
+                     " times the residual asked in " + std::to_string(solution.report.iterations) +
+                     " iterations; allow a larger tolerance or use a dense solver";
+  } else if (!has_converged) {
+    solution.is_adaptive = true;
+    solution.report.remarks = "larger stencils: the plain ones did not converge";
+  }
 }
 
-namespace {
-
-// The source side of the evaluator's trees.
-SourceTree source_tree(const H2Matrix& h2, const H2Matrix::Sources& sources) {
-  SourceTree tree;
-  tree.separation = EvaluatorOptions{}.separation;
-  tree.skeleton_points = h2.skeleton_points();
-  tree.skeleton_weights = sources.skeletons;
-  for (std::size_t i = 0; i < h2.tree().nodes.size(); ++i) {
-    const Octree::Node& node = h2.tree().nodes[i];
-    const int id = static_cast<int>(i);
-    const Index first = h2.skeleton_begin(id);
-    tree.nodes.push_back({.centre = node.centre,
-                          .radius = node.radius,
-                          .first_child = node.first_child,
-                          .child_count = node.child_count,
-                          .begin = node.begin,
-                          .end = node.end,
-                          .skeleton_begin = first,
-                          .skeleton_end = first + h2.rank(id)});
-  }
-  return tree;
+FastSolution FastSolver::Impl::finish(Progression solution) const {
+  if (!solution.is_solved) return {{}, solution.error, solution.report};
+  const MatrixXd coefficients = P.transpose() * solution.residual / static_cast<double>(P.rows());
+  UnitField field{.centres = points,
+                  .weights = std::move(solution.weights),
+                  .linear = frame.linear_in_given(coefficients),
+                  .far_field = far_field(solution.refinement).exact,
+                  .correction = nullptr};
+  return {std::move(field), {}, std::move(solution.report)};
 }
 
-// Direct sums for few targets; else the trees.
-class FastField final : public UnitField {
- public:
-  FastField(std::shared_ptr<const void> owner, const KernelSum& sum, const MatrixXd& points,
-            std::shared_ptr<const H2Matrix> h2, const CentreFrame& frame, MatrixXd weights,
-            MatrixXd coefficients)
-      : owner_(std::move(owner)),
-        sum_(sum),
-        points_(points),
-        h2_(std::move(h2)),
-        frame_(frame),
-        weights_(std::move(weights)),
-        coefficients_(std::move(coefficients)) {
-    if (h2_) sources_ = h2_->compress(weights_);
+// Adds the multiscale correction where points were thinned out.
+void FastSolver::Impl::correct(const std::vector<MatrixXd>& value_sets,
+                               std::vector<FastSolution>& solutions) const {
+  const UnitTargets all(sum, ordered, far_field(0).exact.get());
+  for (std::size_t s = 0; s < solutions.size(); ++s) {
+    FastSolution& solution = solutions[s];
+    if (!solution.field) continue;
+    solution.report.thinned = ordered.rows() - points->rows();
+    const MatrixXd missed =
+        select(value_sets[s], order.rows) - all.evaluate({&*solution.field}).front();
+    try {
+      auto correction = std::make_shared<const MultiscaleCorrection>(
+          ordered, order.separation, missed, allowance(ordered_length, value_sets[s]),
+          thinning_distance);
+      solution.report.residual = std::max(solution.report.residual, correction->remainder());
+      if (!correction->is_empty()) solution.field->correction = std::move(correction);
+    } catch (const SolverError& error) {
+      solution.field.reset();
+      solution.error = error.what();
+    }
   }
-
-  void set_correction(MultiscaleCorrection correction) { correction_ = std::move(correction); }
-
-  MatrixXd evaluate(const MatrixXd& targets) const override {
-    constexpr Index kFewTargets = 2000;
-    MatrixXd result = h2_ && targets.rows() > kFewTargets ? evaluate_field(*h2_, sources_, targets)
-                                                          : sum_(targets, points_, weights_);
-    result += frame_.polynomials(frame_.to_unit(targets)) * coefficients_;
-    if (!correction_.is_empty()) result += correction_.evaluate(targets);
-    return result;
-  }
-
-  void describe(FieldTerms& terms) const override {
-    terms.centres = h2_ ? h2_->tree().points : points_;
-    terms.weights = h2_ ? sources_.weights : weights_;
-    terms.linear += frame_in_frame(frame_.linear(coefficients_));
-    if (h2_) terms.tree = source_tree(*h2_, sources_);
-    terms.correction = correction_.levels();
-  }
-
- private:
-  // The frame's coordinates are (x - centre) / unit of those of the points.
-  MatrixXd frame_in_frame(MatrixXd linear) const {
-    linear.bottomRows(3) /= frame_.unit();
-    linear.row(0) -= frame_.centre() * linear.bottomRows(3);
-    return linear;
-  }
-
-  std::shared_ptr<const void> owner_;  // of what the references below refer to
-  const KernelSum& sum_;
-  const MatrixXd& points_;
-  std::shared_ptr<const H2Matrix> h2_;
-  const CentreFrame& frame_;
-  MatrixXd weights_, coefficients_;
-  H2Matrix::Sources sources_;
-  MultiscaleCorrection correction_;
-};
-
-}  // namespace
+}
 
 FastSolver::FastSolver(const MatrixXd& points, const VectorXd& local_length, FastOptions options)
     : impl_(std::make_shared<const Impl>(points, local_length, std::move(options))) {}
 
-std::shared_ptr<const UnitField> FastSolver::solve(const MatrixXd& values,
-                                                   FastReport& report) const {
+std::vector<FastSolution> FastSolver::solve(const std::vector<MatrixXd>& value_sets) const {
   const Impl& s = *impl_;
-  const double scale = s.options.tolerance * s.options.unit;
-  const double least = kRounding * values.cwiseAbs().maxCoeff() + 1e-300;
-  MatrixXd residual;
-  Impl::Tools tools = s.tools();
-  const VectorXd allowed = (scale * s.length).cwiseMax(least);
-  MatrixXd weights = s.solve_weights(select(values, s.rows), allowed, tools, residual, report);
-  const MatrixXd coefficients = s.P.transpose() * residual / static_cast<double>(s.P.rows());
-  const auto field = std::make_shared<FastField>(impl_, s.sum, s.points, tools.h2, s.frame,
-                                                 std::move(weights), coefficients);
-  report.thinned = s.ordered.rows() - s.points.rows();
-  if (report.thinned > 0) {
-    MatrixXd missed = select(values, s.order.rows) - field->evaluate(s.ordered);
-    MultiscaleCorrection correction(s.ordered, s.order.separation, std::move(missed),
-                                    (scale * s.ordered_length).cwiseMax(least),
-                                    s.thinning_distance);
-    report.residual = std::max(report.residual, correction.remainder());
-    field->set_correction(std::move(correction));
+  std::vector<Progression> progress;
+  for (const MatrixXd& values : value_sets) progress.push_back(s.start(values));
+  while (true) {
+    const auto open =
+        std::find_if(progress.begin(), progress.end(), [](auto& p) { return p.is_open(); });
+    if (open == progress.end()) break;
+    std::vector<Progression*> group;
+    for (auto p = open; p != progress.end(); ++p)
+      if (p->is_open() && p->has_tools_of(*open)) group.push_back(&*p);
+    s.advance(group);
   }
-  return field;
+  std::vector<FastSolution> solutions;
+  for (Progression& solution : progress) solutions.push_back(s.finish(std::move(solution)));
+  if (s.ordered.rows() > s.points->rows()) s.correct(value_sets, solutions);
+  return solutions;
 }
 
 const std::string& FastSolver::remarks() const { return impl_->remarks; }
+
+std::shared_ptr<const H2Matrix> FastSolver::far_field() const { return impl_->far_field(0).exact; }
 
 }  // namespace cadmorph

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "core/progress.h"
 #include "core/rbf/unit_field.h"
@@ -23,6 +25,13 @@ struct FastReport {
   std::string remarks;  ///< what was substituted, if anything
 };
 
+/// A fast solution, or why there is none.
+struct FastSolution {
+  std::optional<UnitField> field;
+  std::string error;
+  FastReport report;
+};
+
 /// Interpolation with r^3 and linear polynomials in space at a cost that grows almost linearly:
 /// conjugate gradients with a sparse inverse Cholesky preconditioner and an H2 matrix. Points
 /// closer than 2.5e-5 of the bounding box's diagonal to coarser ones are served by a multiscale
@@ -36,9 +45,13 @@ class FastSolver {
   FastSolver(const Eigen::MatrixXd& points, const Eigen::VectorXd& local_length,
              FastOptions options = {});
 
-  /// Solves for N x M values to the allowed residual, verified with the true residual. Throws
-  /// SolverError when that is not reached.
-  std::shared_ptr<const UnitField> solve(const Eigen::MatrixXd& values, FastReport& report) const;
+  /// Solves for sets of N x M values to the allowed residual, verified with the true residual. The
+  /// sets share the evaluations of the kernel; each solution is to the last bit what it would be
+  /// alone, and does not depend on what was solved before.
+  std::vector<FastSolution> solve(const std::vector<Eigen::MatrixXd>& value_sets) const;
+
+  /// The H2 matrix of most solutions; null where sums are direct.
+  std::shared_ptr<const H2Matrix> far_field() const;
 
   /// What was chosen at set-up, for the report.
   const std::string& remarks() const;

@@ -16,6 +16,8 @@ using Eigen::VectorXd;
 // A flat box of targets gets at least this part of its largest extent in each direction.
 constexpr double kLeastExtent = 1e-3;
 
+Index cube(Index p) { return p * p * p; }
+
 struct Box {
   RowVector3d centre = RowVector3d::Zero(), half = RowVector3d::Ones();
   double radius() const { return half.norm(); }
@@ -65,82 +67,128 @@ class ChebyshevLine {
   VectorXd nodes_, weights_;
 };
 
-// Values at the tensor nodes of a box: order^3 x M, the last direction fastest.
-struct Grid {
+// What a box of targets sees.
+struct Plan {
   Box box;
-  MatrixXd values;
+  bool has_grid = false;
+  bool is_last = false;        // children take no part
+  std::vector<int> far, near;  // nodes of sources: seen through skeletons, summed directly
 };
 
-class Evaluator {
+// Finds the plans of all boxes from the root down.
+class Planner {
  public:
-  Evaluator(const H2Matrix& matrix, const H2Matrix::Sources& sources, const Octree& targets,
-            const EvaluatorOptions& options)
-      : matrix_(matrix),
-        sources_(sources),
-        targets_(targets),
-        options_(options),
-        line_(options.order),
-        result_(MatrixXd::Zero(targets.points.rows(), sources.weights.cols())) {}
+  Planner(const H2Matrix& sources, const Octree& targets, const EvaluatorOptions& options)
+      : sources_(sources), targets_(targets), options_(options), plans_(targets.nodes.size()) {}
 
-  MatrixXd run() {
-    visit(0, {0}, nullptr);
-    return std::move(result_);
+  std::vector<Plan> run() {
+    visit(0, {0});
+    return std::move(plans_);
   }
 
  private:
-  // Adds to the targets of `node` the field of the source nodes in `open` and that of `inherited`.
-  void visit(int id, std::vector<int> open, const Grid* inherited) {
+  // `open`: nodes of sources that no larger box has dealt with.
+  void visit(int id, std::vector<int> open) {
     const Octree::Node& node = targets_.nodes[id];
-    const Index count = node.end - node.begin, grid_size = grid_node_count();
-    const auto points = targets_.points.middleRows(node.begin, count);
-    auto out = result_.middleRows(node.begin, count);
-    const bool has_grid = count > grid_size;
-    const bool is_last = node.is_leaf() || !has_grid;
-    Grid grid{bounding_box(points), {}};
-    if (has_grid) {
-      grid.values =
-          inherited ? refine(*inherited, grid.box) : MatrixXd::Zero(grid_size, result_.cols());
-    } else if (inherited) {
-      add_interpolated(*inherited, points, out);
-    }
-
-    const std::vector<int> remaining =
-        has_grid ? add_far(grid.box, std::move(open), is_last, grid_points(grid.box), grid.values)
-                 : add_far(grid.box, std::move(open), is_last, points, out);
-    if (is_last) {
-      if (has_grid) add_interpolated(grid, points, out);
-      for (const int s : remaining) add_near(s, points, out);
+    const Index count = node.end - node.begin;
+    Plan& plan = plans_[id];
+    plan.box = bounding_box(targets_.points.middleRows(node.begin, count));
+    plan.has_grid = count > cube(options_.order);
+    plan.is_last = node.is_leaf() || !plan.has_grid;
+    std::vector<int> remaining = split(plan, std::move(open));
+    if (plan.is_last) {
+      plan.near = std::move(remaining);
       return;
     }
     parallel_for(node.child_count, 1, [&](Index begin, Index end) {
-      for (Index c = begin; c < end; ++c)
-        visit(node.first_child + static_cast<int>(c), remaining, &grid);
+      for (Index c = begin; c < end; ++c) visit(node.first_child + static_cast<int>(c), remaining);
     });
   }
 
-  // Sums the separated ones among the open source nodes; returns those left, opened where they are
-  // larger than the box (at the last box: down to leaves).
-  std::vector<int> add_far(const Box& box, std::vector<int> open, bool is_last,
-                           const Eigen::Ref<const MatrixXd>& points,
-                           Eigen::Ref<MatrixXd> out) const {
+  // Takes the separated ones among the open nodes; returns those left, opened where they are larger
+  // than the box (at the last box: down to leaves).
+  std::vector<int> split(Plan& plan, std::vector<int> open) const {
     std::vector<int> remaining;
     while (!open.empty()) {
       const int id = open.back();
       open.pop_back();
-      const Octree::Node& source = matrix_.tree().nodes[id];
-      const double distance = (source.centre - box.centre).norm();
-      const bool is_far = options_.separation * distance >= box.radius() + source.radius;
-      if (is_far && matrix_.rank(id) > 0) {
-        const Index row = matrix_.skeleton_begin(id), k = matrix_.rank(id);
-        matrix_.kernel().add(points, matrix_.skeleton_points().middleRows(row, k),
-                             sources_.skeletons.middleRows(row, k), out);
-      } else if (!source.is_leaf() && (is_last || source.radius > box.radius())) {
+      const Octree::Node& source = sources_.tree().nodes[id];
+      if (is_far(plan, source) && sources_.rank(id) > 0) {
+        plan.far.push_back(id);
+      } else if (!source.is_leaf() && (plan.is_last || source.radius > plan.box.radius())) {
         for (int c = 0; c < source.child_count; ++c) open.push_back(source.first_child + c);
       } else {
         remaining.push_back(id);
       }
     }
     return remaining;
+  }
+
+  bool is_far(const Plan& plan, const Octree::Node& source) const {
+    const double distance = (source.centre - plan.box.centre).norm();
+    return options_.separation * distance >= plan.box.radius() + source.radius;
+  }
+
+  const H2Matrix& sources_;
+  const Octree& targets_;
+  const EvaluatorOptions& options_;
+  std::vector<Plan> plans_;
+};
+
+// Values at the tensor nodes of a box: order^3 x M, the last direction fastest.
+struct Grid {
+  const Box& box;
+  MatrixXd values;
+};
+
+// Carries out the plans for one set of weights.
+class Evaluation {
+ public:
+  Evaluation(const H2Matrix& matrix, const H2Matrix::Sources& sources, const Octree& targets,
+             const std::vector<Plan>& plans, int order)
+      : matrix_(matrix),
+        sources_(sources),
+        targets_(targets),
+        plans_(plans),
+        line_(order),
+        result_(MatrixXd::Zero(targets.points.rows(), sources.weights.cols())) {}
+
+  MatrixXd run() {
+    visit(0, nullptr);
+    return std::move(result_);
+  }
+
+ private:
+  // Adds to the targets of a node the field of the sources of its plan and that of `inherited`.
+  void visit(int id, const Grid* inherited) {
+    const Octree::Node& node = targets_.nodes[id];
+    const Plan& plan = plans_[id];
+    const auto points = targets_.points.middleRows(node.begin, node.end - node.begin);
+    auto out = result_.middleRows(node.begin, node.end - node.begin);
+    Grid grid{plan.box, {}};
+    if (plan.has_grid) {
+      grid.values = inherited ? refine(*inherited, grid.box)
+                              : MatrixXd::Zero(cube(line_.order()), result_.cols());
+      add_far(plan.far, grid_points(grid.box), grid.values);
+      if (plan.is_last) add_interpolated(grid, points, out);
+    } else {
+      if (inherited) add_interpolated(*inherited, points, out);
+      add_far(plan.far, points, out);
+    }
+    for (const int s : plan.near) add_near(s, points, out);
+    if (plan.is_last) return;
+    parallel_for(node.child_count, 1, [&](Index begin, Index end) {
+      for (Index c = begin; c < end; ++c) visit(node.first_child + static_cast<int>(c), &grid);
+    });
+  }
+
+  void add_far(const std::vector<int>& sources, const Eigen::Ref<const MatrixXd>& points,
+               Eigen::Ref<MatrixXd> out) const {
+    for (const int id : sources) {
+      const Index row = matrix_.skeleton_begin(id), k = matrix_.rank(id);
+      matrix_.kernel().add(points, matrix_.skeleton_points().middleRows(row, k),
+                           sources_.skeletons.middleRows(row, k), out);
+    }
   }
 
   void add_near(int id, const Eigen::Ref<const MatrixXd>& points, Eigen::Ref<MatrixXd> out) const {
@@ -150,14 +198,9 @@ class Evaluator {
                          sources_.weights.middleRows(source.begin, count), out);
   }
 
-  Index grid_node_count() const {
-    const Index p = line_.order();
-    return p * p * p;
-  }
-
   MatrixXd grid_points(const Box& box) const {
     const int p = line_.order();
-    MatrixXd points(grid_node_count(), 3);
+    MatrixXd points(cube(p), 3);
     Index row = 0;
     for (int i = 0; i < p; ++i)
       for (int j = 0; j < p; ++j)
@@ -217,23 +260,40 @@ class Evaluator {
   const H2Matrix& matrix_;
   const H2Matrix::Sources& sources_;
   const Octree& targets_;
-  EvaluatorOptions options_;
+  const std::vector<Plan>& plans_;
   ChebyshevLine line_;
   MatrixXd result_;
 };
 
 }  // namespace
 
+struct FieldEvaluator::Impl {
+  Octree targets;
+  int order;
+  std::vector<Plan> plans;
+};
+
+FieldEvaluator::FieldEvaluator(const H2Matrix& matrix, const Eigen::Ref<const MatrixXd>& targets,
+                               EvaluatorOptions options) {
+  Impl impl{build_octree(targets, options.leaf_size), options.order, {}};
+  if (targets.rows() > 0) impl.plans = Planner(matrix, impl.targets, options).run();
+  impl_ = std::make_shared<const Impl>(std::move(impl));
+}
+
+const Octree& FieldEvaluator::targets() const { return impl_->targets; }
+
+MatrixXd FieldEvaluator::evaluate(const H2Matrix& matrix, const H2Matrix::Sources& sources) const {
+  if (impl_->plans.empty()) return MatrixXd::Zero(0, sources.weights.cols());
+  return Evaluation(matrix, sources, impl_->targets, impl_->plans, impl_->order).run();
+}
+
 MatrixXd evaluate_field(const H2Matrix& matrix, const H2Matrix::Sources& sources,
                         const Eigen::Ref<const MatrixXd>& targets,
                         const EvaluatorOptions& options) {
-  if (targets.rows() == 0) return MatrixXd::Zero(0, sources.weights.cols());
-  const Octree tree = build_octree(targets, options.leaf_size);
-  const MatrixXd sorted = Evaluator(matrix, sources, tree, options).run();
-  MatrixXd result(targets.rows(), sorted.cols());
-  parallel_for(targets.rows(), 8192, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) result.row(tree.rows[i]) = sorted.row(i);
-  });
+  const FieldEvaluator evaluator(matrix, targets, options);
+  const MatrixXd sorted = evaluator.evaluate(matrix, sources);
+  MatrixXd result(sorted.rows(), sorted.cols());
+  for (Index i = 0; i < result.rows(); ++i) result.row(evaluator.targets().rows[i]) = sorted.row(i);
   return result;
 }
 

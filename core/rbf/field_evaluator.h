@@ -1,5 +1,7 @@
 #pragma once
 
+#include <memory>
+
 #include "core/rbf/h2_matrix.h"
 
 namespace cadmorph {
@@ -10,10 +12,30 @@ struct EvaluatorOptions {
   double separation = 0.6;  ///< as H2Options::separation; 0.5 for layers of 1e-5
 };
 
-/// Returns sum_j w_j |x - x_j|^3 at T x 3 targets, T x M, from weights carried to the skeletons of
-/// an H2 matrix: far sources act on tensor Chebyshev nodes of boxes of targets, the interpolant is
-/// passed down an octree of the targets, near sources are summed directly. O(T) on all threads; the
-/// result does not depend on their number.
+/// Sums over the sources of an H2 matrix at fixed targets: far sources act on tensor Chebyshev
+/// nodes of boxes of targets, the interpolant is passed down an octree of the targets, near sources
+/// are summed directly. Keeps the octree and the lists of sources that each box sees, which depend
+/// on the points alone.
+class FieldEvaluator {
+ public:
+  /// `targets`: T x 3.
+  FieldEvaluator(const H2Matrix& matrix, const Eigen::Ref<const Eigen::MatrixXd>& targets,
+                 EvaluatorOptions options = {});
+
+  /// The targets; sums come in the order of its points.
+  const Octree& targets() const;
+
+  /// Returns sum_j w_j |x - x_j|^3, T x M, from weights carried to the skeletons of `matrix`, which
+  /// is the one of the constructor or one of another accuracy over the same points. O(T) on all
+  /// threads. A column comes out the same whatever the others and the number of threads are.
+  Eigen::MatrixXd evaluate(const H2Matrix& matrix, const H2Matrix::Sources& sources) const;
+
+ private:
+  struct Impl;
+  std::shared_ptr<const Impl> impl_;
+};
+
+/// Returns the sums at T x 3 targets, in their order.
 Eigen::MatrixXd evaluate_field(const H2Matrix& matrix, const H2Matrix::Sources& sources,
                                const Eigen::Ref<const Eigen::MatrixXd>& targets,
                                const EvaluatorOptions& options = {});

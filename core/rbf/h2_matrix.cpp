@@ -14,9 +14,19 @@ using Eigen::MatrixXd;
 constexpr double kFinestTolerance = 1e-15;
 constexpr double kCoarsestTolerance = 1e-6;
 
+// Part of a node's tolerance for its own: the errors of many nodes add up.
+constexpr double kShare = 0.3;
+
 double node_tolerance(double accuracy, double spacing, double radius) {
   const double ratio = spacing / radius;
-  return std::clamp(accuracy * ratio * ratio * ratio, kFinestTolerance, kCoarsestTolerance);
+  return std::clamp(kShare * accuracy * ratio * ratio * ratio, kFinestTolerance,
+                    kCoarsestTolerance);
+}
+
+// Each ball lies beyond the proxies of the other, which begin at radius / separation.
+bool are_separated(double radius_a, double radius_b, double distance, double separation) {
+  const auto [small, large] = std::minmax(radius_a, radius_b);
+  return distance >= small + large / separation;
 }
 
 template <class Body>
@@ -52,7 +62,7 @@ void H2Matrix::find_interactions(int a, int b, double separation) {
     return;
   }
   const double distance = (A.centre - B.centre).norm();
-  if (separation * distance >= A.radius + B.radius) {
+  if (are_separated(A.radius, B.radius, distance, separation)) {
     far_[a].push_back(b);
     far_[b].push_back(a);
   } else if (A.is_leaf() && B.is_leaf()) {
@@ -102,7 +112,7 @@ void H2Matrix::find_skeletons(const Eigen::VectorXd& spacing, const H2Options& o
     skeletons_[id] =
         find_skeleton(candidates, node.centre, node.radius,
                       node_tolerance(options.accuracy, finest[id], node.radius), proxies);
-    points[id].resize(skeletons_[id].rank(), 3);
+    points[id].resize(skeletons_[id].rank, 3);
     for (Index i = 0; i < points[id].rows(); ++i)
       points[id].row(i) = candidates.row(skeletons_[id].permutation[i]);
   });
@@ -134,16 +144,10 @@ H2Matrix::Sources H2Matrix::compress(const MatrixXd& weights) const {
   });
   sources.skeletons.resize(skeleton_begin_.back(), weights.cols());
   for_each_level(tree_, true, [&](int id) {
-    const Skeleton& skeleton = skeletons_[id];
-    const Index k = skeleton.rank(), n = candidate_count(id);
-    if (k == 0) return;
+    if (rank(id) == 0) return;
     const MatrixXd& from = tree_.nodes[id].is_leaf() ? sources.weights : sources.skeletons;
-    MatrixXd sorted(n, weights.cols());
-    for (Index i = 0; i < n; ++i)
-      sorted.row(i) = from.row(candidate_begin(id) + skeleton.permutation[i]);
-    auto out = sources.skeletons.middleRows(skeleton_begin_[id], k);
-    out = sorted.topRows(k);
-    if (n > k) out.noalias() += skeleton.transfer * sorted.bottomRows(n - k);
+    sources.skeletons.middleRows(skeleton_begin_[id], rank(id)) =
+        skeletons_[id].compress(from.middleRows(candidate_begin(id), candidate_count(id)));
   });
   return sources;
 }
@@ -151,16 +155,10 @@ H2Matrix::Sources H2Matrix::compress(const MatrixXd& weights) const {
 // The transpose of `compress`: potentials at the skeletons down to the points.
 void H2Matrix::expand(MatrixXd& potentials, MatrixXd& result) const {
   for_each_level(tree_, false, [&](int id) {
-    const Skeleton& skeleton = skeletons_[id];
-    const Index k = skeleton.rank(), n = candidate_count(id);
-    if (k == 0) return;
-    const MatrixXd own = potentials.middleRows(skeleton_begin_[id], k);
-    MatrixXd sorted(n, own.cols());
-    sorted.topRows(k) = own;
-    if (n > k) sorted.bottomRows(n - k).noalias() = skeleton.transfer.transpose() * own;
+    if (rank(id) == 0) return;
     MatrixXd& to = tree_.nodes[id].is_leaf() ? result : potentials;
-    for (Index i = 0; i < n; ++i)
-      to.row(candidate_begin(id) + skeleton.permutation[i]) += sorted.row(i);
+    to.middleRows(candidate_begin(id), candidate_count(id)) +=
+        skeletons_[id].expand(potentials.middleRows(skeleton_begin_[id], rank(id)));
   });
 }
 

@@ -9,9 +9,10 @@
 namespace cadmorph {
 
 struct H2Options {
-  Index leaf_size = 300;    ///< points in a leaf at most
-  double separation = 0.6;  ///< balls interact by skeletons when r_a + r_b <= separation * distance
-  double accuracy = 1e-6;   ///< tolerance at a node of radius R is accuracy * (h_min / R)^3
+  Index leaf_size = 300;  ///< points in a leaf at most
+  /// Balls interact by skeletons from a distance of r_a / separation + r_b on, r_a the larger.
+  double separation = 0.6;
+  double accuracy = 1e-6;  ///< tolerance at a node of radius R is accuracy * (h_min / R)^3
 };
 
 /// The matrix r^3 between N points in space as a nested low-rank (H2) form, kernel-independent. Its
@@ -23,8 +24,8 @@ class H2Matrix {
   H2Matrix(const Eigen::Ref<const Eigen::MatrixXd>& points, const Eigen::VectorXd& spacing,
            H2Options options = {});
 
-  /// Returns A W for N x M weights; rows in the order of the given points. The result does not
-  /// depend on the number of threads.
+  /// Returns A W for N x M weights; rows in the order of the given points. A column comes out the
+  /// same whatever the others and the number of threads are.
   Eigen::MatrixXd multiply(const Eigen::MatrixXd& weights) const;
 
   /// Weights carried to the skeletons of all nodes, beside the weights in tree order: what targets

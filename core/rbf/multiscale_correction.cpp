@@ -115,9 +115,11 @@ MultiscaleCorrection::MultiscaleCorrection(const Points& points,
       rhs.row(i) = residual.row(rows[i]);
       goal(i) = kSolved * allowed(rows[i]);
     }
-    const CgResult solved = solve_projected_cg(
-        [&](const MatrixXd& x) { return multiply(matrix, x); }, [](const MatrixXd& x) { return x; },
-        MatrixXd(rhs.rows(), 0), std::move(rhs), goal, {.max_iterations = kMaxIterations});
+    const CgResult solved =
+        solve_projected_cg([&](const MatrixXd& x) { return multiply(matrix, x); },
+                           [](const MatrixXd& x) { return x; }, MatrixXd(rhs.rows(), 0), {rhs},
+                           {goal}, {.max_iterations = kMaxIterations})
+            .front();
     if (!solved.has_converged())
       throw SolverError("the surface correction did not converge at spacing " +
                         std::to_string(spacing) + " of the model's radius");

@@ -13,7 +13,7 @@
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/fast_solver.h"
 #include "core/rbf/kernel_sum.h"
-#include "core/rbf/unit_field.h"
+#include "core/rbf/unit_targets.h"
 
 namespace cadmorph {
 namespace {
@@ -138,39 +138,40 @@ double largest(const MatrixXd& values) {
   return values.size() == 0 ? 0 : values.cwiseAbs().maxCoeff();
 }
 
-class DenseField final : public UnitField {
- public:
-  DenseField(const KernelSum& sum, std::shared_ptr<const MatrixXd> centres,
-             const CentreFrame& frame, SaddleSolution solution)
-      : sum_(sum), centres_(std::move(centres)), frame_(frame), solution_(std::move(solution)) {}
-
-  MatrixXd evaluate(const MatrixXd& targets) const override {
-    return sum_(targets, *centres_, solution_.weights) +
-           frame_.polynomials(targets) * solution_.coefficients;
-  }
-
-  void describe(FieldTerms& terms) const override {
-    terms.centres = *centres_;
-    terms.weights = solution_.weights;
-    terms.linear += frame_.linear(solution_.coefficients);
-  }
-
- private:
-  KernelSum sum_;
-  std::shared_ptr<const MatrixXd> centres_;
-  CentreFrame frame_;
-  SaddleSolution solution_;
-};
-
 }  // namespace
 
 struct RbfField::Impl {
   CentreFrame frame;
-  MatrixXd fit;  // coefficients of the linear fit
-  std::shared_ptr<const UnitField> rest;
   Kernel kernel;
+  KernelSum sum;
+  UnitField field;
   RbfReport report;
 };
+
+namespace {
+
+// A value set on its way to a solution.
+struct Problem {
+  MatrixXd fit;     // coefficients of the linear fit
+  MatrixXd values;  // at the distinct centres, less the fit
+  double scale = 0;
+  RbfReport report;
+  UnitField field;
+  std::exception_ptr error;
+};
+
+// Runs a step of one problem; keeps its error.
+template <class Step>
+void attempt(Problem& problem, const Step& step) {
+  if (problem.error) return;
+  try {
+    step();
+  } catch (...) {
+    problem.error = std::current_exception();
+  }
+}
+
+}  // namespace
 
 struct RbfSystem::Impl {
   Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOptions given_options);
@@ -179,11 +180,10 @@ struct RbfSystem::Impl {
   std::unique_ptr<DenseSolver> factor_dense(RbfReport& into) const;
   const DenseSolver& fallback(RbfReport& into) const;
   MatrixXd distinct_values(const RowMatrix& values) const;
-  std::shared_ptr<const UnitField> solve(const MatrixXd& values, double scale,
-                                         RbfReport& into) const;
-  std::shared_ptr<const UnitField> solve_fast(const MatrixXd& values, RbfReport& into) const;
-  std::shared_ptr<const UnitField> solve_dense(const DenseSolver& solver, const MatrixXd& values,
-                                               double scale, RbfReport& into) const;
+  void prepare(const RowMatrix& values, Problem& problem) const;
+  void solve(std::vector<Problem>& problems) const;
+  void take_fast(FastSolution solution, Problem& problem) const;
+  UnitField solve_dense(const DenseSolver& solver, const Problem& problem, RbfReport& into) const;
   MatrixXd residual(const MatrixXd& values, const SaddleSolution& solution) const;
   double in_local_lengths(const MatrixXd& residual) const;
 
@@ -300,33 +300,58 @@ double RbfSystem::Impl::in_local_lengths(const MatrixXd& residual) const {
              : (residual.rowwise().norm().array() / local_length.array()).maxCoeff();
 }
 
-std::shared_ptr<const UnitField> RbfSystem::Impl::solve(const MatrixXd& values, double scale,
-                                                        RbfReport& into) const {
-  if (!fast) return solve_dense(*dense, values, scale, into);
-  try {
-    return solve_fast(values, into);
-  } catch (const SolverError& error) {
-    into.reason = std::string("fast solver failed: ") + error.what();
+// The linear fit apart: affine values are then reproduced to rounding by every solver.
+void RbfSystem::Impl::prepare(const RowMatrix& values, Problem& problem) const {
+  if (values.rows() != static_cast<Index>(distinct.group.size()))
+    throw InvalidInputError("RBF system: " + std::to_string(values.rows()) + " values for " +
+                            std::to_string(distinct.group.size()) + " centres");
+  require_finite(values, "value");
+  problem.values = distinct_values(values);
+  problem.scale = largest(problem.values);
+  problem.fit = P.transpose() * problem.values / static_cast<double>(problem.values.rows());
+  problem.values -= P * problem.fit;
+}
+
+void RbfSystem::Impl::solve(std::vector<Problem>& problems) const {
+  if (fast) {
+    std::vector<Problem*> sound;
+    std::vector<MatrixXd> value_sets;
+    for (Problem& problem : problems) {
+      if (problem.error) continue;
+      sound.push_back(&problem);
+      value_sets.push_back(problem.values);
+    }
+    std::vector<FastSolution> solutions = fast->solve(value_sets);
+    for (std::size_t p = 0; p < sound.size(); ++p)
+      attempt(*sound[p], [&] { take_fast(std::move(solutions[p]), *sound[p]); });
+  } else {
+    for (Problem& problem : problems)
+      attempt(problem, [&] { problem.field = solve_dense(*dense, problem, problem.report); });
   }
-  return solve_dense(fallback(into), values, scale, into);
 }
 
-std::shared_ptr<const UnitField> RbfSystem::Impl::solve_fast(const MatrixXd& values,
-                                                             RbfReport& into) const {
-  FastReport details;
-  auto field = fast->solve(values, details);
-  into.iterations = details.iterations;
-  into.max_residual = details.residual * options.tolerance;
+// A fast solution, or where there is none the dense one.
+void RbfSystem::Impl::take_fast(FastSolution solution, Problem& problem) const {
+  RbfReport& report = problem.report;
+  if (!solution.field) {
+    report.reason = "fast solver failed: " + solution.error;
+    problem.field = solve_dense(fallback(report), problem, report);
+    return;
+  }
+  const FastReport& details = solution.report;
+  problem.field = std::move(*solution.field);
+  report.iterations = details.iterations;
+  report.max_residual = details.residual * options.tolerance;
   if (details.thinned > 0)
-    into.reason += "; " + std::to_string(details.thinned) +
-                   " closely spaced centres served by the multiscale correction";
-  if (!details.remarks.empty()) into.reason += "; " + details.remarks;
-  return field;
+    report.reason += "; " + std::to_string(details.thinned) +
+                     " closely spaced centres served by the multiscale correction";
+  if (!details.remarks.empty()) report.reason += "; " + details.remarks;
 }
 
-std::shared_ptr<const UnitField> RbfSystem::Impl::solve_dense(const DenseSolver& solver,
-                                                              const MatrixXd& values, double scale,
-                                                              RbfReport& into) const {
+UnitField RbfSystem::Impl::solve_dense(const DenseSolver& solver, const Problem& problem,
+                                       RbfReport& into) const {
+  const MatrixXd& values = problem.values;
+  const double scale = problem.scale;
   SaddleSolution solution = solver.solve(values);
   MatrixXd missed = residual(values, solution);
   for (int step = 0; step < kRefinements && largest(missed) > kRefine * scale; ++step) {
@@ -344,7 +369,11 @@ std::shared_ptr<const UnitField> RbfSystem::Impl::solve_dense(const DenseSolver&
                       " centres is singular to rounding (reciprocal condition " +
                       scientific(solver.reciprocal_condition()) +
                       "); remove centres that nearly coincide, or choose another kernel or shape");
-  return std::make_shared<DenseField>(sum, centres, frame, std::move(solution));
+  UnitField field;
+  field.centres = centres;
+  field.weights = std::move(solution.weights);
+  field.linear = frame.linear(solution.coefficients);
+  return field;
 }
 
 RbfSystem::RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options) {
@@ -354,37 +383,51 @@ RbfSystem::RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options
 }
 
 RbfField RbfSystem::solve(const RowMatrix& values) const {
+  RbfSolution solution = std::move(solve_each({values}).front());
+  if (solution.error) std::rethrow_exception(solution.error);
+  return std::move(solution.field);
+}
+
+std::vector<RbfSolution> RbfSystem::solve_each(const std::vector<RowMatrix>& value_sets) const {
   const Impl& s = *impl_;
-  if (values.rows() != static_cast<Index>(s.distinct.group.size()))
-    throw InvalidInputError("RBF system: " + std::to_string(values.rows()) + " values for " +
-                            std::to_string(s.distinct.group.size()) + " centres");
-  require_finite(values, "value");
   const Stopwatch watch;
-  const MatrixXd all = s.distinct_values(values);
-
-  // The linear fit apart: affine values are then reproduced to rounding by every solver.
-  const MatrixXd fit = s.P.transpose() * all / static_cast<double>(all.rows());
-  RbfReport report = s.report;
-  auto rest = s.solve(all - s.P * fit, largest(all), report);
-  report.seconds += watch.seconds();
-
-  RbfField field;
-  field.impl_ = std::make_shared<const RbfField::Impl>(
-      RbfField::Impl{s.frame, fit, std::move(rest), s.kernel, std::move(report)});
-  return field;
+  std::vector<Problem> problems(value_sets.size());
+  for (std::size_t p = 0; p < problems.size(); ++p) {
+    problems[p].report = s.report;
+    attempt(problems[p], [&] { s.prepare(value_sets[p], problems[p]); });
+  }
+  s.solve(problems);
+  std::vector<RbfSolution> solutions;
+  for (Problem& problem : problems) {
+    problem.report.seconds += watch.seconds() / static_cast<double>(problems.size());
+    RbfSolution& solution = solutions.emplace_back();
+    solution.error = problem.error;
+    if (problem.error) continue;
+    problem.field.linear += s.frame.linear(problem.fit);
+    solution.field.impl_ = std::make_shared<const RbfField::Impl>(RbfField::Impl{
+        s.frame, s.kernel, s.sum, std::move(problem.field), std::move(problem.report)});
+  }
+  return solutions;
 }
 
 const RbfReport& RbfSystem::report() const { return impl_->report; }
 
-RowMatrix RbfField::evaluate(const RowMatrix& targets) const {
-  const CentreFrame& frame = impl_->frame;
+namespace {
+
+UnitTargets unit_targets(const CentreFrame& frame, const KernelSum& sum, const RowMatrix& targets,
+                         const H2Matrix* far_field) {
   if (targets.cols() != frame.dimension())
     throw InvalidInputError("RBF field: targets of dimension " + std::to_string(targets.cols()) +
                             " for centres of dimension " + std::to_string(frame.dimension()));
-  const MatrixXd x = frame.to_unit(targets);
-  MatrixXd values = impl_->rest->evaluate(x);
-  values += frame.polynomials(x) * impl_->fit;
-  return values;
+  return {sum, frame.to_unit(targets), far_field};
+}
+
+}  // namespace
+
+RowMatrix RbfField::evaluate(const RowMatrix& targets) const {
+  return unit_targets(impl_->frame, impl_->sum, targets, impl_->field.far_field.get())
+      .evaluate({&impl_->field})
+      .front();
 }
 
 FieldTerms RbfField::terms() const {
@@ -397,11 +440,29 @@ FieldTerms RbfField::terms() const {
   terms.origin = frame.centre();
   terms.unit = frame.unit();
   terms.kernel = in_units(impl_->kernel, frame.unit());
-  terms.linear = frame.linear(impl_->fit);
-  impl_->rest->describe(terms);
+  describe(impl_->field, terms);
   return terms;
 }
 
 const RbfReport& RbfField::report() const { return impl_->report; }
+
+struct RbfTargets::Impl {
+  UnitTargets targets;
+};
+
+RbfTargets::RbfTargets(const RbfSystem& system, const RowMatrix& targets) {
+  const RbfSystem::Impl& s = *system.impl_;
+  const auto far_field = s.fast ? s.fast->far_field() : nullptr;
+  impl_ =
+      std::make_shared<const Impl>(Impl{unit_targets(s.frame, s.sum, targets, far_field.get())});
+}
+
+std::vector<RowMatrix> RbfTargets::evaluate(const std::vector<RbfField>& fields) const {
+  std::vector<const UnitField*> unit_fields;
+  for (const RbfField& field : fields) unit_fields.push_back(&field.impl_->field);
+  return impl_->targets.evaluate(unit_fields);
+}
+
+Index RbfTargets::size() const { return impl_->targets.size(); }
 
 }  // namespace cadmorph

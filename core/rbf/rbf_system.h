@@ -1,7 +1,9 @@
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "core/progress.h"
 #include "core/rbf/field_terms.h"
@@ -53,8 +55,15 @@ class RbfField {
 
  private:
   friend class RbfSystem;
+  friend class RbfTargets;
   struct Impl;
   std::shared_ptr<const Impl> impl_;
+};
+
+/// One of several solutions: its field, or why there is none.
+struct RbfSolution {
+  RbfField field;
+  std::exception_ptr error;
 };
 
 /// Everything of an RBF interpolation that depends on the centres alone: reduction of duplicate and
@@ -71,7 +80,31 @@ class RbfSystem {
   /// SolverError when the asked accuracy is not reached.
   RbfField solve(const RowMatrix& values) const;
 
+  /// Solves for several value sets at once, which share the evaluations of the kernel where the
+  /// solver iterates. Each field is to the last bit the one of `solve`, whatever the others are; an
+  /// error of one leaves the others alone. `seconds` of their reports are shares of the whole.
+  std::vector<RbfSolution> solve_each(const std::vector<RowMatrix>& value_sets) const;
+
   const RbfReport& report() const;
+
+ private:
+  friend class RbfTargets;
+  struct Impl;
+  std::shared_ptr<const Impl> impl_;
+};
+
+/// Targets at which fields of one system are evaluated again and again. Keeps all that depends on
+/// centres and targets alone.
+class RbfTargets {
+ public:
+  /// `targets`: T x D.
+  RbfTargets(const RbfSystem& system, const RowMatrix& targets);
+
+  /// Evaluates fields of the system; returns T x M each, to the last bit what RbfField::evaluate
+  /// returns. Fields evaluated together share the evaluations of the kernel.
+  std::vector<RowMatrix> evaluate(const std::vector<RbfField>& fields) const;
+
+  Index size() const;
 
  private:
   struct Impl;

@@ -1,8 +1,14 @@
 #include "core/rbf/simd.h"
 
-namespace cadmorph::simd {
+#include <algorithm>
+#include <atomic>
 
-InstructionSet best() {
+namespace cadmorph::simd {
+namespace {
+
+std::atomic<InstructionSet> limit = InstructionSet::Avx512;
+
+InstructionSet best_of_processor() {
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
       __builtin_cpu_supports("avx512vl"))
@@ -11,6 +17,15 @@ InstructionSet best() {
 #endif
   return InstructionSet::Baseline;
 }
+
+}  // namespace
+
+InstructionSet best() {
+  static const InstructionSet found = best_of_processor();
+  return std::min(found, limit.load(std::memory_order_relaxed));
+}
+
+void limit_to(InstructionSet most) { limit = most; }
 
 const Functions& functions(InstructionSet set) {
 #if defined(__x86_64__)

@@ -72,10 +72,24 @@ struct Functions {
   /// n, the same n as stride) is set. Returns the rank found.
   std::int64_t (*pivoted_qr)(std::int64_t rows, std::int64_t n, double* A, std::int64_t stride,
                              double tolerance, std::int64_t* permutation, double* R);
+
+  /// Y = A X for A (rows x depth) and `columns` columns, each computed the same whatever the number
+  /// of columns; all strides of the rows are padded.
+  void (*multiply)(std::int64_t rows, std::int64_t depth, const double* A, std::int64_t stride,
+                   std::int64_t columns, const double* X, std::int64_t x_stride, double* Y,
+                   std::int64_t y_stride);
+
+  /// Y = A^T X likewise; the rows of X beyond the last hold zeros.
+  void (*multiply_transposed)(std::int64_t rows, std::int64_t depth, const double* A,
+                              std::int64_t stride, std::int64_t columns, const double* X,
+                              std::int64_t x_stride, double* Y, std::int64_t y_stride);
 };
 
-/// Best instruction set of this processor.
+/// Best instruction set of this processor, or the one `limit_to` allows where that is lower.
 InstructionSet best();
+
+/// Makes `best` return at most `most`; for tests and benchmarks.
+void limit_to(InstructionSet most);
 
 const Functions& functions(InstructionSet set);
 

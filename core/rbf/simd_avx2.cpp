@@ -23,8 +23,9 @@ inline Vec cube(Vec r2) { return r2 * square_root(r2); }
 
 namespace cadmorph::simd {
 
-const Functions kAvx2 = {sum,      cubic_matrix,   add_outer_products, cubic_block,
-                         cholesky, cholesky_solve, pivoted_qr};
+const Functions kAvx2 = {sum,         cubic_matrix, add_outer_products,
+                         cubic_block, cholesky,     cholesky_solve,
+                         pivoted_qr,  multiply,     multiply_transposed};
 
 }  // namespace cadmorph::simd
 

@@ -74,9 +74,42 @@ Skeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
   const Index rank =
       simd.pivoted_qr(rows + kMoments, n, A.data(), stride, largest * tolerance * tolerance,
                       result.permutation.data(), R.data());
-  result.transfer = R.topLeftCorner(rank, rank)
-                        .triangularView<Eigen::Upper>()
-                        .solve(R.topRightCorner(rank, n - rank));
+  result.rank = rank;
+  result.transfer = MatrixXd::Zero(simd::padded(rank), n - rank);
+  result.transfer.topRows(rank) = R.topLeftCorner(rank, rank)
+                                      .triangularView<Eigen::Upper>()
+                                      .solve(R.topRightCorner(rank, n - rank));
+  return result;
+}
+
+MatrixXd Skeleton::compress(const Eigen::Ref<const MatrixXd>& weights) const {
+  const Index rest = transfer.cols(), columns = weights.cols();
+  MatrixXd result(transfer.rows(), columns);
+  MatrixXd others(rest, columns);
+  for (Index c = 0; c < columns; ++c)
+    for (Index j = 0; j < rest; ++j) others(j, c) = weights(permutation[rank + j], c);
+  simd::functions(simd::best())
+      .multiply(rank, rest, transfer.data(), transfer.rows(), columns, others.data(), rest,
+                result.data(), result.rows());
+  result.conservativeResize(rank, columns);
+  for (Index c = 0; c < columns; ++c)
+    for (Index i = 0; i < rank; ++i) result(i, c) += weights(permutation[i], c);
+  return result;
+}
+
+MatrixXd Skeleton::expand(const Eigen::Ref<const MatrixXd>& potentials) const {
+  const Index rest = transfer.cols(), columns = potentials.cols();
+  MatrixXd own = MatrixXd::Zero(transfer.rows(), columns);
+  own.topRows(rank) = potentials;
+  MatrixXd others(rest, columns);
+  simd::functions(simd::best())
+      .multiply_transposed(rank, rest, transfer.data(), transfer.rows(), columns, own.data(),
+                           own.rows(), others.data(), rest);
+  MatrixXd result(rank + rest, columns);
+  for (Index c = 0; c < columns; ++c) {
+    for (Index i = 0; i < rank; ++i) result(permutation[i], c) = own(i, c);
+    for (Index j = 0; j < rest; ++j) result(permutation[rank + j], c) = others(j, c);
+  }
   return result;
 }
 

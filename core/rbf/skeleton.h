@@ -8,10 +8,18 @@ namespace cadmorph {
 
 /// Some of the points of a cluster that stand for all of them, seen from afar.
 struct Skeleton {
-  std::vector<Index> permutation;  ///< of the candidates; the first rank() are the skeleton
-  Eigen::MatrixXd transfer;  ///< rank x rest: weights of the rest carried over to the skeleton
+  std::vector<Index> permutation;  ///< of the candidates; the first `rank` are the skeleton
+  Index rank = 0;
+  /// Weights of the rest carried over to the skeleton: rank x rest, rows padded by zeros as
+  /// simd::padded says.
+  Eigen::MatrixXd transfer;
 
-  Index rank() const { return transfer.rows(); }
+  /// Returns the weights of the skeleton that stand for those of the candidates (n x M), each
+  /// column computed the same whatever the others are.
+  Eigen::MatrixXd compress(const Eigen::Ref<const Eigen::MatrixXd>& weights) const;
+
+  /// The transpose: potentials at the skeleton (rank x M) carried to the candidates (n x M).
+  Eigen::MatrixXd expand(const Eigen::Ref<const Eigen::MatrixXd>& potentials) const;
 };
 
 /// Proxy points on shells about the unit ball, from `1 / separation` outwards, that stand for all

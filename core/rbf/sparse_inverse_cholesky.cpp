@@ -237,14 +237,17 @@ SparseInverseCholesky::SparseInverseCholesky(const Points& points, int free,
   });
 }
 
-Eigen::MatrixXd SparseInverseCholesky::apply(const Eigen::MatrixXd& r) const {
+MatrixXd SparseInverseCholesky::apply(const MatrixXd& r) const {
   MatrixXd result(r.rows(), r.cols());
   Index column = 0;
-  for (; column + 3 <= r.cols(); column += 3)
-    result.middleCols(column, 3) =
-        apply_factor<3>(starts_, rows_, values_, r.middleCols(column, 3));
-  for (; column < r.cols(); ++column)
-    result.col(column) = apply_factor<1>(starts_, rows_, values_, r.col(column));
+  const auto apply_in = [&]<int M>(std::integral_constant<int, M>) {
+    for (; column + M <= r.cols(); column += M)
+      result.middleCols(column, M) =
+          apply_factor<M>(starts_, rows_, values_, r.middleCols(column, M));
+  };
+  apply_in(std::integral_constant<int, 6>{});
+  apply_in(std::integral_constant<int, 3>{});
+  apply_in(std::integral_constant<int, 1>{});
   return result;
 }
 

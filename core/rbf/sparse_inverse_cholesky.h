@@ -27,7 +27,8 @@ class SparseInverseCholesky {
   /// stencil is singular to rounding.
   SparseInverseCholesky(const Points& points, int free, FactorOptions options = {});
 
-  /// Returns U U^T r for N x M rows. The result does not depend on the number of threads.
+  /// Returns U U^T r for N x M rows. A column comes out the same whatever the others and the number
+  /// of threads are.
   Eigen::MatrixXd apply(const Eigen::MatrixXd& r) const;
 
   /// Number of entries of U.

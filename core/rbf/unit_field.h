@@ -1,22 +1,26 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <memory>
 
-#include "core/rbf/field_terms.h"
+#include "core/types.h"
 
 namespace cadmorph {
 
-/// The part of an interpolant beyond its linear fit, in the unit coordinates of a CentreFrame.
-class UnitField {
- public:
-  virtual ~UnitField() = default;
+class H2Matrix;
+struct FieldTerms;
+class MultiscaleCorrection;
 
-  /// Returns values at T x D targets, T x M.
-  virtual Eigen::MatrixXd evaluate(const Eigen::MatrixXd& unit_targets) const = 0;
-
-  /// Sets the centres, weights, tree and correction of `terms` (3D), and adds to its linear part,
-  /// all in unit coordinates.
-  virtual void describe(FieldTerms& terms) const = 0;
+/// An interpolant in the unit coordinates of a CentreFrame.
+struct UnitField {
+  std::shared_ptr<const Eigen::MatrixXd> centres;  ///< N x D
+  Eigen::MatrixXd weights;                         ///< N x M
+  Eigen::MatrixXd linear;                          ///< (D + 1) x M, of 1 and the coordinates
+  std::shared_ptr<const H2Matrix> far_field;       ///< of the centres; none: sums are direct
+  std::shared_ptr<const MultiscaleCorrection> correction;  ///< added; may be none
 };
+
+/// Sets the centres, weights, linear part, tree and correction of `terms`, in unit coordinates
+/// (3D).
+void describe(const UnitField& field, FieldTerms& terms);
 
 }  // namespace cadmorph
