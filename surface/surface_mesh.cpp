@@ -71,6 +71,20 @@ Eigen::Vector3d area_vector(const SurfaceMesh& surface, const Points& points, In
   return sum;
 }
 
+int inward_corners(const SurfaceMesh& surface, const Points& points, Index facet) {
+  const auto& nodes = surface.facets[facet];
+  const int corners = surface.corners[facet];
+  const Eigen::Vector3d normal = area_vector(surface, points, facet);
+  int count = 0;
+  for (int i = 0; i < corners; ++i) {
+    const Eigen::Vector3d here = points.row(nodes[i]);
+    const Eigen::Vector3d next = points.row(nodes[(i + 1) % corners]).transpose() - here;
+    const Eigen::Vector3d last = points.row(nodes[(i + corners - 1) % corners]).transpose() - here;
+    count += next.cross(last).dot(normal) <= 0;
+  }
+  return count;
+}
+
 Eigen::Vector3d centroid(const SurfaceMesh& surface, const Points& points, Index facet) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   const int corners = surface.corners[facet];

@@ -266,13 +266,15 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
   });
 }
 
-// Facets of a face that look to the wrong side of the variant's surface although they did not on
-// the base.
+// Facets of a face that look to the wrong side of the variant's surface, or turn a corner inwards,
+// although they did not on the base.
 Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int variant_face,
                                       const Parameters& uv, const Points& moved) const {
   const FaceNodes& nodes = faces[face];
-  Index folds = 0;
-  for (const int f : nodes.facets)
+  Index folds = 0, dented = 0;
+  for (const int f : nodes.facets) {
+    dented += surface.corners[f] > 3 &&
+              inward_corners(surface, moved, f) > inward_corners(surface, surface.points, f);
     for (const int n : surface.facets[f]) {
       const auto it = std::lower_bound(nodes.rows.begin(), nodes.rows.end(), n);
       if (it == nodes.rows.end() || *it != n) continue;
@@ -286,8 +288,9 @@ Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int var
       folds += (before > 0) != (after > 0);
       break;
     }
+  }
   // The mesh's own orientation may be that of the complement: what counts is a mixed sign.
-  return std::min(folds, static_cast<Index>(nodes.facets.size()) - folds);
+  return std::min(folds, static_cast<Index>(nodes.facets.size()) - folds) + dented;
 }
 
 // All faces are placed before any is judged: a facet may have nodes of several.
