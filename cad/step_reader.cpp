@@ -21,6 +21,7 @@
 #include <fstream>
 
 #include "cad/brep_builder.h"
+#include "cad/packed_model.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -96,7 +97,7 @@ void check_step_file(const std::filesystem::path& path) {
                    "interrupted; write the file again.");
 }
 
-CadModel read_step(const std::filesystem::path& path) {
+std::string read_step_packed(const std::filesystem::path& path) {
   check_step_file(path);
   Message::DefaultMessenger()->ChangePrinters().Clear();
   const std::string name = path.string();
@@ -123,11 +124,15 @@ CadModel read_step(const std::filesystem::path& path) {
       if (item.IsNull() || item->Name().IsNull()) return {};
       return item->Name()->ToCString();
     };
-    return build_model(shape, {name, unit, names});
+    return pack_shape(shape, {name, unit, names});
   } catch (const Standard_Failure& failure) {
     throw CadError(name + ": OCCT fails to read it (" + failure.GetMessageString() +
                    "). Export the part again.");
   }
+}
+
+CadModel read_step(const std::filesystem::path& path) {
+  return unpack_model(read_step_packed(path));
 }
 
 }  // namespace cadmorph

@@ -11,6 +11,10 @@ namespace cadmorph {
 /// holds no face.
 CadModel read_step(const std::filesystem::path& path);
 
+/// Reads a STEP file as read_step does, for unpack_model in another process, which then has the
+/// same model to the bit: read_step itself is unpack_model of this.
+std::string read_step_packed(const std::filesystem::path& path);
+
 /// Throws what read_step would for a file that is missing, truncated or no STEP at all, by a look
 /// at its first and last bytes.
 void check_step_file(const std::filesystem::path& path);

@@ -1,0 +1,51 @@
+#include "core/content_hash.h"
+
+#include <xxhash.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "core/errors.h"
+
+namespace cadmorph {
+namespace {
+
+constexpr std::size_t kBlock = 1 << 18;
+
+std::string to_hex(const XXH128_hash_t& hash) {
+  XXH128_canonical_t bytes;
+  XXH128_canonicalFromHash(&bytes, hash);
+  std::string text;
+  for (const unsigned char byte : bytes.digest)
+    for (const int digit : {byte >> 4, byte & 15}) text += "0123456789abcdef"[digit];
+  return text;
+}
+
+[[noreturn]] void fail(const std::filesystem::path& path) {
+  throw IoError(path.string() + ": can't be read (" + std::strerror(errno) + ")");
+}
+
+}  // namespace
+
+std::string content_hash(std::string_view bytes) {
+  return to_hex(XXH3_128bits(bytes.data(), bytes.size()));
+}
+
+std::string file_hash(const std::filesystem::path& path) {
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(
+      std::fopen(path.c_str(), "rb"), [](std::FILE* f) { return std::fclose(f); });
+  if (!file) fail(path);
+  const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(),
+                                                                             XXH3_freeState);
+  XXH3_128bits_reset(state.get());
+  std::vector<char> block(kBlock);
+  while (const std::size_t count = std::fread(block.data(), 1, kBlock, file.get()))
+    XXH3_128bits_update(state.get(), block.data(), count);
+  if (std::ferror(file.get())) fail(path);
+  return to_hex(XXH3_128bits_digest(state.get()));
+}
+
+}  // namespace cadmorph
