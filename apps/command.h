@@ -24,6 +24,7 @@ struct Action {
 void add_morph_command(CLI::App& app, Action& action);
 void add_quality_command(CLI::App& app, Action& action);
 void add_match_command(CLI::App& app, Action& action);
+void add_batch_command(CLI::App& app, Action& action);
 void add_field_command(CLI::App& app, Action& action);
 void add_apply_command(CLI::App& app, Action& action);
 void add_compare_command(CLI::App& app, Action& action);

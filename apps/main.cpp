@@ -20,6 +20,7 @@ constexpr const char* kDescription =
     "  cadmorph BASE.step VARIANT.step MESH [-o OUT] [options]\n"
     "  cadmorph quality MESH [options]\n"
     "  cadmorph match BASE.step VARIANT.step [options]\n"
+    "  cadmorph batch BASE.step MESH VARIANT.step... -o DIR [options]\n"
     "  cadmorph field BASE.step VARIANT.step MESH -o FIELD.cmf [options]\n"
     "  cadmorph apply FIELD.cmf MESH [-o OUT] [options]\n"
     "  cadmorph compare REFERENCE MESH [options]\n"
@@ -60,6 +61,7 @@ void parse(int argc, char** argv, Action& action) {
   add_morph_command(app, action);
   add_quality_command(app, action);
   add_match_command(app, action);
+  add_batch_command(app, action);
   add_field_command(app, action);
   add_apply_command(app, action);
   add_compare_command(app, action);

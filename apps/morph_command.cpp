@@ -84,16 +84,9 @@ void check_outputs(const MorphCommand& command) {
 }
 
 void complain(const PipelineReport& report, const PipelineOptions& options) {
-  const Diagnosis& diagnosis = *report.diagnosis;
-  const bool is_one = diagnosis.bad_cells == 1;
-  std::string what = with_commas(diagnosis.bad_cells) + (is_one ? " element" : " elements");
-  what += report.outcome == Outcome::Inverted ? (is_one ? " is inverted" : " are inverted")
-                                              : format(is_one ? " has a scaled Jacobian below %g"
-                                                              : " have a scaled Jacobian below %g",
-                                                       *options.min_scaled_jacobian);
-  std::fprintf(stderr,
-               "cadmorph: error: %s; the refused mesh is %s (cell array cadmorph_bad)\n%s%s",
-               what.c_str(), report.written.c_str(), diagnosis_text(diagnosis).c_str(),
+  std::fprintf(stderr, "cadmorph: error: %s
+%s%s", refusal_text(report, options).c_str(),
+               diagnosis_text(*report.diagnosis).c_str(),
                troubleshooting_line(ExitCode::Quality).c_str());
 }
 

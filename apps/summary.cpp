@@ -217,6 +217,18 @@ std::string summary_text(const PipelineReport& report) {
   return text;
 }
 
+std::string refusal_text(const PipelineReport& report, const PipelineOptions& options) {
+  const Index bad = report.diagnosis->bad_cells;
+  std::string what = with_commas(bad) + (bad == 1 ? " element" : " elements");
+  if (report.outcome == Outcome::Inverted)
+    what += bad == 1 ? " is inverted" : " are inverted";
+  else
+    what +=
+        format(bad == 1 ? " has a scaled Jacobian below %g" : " have a scaled Jacobian below %g",
+               *options.min_scaled_jacobian);
+  return what + "; the refused mesh is " + report.written.string() + " (cell array cadmorph_bad)";
+}
+
 std::string diagnosis_text(const Diagnosis& diagnosis) {
   std::string text = "  the worst is cell " + std::to_string(diagnosis.worst_cell) +
                      format(" at (%.6g, %.6g, %.6g)", diagnosis.location[0], diagnosis.location[1],

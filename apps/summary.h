@@ -14,6 +14,9 @@ std::vector<std::vector<std::string>> distance_rows(const PipelineReport& report
 std::vector<std::vector<std::string>> quality_rows(const MeshFigures& before,
                                                    const MeshFigures& after);
 
+/// Why a result was refused and where its mesh is, in one line.
+std::string refusal_text(const PipelineReport& report, const PipelineOptions& options);
+
 /// The diagnosis of a refused result in a few lines.
 std::string diagnosis_text(const Diagnosis& diagnosis);
 

@@ -33,9 +33,12 @@ fs::path resolve(const fs::path& target) {
 TemporaryFile::TemporaryFile(const fs::path& target) : target_(resolve(target)) {
   static std::atomic<int> counter = 0;
   const auto folder = target_.has_parent_path() ? target_.parent_path() : fs::path(".");
-  path_ =
-      folder / (".cadmorph-" + std::to_string(getpid()) + "-" + std::to_string(counter++) + ".tmp");
-  file_ = open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+  // A process of the same number, killed or on another machine, may have left or use the name.
+  do {
+    path_ = folder /
+            (".cadmorph-" + std::to_string(getpid()) + "-" + std::to_string(counter++) + ".tmp");
+    file_ = open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+  } while (file_ < 0 && errno == EEXIST);
   if (file_ < 0) fail(target_, std::strerror(errno));
 }
 

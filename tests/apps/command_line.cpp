@@ -63,6 +63,13 @@ void Workplace::make_moved_sphere(double shift) const {
   make_fixtures(folder_, std::to_string(shift));
 }
 
+std::string Workplace::make_boxes(int count) const {
+  make_fixtures(folder_, "boxes " + std::to_string(count));
+  std::string names;
+  for (int i = 0; i < count; ++i) names += (i > 0 ? " v" : "v") + std::to_string(i) + ".step";
+  return names;
+}
+
 void Workplace::write(const std::string& name, const std::string& text) const {
   std::ofstream(folder_ / name, std::ios::binary) << text;
 }

@@ -34,6 +34,8 @@ class Workplace {
   }
   /// Writes sphere_moved.step: the sphere of models/shapes/sphere_in_box.step moved along x.
   void make_moved_sphere(double shift) const;
+  /// Writes v0.step, v1.step, ...: boxes of length 10, 10.1, ...; returns their names in a line.
+  std::string make_boxes(int count) const;
 
   void write(const std::string& name, const std::string& text) const;
   std::string read(const std::string& name) const;

@@ -1,6 +1,7 @@
 // step_fixtures FOLDER [SHIFT]: writes box.step (6 faces), box_moved.step (the same, longer),
 // box_chamfer.step (one face more) and box_inch.step (the same in inches) into a folder; with SHIFT
 // only sphere_moved.step: models/shapes/sphere_in_box.step with the sphere moved along x.
+// step_fixtures FOLDER boxes COUNT: v0.step, v1.step, ... only, boxes a tenth longer each.
 
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepFilletAPI_MakeChamfer.hxx>
@@ -39,11 +40,19 @@ TopoDS_Shape sphere_in_box(double shift) {
   return BRepAlgoAPI_Cut(outside, sphere).Shape();
 }
 
+bool write_boxes(const std::filesystem::path& folder, int count) {
+  bool is_done = true;
+  for (int i = 0; i < count && is_done; ++i)
+    is_done = write(box(10 + 0.1 * i), folder / ("v" + std::to_string(i) + ".step"));
+  return is_done;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc < 2) return 1;
   const std::filesystem::path folder = argv[1];
+  if (argc == 4) return write_boxes(folder, std::atoi(argv[3])) ? 0 : 1;
   if (argc == 3)
     return write(sphere_in_box(std::atof(argv[2])), folder / "sphere_moved.step") ? 0 : 1;
   const bool is_done = write(box(10), folder / "box.step") &&

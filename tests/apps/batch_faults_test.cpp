@@ -1,0 +1,248 @@
+#include <signal.h>
+#include <sys/stat.h>
+
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+
+#include "background.h"
+#include "batch_folder.h"
+#include "core/mesh_file.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Catch::Matchers::Contains;
+
+// A STEP file that never ends: a pipe that nobody writes into.
+void make_hanging(const Workplace& place, const std::string& name) {
+  REQUIRE(mkfifo((place.folder() / name).c_str(), 0666) == 0);
+}
+
+std::vector<std::string> words_of(const std::string& text) {
+  std::istringstream stream(text);
+  return {std::istream_iterator<std::string>(stream), {}};
+}
+
+std::size_t finished(const Workplace& place, const std::string& folder) {
+  return line_count(place.read(folder + "/results.jsonl"));
+}
+
+// Nothing but meshes, results, the plan and the lock.
+void check_no_leftovers(const Workplace& place, const std::string& folder) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(place.folder() / folder)) {
+    const std::string name = entry.path().filename().string();
+    INFO(name);
+    CHECK((entry.path().extension() == ".vtu" || name == "results.csv" || name == "results.jsonl" ||
+           name == "batch.json" || name == ".results.lock"));
+  }
+}
+
+void check_same_batch(const Workplace& place, const std::string& a, const std::string& b) {
+  CHECK(rows_of(place, a) == rows_of(place, b));
+  CHECK(meshes_of(place, a) == meshes_of(place, b));
+  check_no_leftovers(place, a);
+}
+
+}  // namespace
+
+TEST_CASE("A STEP file that hangs its reader fails alone after the timeout", "[apps][batch]") {
+  const Workplace place;
+  const std::string boxes = place.make_boxes(3);
+  make_hanging(place, "hang.step");
+  const RunResult batch =
+      place.run("batch box.step box.vtu hang.step " + boxes + " -o out --timeout 2 --threads 2");
+  CHECK(batch.exit_code == 8);
+  CHECK_THAT(batch.err, Contains("hang (2): hang.step") && Contains("--timeout"));
+  CHECK(rows_of(place, "out").at("hang")["exit_code"] == 2);
+  CHECK(meshes_of(place, "out").size() == 3);
+}
+
+TEST_CASE("A STEP file that crashes its reader fails alone", "[apps][batch]") {
+  const Workplace place;
+  make_hanging(place, "bad.step");
+  Background batch(place.folder(), words_of("batch box.step box.vtu bad.step " +
+                                            place.make_boxes(3) + " -o out --threads 1"));
+  REQUIRE(wait_for([&] { return batch.readers().size() == 1; }));
+  // As a fault of OCCT's would, while the file is open.
+  const pid_t reader = batch.readers().front();
+  kill(reader, SIGSEGV);
+  REQUIRE(wait_for([&] { return parent_of(reader) == 0; }));
+  CHECK(batch.wait() == 8);
+  const auto rows = rows_of(place, "out");
+  CHECK(rows.at("bad")["exit_code"] == 2);
+  CHECK_THAT(rows.at("bad")["message"].get<std::string>(),
+             Contains("bad.step") && Contains("crashed") && Contains("signal 11"));
+  CHECK(meshes_of(place, "out").size() == 3);
+}
+
+TEST_CASE("A reader that someone kills is replaced and nothing is lost", "[apps][batch]") {
+  const Workplace place;
+  make_hanging(place, "last.step");
+  const std::string boxes = place.make_boxes(3);
+  Background batch(place.folder(),
+                   words_of("batch box.step box.vtu last.step " + boxes + " -o out --threads 1"));
+  REQUIRE(wait_for([&] { return batch.readers().size() == 1; }));
+  const pid_t first = batch.readers().front();
+  // The second attempt finds a whole file.
+  std::filesystem::remove(place.folder() / "last.step");
+  place.write("last.step", place.read("box_moved.step"));
+  kill(first, SIGKILL);
+  CHECK(batch.wait() == 0);
+  CHECK(rows_of(place, "out").at("last")["exit_code"] == 0);
+  CHECK(meshes_of(place, "out").size() == 4);
+}
+
+TEST_CASE("Readers end with a batch that is killed", "[apps][batch]") {
+  const Workplace place;
+  make_hanging(place, "hang.step");
+  Background batch(place.folder(), words_of("batch box.step box.vtu hang.step -o out"));
+  REQUIRE(wait_for([&] { return batch.readers().size() == 1; }));
+  const pid_t reader = batch.readers().front();
+  batch.send(SIGKILL);
+  CHECK(batch.wait() == -SIGKILL);
+  CHECK(wait_for([&] { return kill(reader, 0) != 0 || parent_of(reader) == 0; }));
+}
+
+TEST_CASE("Killed at any point and resumed, a batch is as if it had not been", "[apps][batch]") {
+  const Workplace place;
+  const std::string command = "batch box.step box.vtu " + place.make_boxes(12);
+  REQUIRE(place.run(command + " -o whole").exit_code == 0);
+  for (const std::size_t kill_after : {0, 1, 5}) {
+    Background batch(place.folder(), words_of(command + " -o out --resume"));
+    REQUIRE(wait_for([&] { return finished(place, "out") > kill_after; }));
+    batch.send(SIGKILL);
+    batch.wait();
+    CHECK(finished(place, "out") < 12);
+  }
+  // What a kill in the midst of writing would leave.
+  std::ofstream(place.folder() / "out/results.jsonl", std::ios::app) << R"({"id":"v11","step":"v1)";
+  std::filesystem::create_directory(place.folder() / "out/.results.partial");
+  place.write("out/.results.partial/.cadmorph-1-1.tmp", "half a mesh");
+  const std::size_t kept = finished(place, "out");
+  REQUIRE(kept > 5);
+  const RunResult resumed = place.run(command + " -o out --resume");
+  CHECK(resumed.exit_code == 0);
+  CHECK_THAT(resumed.out, Contains(std::to_string(kept) + " kept from before"));
+  check_same_batch(place, "out", "whole");
+}
+
+TEST_CASE("An interrupted batch ends in order and tells how to go on", "[apps][batch]") {
+  const Workplace place;
+  const std::string command = "batch box.step box.vtu " + place.make_boxes(12);
+  REQUIRE(place.run(command + " -o whole").exit_code == 0);
+  for (const int signal : {SIGINT, SIGTERM}) {
+    Background batch(place.folder(), words_of(command + " -o out --resume --threads 1"));
+    REQUIRE(wait_for([&] { return finished(place, "out") > (signal == SIGINT ? 0u : 4u); }));
+    batch.send(signal);
+    CHECK(batch.wait() == 128 + signal);
+    CHECK_THAT(place.read("background.err"), Contains("interrupted") && Contains("--resume"));
+    check_no_leftovers(place, "out");
+    CHECK(meshes_of(place, "out").size() == finished(place, "out"));
+  }
+  CHECK(place.run(command + " -o out --resume").exit_code == 0);
+  check_same_batch(place, "out", "whole");
+}
+
+TEST_CASE("An interrupt does not wait for a reader that hangs", "[apps][batch]") {
+  const Workplace place;
+  make_hanging(place, "hang.step");
+  Background batch(place.folder(), words_of("batch box.step box.vtu hang.step -o out"));
+  REQUIRE(wait_for([&] { return batch.readers().size() == 1; }));
+  batch.send(SIGTERM);
+  CHECK(batch.wait() == 128 + SIGTERM);
+  CHECK(finished(place, "out") == 0);
+}
+
+TEST_CASE("The same batch can't run twice at a time", "[apps][batch]") {
+  const Workplace place;
+  make_hanging(place, "hang.step");
+  const std::string command = "batch box.step box.vtu hang.step box_moved.step -o out";
+  Background batch(place.folder(), words_of(command + " --shard 1/2"));
+  REQUIRE(wait_for([&] { return batch.readers().size() == 1; }));
+  const RunResult second = place.run(command + " --shard 1/2 --resume");
+  CHECK(second.exit_code == 6);
+  CHECK_THAT(second.err, Contains("out/.results.1-of-2.lock") &&
+                             Contains("process " + std::to_string(batch.id())));
+  CHECK(place.run(command + " --shard 2/2").exit_code == 0);
+  CHECK(parent_of(batch.id()) != 0);
+}
+
+TEST_CASE("A full disk stops a batch, and what was finished is kept", "[apps][batch]") {
+  const Workplace place;
+  write_mesh(place.folder() / "small.vtu", box_mesh(1));
+  const std::string boxes = place.make_boxes(12);
+  REQUIRE(place.run("batch box.step small.vtu " + boxes + " -o whole").exit_code == 0);
+  // 4 kB hold a mesh, and the rows of some variants.
+  const std::string command = "batch box.step small.vtu " + boxes + " -o out";
+  const RunResult full = place.run(command, "ulimit -f 8;");
+  INFO(full.err);
+  CHECK(full.exit_code == 6);
+  CHECK_THAT(full.err, Contains("can't write out/results.jsonl") && Contains("--resume"));
+  CHECK(line_count(full.err) == 1);
+  CHECK(finished(place, "out") > 2);
+  CHECK(finished(place, "out") < 12);
+  check_no_leftovers(place, "out");
+  CHECK(place.run(command + " --resume").exit_code == 0);
+  check_same_batch(place, "out", "whole");
+}
+
+TEST_CASE("A disk too full for a mesh stops a batch", "[apps][batch]") {
+  const Workplace place;
+  const RunResult full = place.run("batch box.step box.vtu box_moved.step -o out", "ulimit -f 8;");
+  INFO(full.err);
+  CHECK(full.exit_code == 6);
+  CHECK_THAT(full.err, Contains("box_moved.vtu") && Contains("--resume"));
+  CHECK(meshes_of(place, "out").empty());
+  CHECK(finished(place, "out") == 0);
+  check_no_leftovers(place, "out");
+}
+
+TEST_CASE("A folder that can't be written is refused at once", "[apps][batch]") {
+  const Workplace place;
+  for (const std::string folder : {"/proc/out", "box.vtu", "box.vtu/out"}) {
+    const RunResult batch = place.run("batch box.step box.vtu box_moved.step -o " + folder);
+    INFO(folder << batch.err);
+    CHECK(batch.exit_code == 6);
+    CHECK_THAT(batch.err, Contains(folder));
+  }
+}
+
+TEST_CASE("Only --resume goes on in a folder, and only with the same batch", "[apps][batch]") {
+  const Workplace place;
+  const std::string start = "batch box.step box.vtu ";
+  REQUIRE(place.run(start + "box_moved.step -o out").exit_code == 0);
+  const auto check = [&](const std::string& arguments, const std::string& word) {
+    const auto before = meshes_of(place, "out");
+    const RunResult result = place.run(arguments);
+    INFO(arguments << result.err);
+    CHECK(result.exit_code == 1);
+    CHECK_THAT(result.err, Contains(word));
+    CHECK(meshes_of(place, "out") == before);
+  };
+  check(start + "box_moved.step -o out", "--resume");
+  check(start + "box_moved.step -o out --resume --snap", "--snap");
+  check("batch box_moved.step box.vtu box_moved.step -o out --resume", "base CAD");
+  // Another number of threads is the same batch, and more variants may join.
+  const RunResult more = place.run(start + "box_moved.step box.step -o out --resume --threads 1");
+  CHECK(more.exit_code == 0);
+  CHECK_THAT(more.out, Contains("2 of 2") && Contains("1 kept"));
+}
+
+TEST_CASE("A resumed batch does what has changed again", "[apps][batch]") {
+  const Workplace place;
+  const std::string command = "batch box.step box.vtu " + place.make_boxes(4);
+  REQUIRE(place.run(command + " -o out").exit_code == 0);
+  place.write("v1.step", place.read("box_moved.step"));
+  std::filesystem::remove(place.folder() / "out/v2.vtu");
+  std::filesystem::resize_file(place.folder() / "out/v3.vtu", 1000);
+  const RunResult resumed = place.run(command + " -o out --resume");
+  CHECK(resumed.exit_code == 0);
+  CHECK_THAT(resumed.out, Contains("1 kept"));
+  REQUIRE(place.run(command + " -o whole").exit_code == 0);
+  check_same_batch(place, "out", "whole");
+}
+
+}  // namespace cadmorph
