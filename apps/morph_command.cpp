@@ -84,8 +84,7 @@ void check_outputs(const MorphCommand& command) {
 }
 
 void complain(const PipelineReport& report, const PipelineOptions& options) {
-  std::fprintf(stderr, "cadmorph: error: %s
-%s%s", refusal_text(report, options).c_str(),
+  std::fprintf(stderr, "cadmorph: error: %s\n%s%s", refusal_text(report, options).c_str(),
                diagnosis_text(*report.diagnosis).c_str(),
                troubleshooting_line(ExitCode::Quality).c_str());
 }
