@@ -16,6 +16,5 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libcadmorph-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
   "libeigen3-dev, libnanoflann-dev, libopenblas-dev, libtbb-dev, libvtk9-dev, \
-libxxhash-dev, pkgconf, \
 libocct-data-exchange-dev, libocct-modeling-algorithms-dev, libocct-modeling-data-dev")
 include(CPack)

@@ -1,5 +1,6 @@
 #include "core/content_hash.h"
 
+#define XXH_INLINE_ALL
 #include <xxhash.h>
 
 #include <cerrno>
