@@ -17,6 +17,7 @@
 #include "core/mesh_file.h"
 #include "core/quality.h"
 #include "models/bore.h"
+#include "models/canister.h"
 #include "models/courier.h"
 #include "models/pipe.h"
 #include "models/shapes.h"
@@ -32,7 +33,7 @@ namespace fs = std::filesystem;
 constexpr int step_count = 20;
 constexpr int most_checked_nodes = 12000;
 constexpr double exact = 1e-12;            // mm; rounding of coordinates of 100 mm
-constexpr double fillet_tolerance = 1e-6;  // mm; OCCT's fillets off their radius
+constexpr double curved_tolerance = 1e-6;  // mm; OCCT's fillets and projections on domes
 constexpr double not_on_cad = 1e300;       // most of the mesh's surface is a far field
 constexpr double gmsh_tolerance = 1e-6;    // mm; gmsh's nodes are on the curve, not the surface
 
@@ -180,7 +181,10 @@ std::vector<Family> all_families() {
             tets("tet_quadratic.vtu", {.size = 9, .order = 2})}},
           {"courier",
            make_courier,
-           {hexes(make_courier_hex, fillet_tolerance), tets("tet.vtu", {.size = 1.3})}},
+           {hexes(make_courier_hex, curved_tolerance), tets("tet.vtu", {.size = 1.3})}},
+          {"canister",
+           make_canister,
+           {hexes(make_canister_hex, curved_tolerance), tets("tet.vtu", {.size = 3.2})}},
           {"wing", make_wing, {{"layers.vtu", make_wing_layers, not_on_cad}}}};
 }
 

@@ -26,8 +26,8 @@ bool is_on_root(const Point3& point) { return std::abs(point[1]) < root_toleranc
 
 /// The wing's triangles that air flows along: all but the root's.
 TriangleMesh wetted_surface(const std::filesystem::path& step, const TetOptions& options,
-                            double edge_size) {
-  const TriangleMesh all = triangulate(step, options, edge_size);
+                            const TriangleSizes& sizes) {
+  const TriangleMesh all = triangulate(step, options, sizes);
   TriangleMesh wetted;
   std::vector<int> ids(all.points.size(), -1);
   for (std::size_t t = 0; t < all.triangles.size(); ++t) {
@@ -141,7 +141,7 @@ std::set<std::pair<Index, Index>> feature_edges(const TriangleMesh& wing) {
 /// A mean of a tetrahedron's nodes in which those on the wing count less: the polyhedra on the wing
 /// grow thick enough to be star-shaped about its nose and edges.
 Point3 off_wing(const Mesh& tets, std::span<const Index> nodes, Index wing_nodes) {
-  constexpr double weight_on_wing = 0.3;
+  constexpr double weight_on_wing = 0.6;
   Point3 sum(0, 0, 0);
   double weights = 0;
   for (const Index node : nodes) {
@@ -155,13 +155,15 @@ Point3 off_wing(const Mesh& tets, std::span<const Index> nodes, Index wing_nodes
 }  // namespace
 
 Mesh make_wing_layers(const std::filesystem::path& step) {
-  const TriangleMesh wing = wetted_surface(step, {.size = 70, .elements_per_turn = 8}, 26);
+  const TriangleMesh wing =
+      wetted_surface(step, {.size = 70, .elements_per_turn = 8}, {.at_curves = 26});
   const std::vector<Point3> normals = node_normals(wing);
   return join(wing, normals, fill_with_tets(enclose(raise(wing, layer_count, normals), far_field)));
 }
 
 Mesh make_wing_polyhedra(const std::filesystem::path& step) {
-  const TriangleMesh wing = wetted_surface(step, {.size = 60, .elements_per_turn = 8}, 30);
+  const TriangleMesh wing = wetted_surface(
+      step, {.size = 60}, {.at_curves = 22, .formula = "12 + 0.25 * Fabs(x - 0.2 * y)"});
   const Mesh tets = fill_with_tets(enclose(wing, far_field));
   const auto features = feature_edges(wing);
   const NearestOnShape on_edges(read_step(step), ShapeKind::Edges);

@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 #include <functional>
 
+#include "models/canister.h"
 #include "models/courier.h"
 #include "models/step_files.h"
 #include "models/wing.h"
@@ -29,7 +30,8 @@ double volume(const TopoDS_Shape& shape) {
 }  // namespace
 
 TEST_CASE("families are valid and keep their topology from the base to 150 %", "[models]") {
-  const Family family = GENERATE(Family{"courier", make_courier, {116, 282, 176}},
+  const Family family = GENERATE(Family{"canister", make_canister, {9, 18, 10}},
+                                 Family{"courier", make_courier, {116, 282, 176}},
                                  Family{"wing", make_wing, {4, 6, 4}});
   CAPTURE(family.name);
   for (const double change : {0., 0.5, 1., 1.5}) {
