@@ -131,6 +131,39 @@ std::string dump(const Json& json) {
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
+// Edges are the physical ones (CadSkeleton::curves), numbered from 1.
+Json matched_edges(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  Json edges = Json::array();
+  for (std::size_t c = 0; c < match.curves.size(); ++c) {
+    const CadCurve& from = base.skeleton().curves[c];
+    const CadCurve& to = variant.skeleton().curves[match.curves[c]];
+    Json faces = Json::array();
+    for (const int f : from.faces) faces.push_back(f + 1);
+    edges.push_back({{"base", c + 1},
+                     {"variant", match.curves[c] + 1},
+                     {"base_faces", faces},
+                     {"base_length", number(from.length)},
+                     {"variant_length", number(to.length)},
+                     {"confidence", number(match.curve_confidence[c])}});
+  }
+  return edges;
+}
+
+Json matched_vertices(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  const auto point = [](const CadModel& model, std::size_t corner) {
+    const Eigen::Vector3d& p = model.vertices()[model.skeleton().corners[corner]].point;
+    return Json{number(p.x()), number(p.y()), number(p.z())};
+  };
+  Json vertices = Json::array();
+  for (std::size_t c = 0; c < match.corners.size(); ++c)
+    vertices.push_back({{"base", c + 1},
+                        {"variant", match.corners[c] + 1},
+                        {"base_point", point(base, c)},
+                        {"variant_point", point(variant, match.corners[c])},
+                        {"confidence", number(match.corner_confidence[c])}});
+  return vertices;
+}
+
 }  // namespace
 
 std::string to_json(const PipelineReport& report, int exit_code) {
@@ -213,8 +246,10 @@ std::string match_json(const CadModel& base, const CadModel& variant, const Topo
                      {"confidence", number(match.face_confidence[f])},
                      {"name", base.faces()[f].name}});
   json["faces"] = faces;
-  json["curves"] = match.curves;
-  json["corners"] = match.corners;
+  const CadModel base_edges = match.joins_edges ? base.with_joined_edges() : base;
+  const CadModel variant_edges = match.joins_edges ? variant.with_joined_edges() : variant;
+  json["edges"] = matched_edges(base_edges, variant_edges, match);
+  json["vertices"] = matched_vertices(base_edges, variant_edges, match);
   return dump(json);
 }
 

@@ -114,6 +114,28 @@ std::string leg_text(const LegReport& leg) {
                 with_commas(leg.after.invalid).c_str(), leg.seconds);
 }
 
+// The physical edges and vertices, numbered from 1.
+std::string edge_table(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  std::vector<Row> rows = {{"base edge", "length", "variant edge", "length", "confidence"}};
+  for (std::size_t c = 0; c < match.curves.size(); ++c)
+    rows.push_back({std::to_string(c + 1), millimetres(base.skeleton().curves[c].length),
+                    std::to_string(match.curves[c] + 1),
+                    millimetres(variant.skeleton().curves[match.curves[c]].length),
+                    format("%.2f", match.curve_confidence[c])});
+  std::string text("\n");
+  text += align(rows);
+  if (match.corners.empty()) return text;
+  const auto place = [](const CadModel& model, std::size_t corner) {
+    const Eigen::Vector3d& p = model.vertices()[model.skeleton().corners[corner]].point;
+    return format("%.6g %.6g %.6g", p.x(), p.y(), p.z());
+  };
+  rows = {{"base vertex", "at (mm)", "variant vertex", "at (mm)", "confidence"}};
+  for (std::size_t c = 0; c < match.corners.size(); ++c)
+    rows.push_back({std::to_string(c + 1), place(base, c), std::to_string(match.corners[c] + 1),
+                    place(variant, match.corners[c]), format("%.2f", match.corner_confidence[c])});
+  return text.append("\n").append(align(rows));
+}
+
 }  // namespace
 
 std::string to_string(const Kernel& kernel) {
@@ -285,8 +307,8 @@ std::string match_text(const CadModel& base, const CadModel& variant, const Topo
   std::string text = labelled("Base CAD", base.file_name() + " (unit " + base.file_unit() + ")");
   text += labelled("Variant CAD", variant.file_name() + " (unit " + variant.file_unit() + ")");
   text += labelled("Matched by", match.how);
-  text += labelled("Counts", format("%zu faces, %zu curves, %zu corners", match.faces.size(),
-                                    match.curves.size(), match.corners.size()));
+  text += labelled("Counts", format("%zu faces, %zu edges, %zu vertices (seams not counted)",
+                                    match.faces.size(), match.curves.size(), match.corners.size()));
   std::vector<Row> rows = {{"base face", "type", "variant face", "type", "confidence", "name"}};
   for (std::size_t f = 0; f < match.faces.size(); ++f) {
     const CadFace& from = base.faces()[f];
@@ -294,7 +316,10 @@ std::string match_text(const CadModel& base, const CadModel& variant, const Topo
     rows.push_back({std::to_string(f + 1), to_string(from.type), std::to_string(match.faces[f] + 1),
                     to_string(to.type), format("%.2f", match.face_confidence[f]), from.name});
   }
-  return text.append("\n").append(align(rows));
+  text.append("\n").append(align(rows));
+  if (match.joins_edges)
+    return text + edge_table(base.with_joined_edges(), variant.with_joined_edges(), match);
+  return text + edge_table(base, variant, match);
 }
 
 }  // namespace cadmorph

@@ -138,6 +138,30 @@ Matrix3d best_rotation(const Matrix3d& covariance) {
   return svd.matrixU() * sign * svd.matrixV().transpose();
 }
 
+// Poles: where a turned seam ends, it still ends there.
+std::vector<Vector3d> poles(const CadModel& model) {
+  std::vector<Vector3d> points;
+  for (const CadEdge& edge : model.edges())
+    if (edge.is_degenerate && edge.start >= 0) points.push_back(model.vertices()[edge.start].point);
+  return points;
+}
+
+// An exact fit of parameters that only spins a body of revolution about its axis: its seams moved,
+// not the part. The motion is least without the spin.
+void undo_spin(const CadModel& base, const CadModel& variant, TopologyMatch& match) {
+  const Similarity& spun = match.alignment;
+  if (Eigen::AngleAxisd(spun.rotation).angle() < kExactFit) return;
+  std::vector<Vector3d> centres;
+  for (const EntityFeature& feature : entity_features(base)) centres.push_back(feature.centre);
+  const Vector3d on_axis = mean_of(centres);
+  Similarity still;
+  still.scale = spun.scale;
+  still.translation = spun(on_axis) - still.scale * on_axis;
+  for (const Vector3d& pole : poles(base))
+    if ((still(pole) - spun(pole)).norm() > kCoincident * variant.diagonal()) return;
+  if (coincide(base, variant, match, still)) match.alignment = still;
+}
+
 }  // namespace
 
 std::vector<EntityFeature> entity_features(const CadModel& model) {
@@ -189,7 +213,7 @@ void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) 
     match.is_congruent = !from.empty() &&
                          residual(match.alignment, from, to) < kExactFit * variant.diagonal() &&
                          (has_planes || coincide(base, variant, match, match.alignment));
-    if (match.is_congruent) return;
+    if (match.is_congruent) return undo_spin(base, variant, match);
   }
   from.clear();
   to.clear();

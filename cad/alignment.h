@@ -24,7 +24,8 @@ double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
 
 /// Sets match.alignment and is_congruent: the identity where the two models coincide as point sets;
 /// else the similarity that carries equal surface parameters onto each other, where it does so
-/// exactly; else the fit of corners, then of curve and face centroids.
+/// exactly, but for a spin of a body of revolution about its axis (a seam that moved); else the fit
+/// of corners, then of curve and face centroids.
 void align(const CadModel& base, const CadModel& variant, TopologyMatch& match);
 
 }  // namespace cadmorph

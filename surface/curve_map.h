@@ -50,6 +50,7 @@ class CurveMap {
   Way best_start() const;
   double deviation(const Way& way) const;
   Way best_phase(bool is_reversed) const;
+  Way polished(Way way) const;
   Way choose();
   Way best_shift() const;
   Way choose_closed(bool has_equal_links);

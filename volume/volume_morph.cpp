@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <chrono>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 
 #include "core/edge_lengths.h"
 #include "core/errors.h"
+#include "core/parallel.h"
 #include "volume/baselines/baseline.h"
 #include "volume/components.h"
 
@@ -69,6 +72,17 @@ Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surf
   return part;
 }
 
+// Components report side by side: one at a time.
+VolumeMorphOptions with_serial_progress(VolumeMorphOptions options) {
+  if (!options.rbf.progress) return options;
+  const auto mutex = std::make_shared<std::mutex>();
+  options.rbf.progress = [mutex, progress = options.rbf.progress](auto&&... figures) {
+    const std::lock_guard lock(*mutex);
+    return progress(figures...);
+  };
+  return options;
+}
+
 // Sums and worst figures of several systems; solver and reason of the largest.
 RbfReport combine(const std::vector<RbfReport>& reports) {
   RbfReport all;
@@ -117,18 +131,27 @@ struct VolumeMorph::Impl {
   Points morph_by_baseline(const Points& surface_positions, RbfReport* figures) const;
   void morph_by_rbf(const std::vector<Points>& surface_positions,
                     std::vector<VolumeMorphResult>& results) const;
-  void move_part(const Part& part, const std::vector<Points>& surface_positions,
-                 std::vector<VolumeMorphResult>& results,
-                 std::vector<std::vector<RbfReport>>& reports) const;
+  // Figures or error of one component in each of several morphs; neither where it was left out.
+  struct PartFigures {
+    std::vector<std::optional<RbfReport>> reports;
+    std::vector<std::exception_ptr> errors;
+  };
+  PartFigures move_part(const Part& part, const std::vector<Points>& surface_positions,
+                        std::vector<VolumeMorphResult>& results) const;
 };
 
 void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
   const Eigen::VectorXd lengths = local_lengths(options.rbf, mesh, surface_nodes);
+  std::vector<Component> components = split_components(mesh, surface_nodes);
+  parts.resize(components.size());
+  const VolumeMorphOptions guarded = with_serial_progress(options);
+  parallel_for(static_cast<Index>(parts.size()), 1, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      parts[i] = make_part(std::move(components[i]), mesh, surface_nodes, lengths, guarded);
+  });
   std::vector<RbfReport> reports;
-  for (Component& component : split_components(mesh, surface_nodes)) {
-    parts.push_back(make_part(std::move(component), mesh, surface_nodes, lengths, options));
-    if (parts.back().system) reports.push_back(parts.back().system->report());
-  }
+  for (const Part& part : parts)
+    if (part.system) reports.push_back(part.system->report());
   report = combine(reports);
 }
 
@@ -152,10 +175,13 @@ Points VolumeMorph::Impl::morph_by_baseline(const Points& surface_positions,
   return result;
 }
 
-// Moves the volume nodes of one component in all results that have no error yet.
-void VolumeMorph::Impl::move_part(const Part& part, const std::vector<Points>& surface_positions,
-                                  std::vector<VolumeMorphResult>& results,
-                                  std::vector<std::vector<RbfReport>>& reports) const {
+// Moves the volume nodes of one component in all results that have no error. Components share no
+// volume node: several may do so at once.
+VolumeMorph::Impl::PartFigures VolumeMorph::Impl::move_part(
+    const Part& part, const std::vector<Points>& surface_positions,
+    std::vector<VolumeMorphResult>& results) const {
+  PartFigures figures{std::vector<std::optional<RbfReport>>(results.size()),
+                      std::vector<std::exception_ptr>(results.size())};
   std::vector<std::size_t> sound;
   std::vector<RowMatrix> values;
   for (std::size_t r = 0; r < results.size(); ++r) {
@@ -167,28 +193,37 @@ void VolumeMorph::Impl::move_part(const Part& part, const std::vector<Points>& s
   std::vector<RbfField> fields;
   std::vector<std::size_t> solved;
   for (std::size_t s = 0; s < sound.size(); ++s) {
-    results[sound[s]].error = solutions[s].error;
+    figures.errors[sound[s]] = solutions[s].error;
     if (solutions[s].error) continue;
     solved.push_back(sound[s]);
-    reports[sound[s]].push_back(solutions[s].field.report());
+    figures.reports[sound[s]] = solutions[s].field.report();
     fields.push_back(std::move(solutions[s].field));
   }
   const std::vector<RowMatrix> displacements = part.targets->evaluate(fields);
   for (std::size_t s = 0; s < solved.size(); ++s)
     for (std::size_t i = 0; i < part.nodes.volume.size(); ++i)
       results[solved[s]].positions.row(part.nodes.volume[i]) += displacements[s].row(i);
+  return figures;
 }
 
 void VolumeMorph::Impl::morph_by_rbf(const std::vector<Points>& surface_positions,
                                      std::vector<VolumeMorphResult>& results) const {
   for (VolumeMorphResult& result : results)
     if (!result.error) result.positions = base;
-  std::vector<std::vector<RbfReport>> reports(results.size());
-  for (const Part& part : parts)
-    if (part.system) move_part(part, surface_positions, results, reports);
+  std::vector<PartFigures> figures(parts.size());
+  parallel_for(static_cast<Index>(parts.size()), 1, [&](Index begin, Index end) {
+    for (Index p = begin; p < end; ++p)
+      if (parts[p].system) figures[p] = move_part(parts[p], surface_positions, results);
+  });
   for (std::size_t r = 0; r < results.size(); ++r) {
+    std::vector<RbfReport> reports;
+    for (const PartFigures& part : figures) {
+      if (part.errors.empty()) continue;
+      if (part.reports[r]) reports.push_back(*part.reports[r]);
+      if (!results[r].error) results[r].error = part.errors[r];
+    }
     if (results[r].error) continue;
-    results[r].report = combine(reports[r]);
+    results[r].report = combine(reports);
     for (std::size_t i = 0; i < surface_nodes.size(); ++i)
       results[r].positions.row(surface_nodes[i]) = surface_positions[r].row(i);
   }

@@ -311,8 +311,22 @@ TEST_CASE("quality and match print tables and JSON", "[apps][main]") {
   CHECK(place.run("quality box.vtu --min-scaled-jacobian 0.5").exit_code == 0);
   const RunResult match = place.run("match box.step box_moved.step --json -");
   REQUIRE(match.exit_code == 0);
-  CHECK(Json::parse(match.out)["faces"].size() == 6);
-  CHECK(line_count(place.run("match box.step box_moved.step").out) >= 6 + 1 + 4);
+  const Json pairs = Json::parse(match.out);
+  const std::vector<std::pair<const char*, std::size_t>> counts{
+      {"faces", 6}, {"edges", 12}, {"vertices", 8}};  // of a box
+  for (const auto& [kind, count] : counts) {
+    REQUIRE(pairs[kind].size() == count);
+    std::set<int> base, variant;
+    for (const Json& pair : pairs[kind]) {
+      base.insert(pair["base"].get<int>());
+      variant.insert(pair["variant"].get<int>());
+      CHECK(pair["confidence"].get<double>() > 0.5);
+      CHECK(pair["confidence"].get<double>() <= 1);
+    }
+    CHECK(base.size() == count);
+    CHECK(variant == base);
+  }
+  CHECK(line_count(place.run("match box.step box_moved.step").out) >= 6 + 12 + 8 + 3 + 4);
 }
 
 TEST_CASE("quality ends with 5 on an inverted or a poor element", "[apps][main]") {

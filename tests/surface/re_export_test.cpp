@@ -149,6 +149,25 @@ TEST_CASE("seams turned about the axis leave every node in place", "[surface][re
     }
 }
 
+TEST_CASE("seams turned about the axis of a part that is scaled and moved don't twist it",
+          "[surface][re-export][seam]") {
+  gp_Trsf map;
+  map.SetScale(gp_Pnt(3, -7, 11), 1.3);
+  for (const std::string name :
+       {"cylinder", "cone", "cone_frustum", "sphere", "torus", "stepped_shaft"})
+    for (const double degrees : {25.0, 180.0, -110.0}) {
+      DYNAMIC_SECTION(name << " by " << degrees) {
+        const MorphCase c = shape_case(name);
+        const CadModel variant =
+            to_model(transformed(with_turned_seams(name, degrees * pi / 180), map));
+        const Morphed m = morph(c, variant);
+        const Points expected =
+            images(c.mesh.points, [&](const Vector3d& x) { return apply(map, x); });
+        CHECK(largest_difference(m.points, expected) <= kKnown * variant.diagonal());
+      }
+    }
+}
+
 TEST_CASE("an analytic part that comes back as NURBS leaves every node in place",
           "[surface][re-export]") {
   for (const auto& name : kRealParts) {
