@@ -53,18 +53,18 @@ VolumeMorphOptions options_of(Contender contender) {
 
 /// What is compared: the methods of the paper on the surface given to all, then all on RBF-S's.
 struct Task {
-  Surface surface;
+  Route route;
   Contender contender;
-  Mode mode;
 };
 
 /// One method on one mesh of a family, through all steps.
 class Run {
  public:
-  Run(const Series& series, const Task& task) : series_(series), task_(task), mesh_(series.mesh) {}
+  Run(const Series& series, const Task& task, int stride)
+      : series_(series), task_(task), stride_(stride), mesh_(series.mesh) {}
 
   std::vector<Row> rows() {
-    for (int step = 1; step <= kSteps && note_.empty(); ++step) {
+    for (int step = stride_; step <= kSteps && note_.empty(); step += stride_) {
       try {
         take(step);
       } catch (const Error& error) {
@@ -81,18 +81,18 @@ class Run {
 
   void take(int step) {
     set_up_seconds_ = 0;
-    if (!morph_ || task_.mode == Mode::Relative) {
+    if (!morph_ || task_.route.mode == Mode::Relative) {
       const Stopwatch watch;
       morph_.emplace(mesh_, series_.surface_nodes, options_of(task_.contender));
       set_up_seconds_ = watch.seconds();
     }
     const Stopwatch watch;
-    Points positions = move(series_.path(task_.surface, task_.mode)[step - 1]);
+    Points positions = move(series_.path(task_.route)[step - 1]);
     seconds_ = watch.seconds();
     const Figures figures = measure(series_, positions);
     if (figures.inverted > 0 && first_inverted_ == 0) first_inverted_ = step;
     add_row(step, figures);
-    if (task_.mode == Mode::Relative) mesh_.points = std::move(positions);
+    if (task_.route.mode == Mode::Relative) mesh_.points = std::move(positions);
   }
 
   // The default method: steps where elements invert, then untangling.
@@ -113,17 +113,18 @@ class Run {
       return figures ? std::to_string((*figures).*value) : "";
     };
     rows_.push_back(
-        {series_.subject.family, series_.subject.mesh, to_string(task_.surface),
-         to_string(task_.mode), to_string(task_.contender, task_.surface), std::to_string(step),
-         format("%g", 100.0 * step / kSteps), std::to_string(mesh_.node_count()),
-         std::to_string(series_.surface_nodes.size()), std::to_string(mesh_.cell_count()),
-         number(&Figures::min), number(&Figures::mean_worst), number(&Figures::mean),
-         count(&Figures::inverted), count(&Figures::invalid), "", format("%.4g", set_up_seconds_),
-         format("%.4g", seconds_), note_});
+        {series_.subject.family, series_.subject.mesh, to_string(task_.route.surface),
+         to_string(task_.route.mode), to_string(task_.contender, task_.route.surface),
+         std::to_string(step), format("%g", 100.0 * step / kSteps),
+         std::to_string(mesh_.node_count()), std::to_string(series_.surface_nodes.size()),
+         std::to_string(mesh_.cell_count()), number(&Figures::min), number(&Figures::mean_worst),
+         number(&Figures::mean), count(&Figures::inverted), count(&Figures::invalid), "",
+         format("%.4g", set_up_seconds_), format("%.4g", seconds_), note_});
   }
 
   const Series& series_;
   Task task_;
+  int stride_;
   Mesh mesh_;  // that the next step starts from
   std::optional<VolumeMorph> morph_;
   double set_up_seconds_ = 0, seconds_ = 0;
@@ -151,11 +152,18 @@ std::vector<Task> open_tasks(const Subject& subject, const EvaluateOptions& opti
     for (const Mode mode : {Mode::Absolute, Mode::Relative})
       for (const Contender contender : contenders(surface)) {
         const std::string method = to_string(contender, surface);
-        if (is_chosen(options.methods, method) &&
+        if (is_chosen(options.methods, method) && is_chosen(options.modes, to_string(mode)) &&
+            is_chosen(options.surfaces, to_string(surface)) &&
             !file.has({subject.family, subject.mesh, to_string(surface), to_string(mode), method}))
-          tasks.push_back({surface, contender, mode});
+          tasks.push_back({{surface, mode}, contender});
       }
   return tasks;
+}
+
+std::set<Route> routes_of(const std::vector<Task>& tasks) {
+  std::set<Route> routes;
+  for (const Task& task : tasks) routes.insert(task.route);
+  return routes;
 }
 
 }  // namespace
@@ -197,12 +205,13 @@ void evaluate(const EvaluateOptions& options) {
     if (tasks.empty()) continue;
     const std::string name = subject.family + " " + subject.mesh;
     options.tell(name + ": surface at all steps");
-    const Series series = make_series(subject);
+    const Series series = make_series(subject, routes_of(tasks), options.stride);
     for (const Task& task : tasks) {
       const Stopwatch watch;
-      file.append(Run(series, task).rows());
-      options.tell(name + ": " + to_string(task.contender, task.surface) + ", " +
-                   to_string(task.mode) + ", surface " + to_string(task.surface) +
+      const int stride = task.route.mode == Mode::Absolute ? options.stride : 1;
+      file.append(Run(series, task, stride).rows());
+      options.tell(name + ": " + to_string(task.contender, task.route.surface) + ", " +
+                   to_string(task.route.mode) + ", surface " + to_string(task.route.surface) +
                    format(": %.1f s", watch.seconds()));
     }
   }

@@ -20,7 +20,8 @@ std::string to_string(Mode mode);
 
 struct EvaluateOptions {
   std::filesystem::path models, output;
-  std::set<std::string> families, meshes, methods;  ///< empty: all
+  std::set<std::string> families, meshes, surfaces, modes, methods;  ///< empty: all
+  int stride = 1;  ///< absolute: every so many steps alone
   /// Told of each series before it runs.
   std::function<void(const std::string&)> tell;
 };

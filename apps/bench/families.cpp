@@ -77,6 +77,13 @@ class Stage {
   std::vector<Index> rows_;
 };
 
+Path absolute_path(const Subject& subject, Surface kind, const Stage& base, int stride) {
+  Path result(kSteps);
+  for (int step = stride; step <= kSteps; step += stride)
+    result[step - 1] = base.positions_on(*read_cad(step_file(subject, step)), kind);
+  return result;
+}
+
 // The mesh inside follows, so that the next association sees its local edges.
 Path relative_path(const Subject& subject, Surface kind, const Stage& base, const Series& series,
                    const Boundary& boundary) {
@@ -113,7 +120,7 @@ std::vector<Subject> find_subjects(const fs::path& models) {
   return result;
 }
 
-Series make_series(const Subject& subject, bool last_only) {
+Series make_series(const Subject& subject, const std::set<Route>& routes, int stride) {
   Series series;
   series.subject = subject;
   series.mesh = MeshFile(subject.folder / (subject.mesh + ".vtu")).mesh();
@@ -121,14 +128,12 @@ Series make_series(const Subject& subject, bool last_only) {
   const Boundary boundary = extract_boundary(series.mesh);
   const Stage base(read_cad(subject.folder / "base.step"), series.mesh, boundary);
   for (const Index row : base.rows()) series.surface_nodes.push_back(boundary.nodes[row]);
-  for (const Surface kind : {Surface::RbfS, Surface::Harmonic}) {
-    if (last_only && kind == Surface::Harmonic) break;
-    const int place = static_cast<int>(kind);
-    series.absolute[place].resize(kSteps);
-    for (int step = last_only ? kSteps : 1; step <= kSteps; ++step)
-      series.absolute[place][step - 1] =
-          base.positions_on(*read_cad(step_file(subject, step)), kind);
-    if (!last_only) series.relative[place] = relative_path(subject, kind, base, series, boundary);
+  for (const Route& route : routes) {
+    const int place = static_cast<int>(route.surface);
+    if (route.mode == Mode::Relative)
+      series.relative[place] = relative_path(subject, route.surface, base, series, boundary);
+    else
+      series.absolute[place] = absolute_path(subject, route.surface, base, stride);
   }
   return series;
 }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <compare>
 #include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -33,6 +35,13 @@ enum class Surface {
   Harmonic,  ///< stands in for what the methods were given there: harmonic_surface
 };
 
+/// A way to steps 1 .. kSteps.
+struct Route {
+  Surface surface = Surface::RbfS;
+  Mode mode = Mode::Absolute;
+  auto operator<=>(const Route&) const = default;
+};
+
 /// Positions of the surface nodes at steps 1 .. kSteps.
 using Path = std::vector<Points>;
 
@@ -45,13 +54,13 @@ struct Series {
   Path absolute[2];                  ///< by Surface; each step from the base
   Path relative[2];                  ///< each from the CAD and the surface of the step before
 
-  const Path& path(Surface surface, Mode mode) const {
-    return (mode == Mode::Absolute ? absolute : relative)[static_cast<int>(surface)];
+  const Path& path(const Route& route) const {
+    return (route.mode == Mode::Absolute ? absolute : relative)[static_cast<int>(route.surface)];
   }
 };
 
-/// Reads base, mesh and steps, and morphs the surface. `last_only`: by RbfS to step kSteps alone,
-/// absolute; the other positions stay empty. Throws what the pipeline throws.
-Series make_series(const Subject& subject, bool last_only = false);
+/// Reads base, mesh and steps, and morphs the surface on the routes asked for, on absolute ones at
+/// every `stride`-th step alone; other positions stay empty. Throws what the pipeline throws.
+Series make_series(const Subject& subject, const std::set<Route>& routes, int stride = 1);
 
 }  // namespace cadmorph::bench

@@ -61,7 +61,7 @@ Row row_of(const Series& series, const Candidate& candidate) {
   try {
     const VolumeMorph morph(series.mesh, series.surface_nodes,
                             {.kernel = candidate.kernel, .rbf = {.solver = SolverKind::Lu}});
-    const Points positions = morph.morph(series.path(Surface::RbfS, Mode::Absolute)[kSteps - 1]);
+    const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
     const Figures figures = measure(series, positions);
     row.insert(row.end(), {format("%.3g", 1 / morph.report().reciprocal_condition),
                            format("%.6g", figures.min), format("%.6g", figures.mean_worst),
@@ -79,7 +79,7 @@ Row row_of(const Series& series, const Candidate& candidate) {
 void evaluate_kernels(const EvaluateOptions& options) {
   ResultsFile file(options.output, kHeader);
   for (const Subject& subject : chosen_subjects(options)) {
-    const Series series = make_series(subject, true);
+    const Series series = make_series(subject, {Route()}, kSteps);
     if (series.surface_nodes.size() > kMostCentres) continue;
     for (const Candidate& candidate : candidates(diagonal(series.mesh))) {
       const std::string parameter = format("%g", candidate.parameter);

@@ -39,6 +39,10 @@ void add_commands(CLI::App& app, CommandLine& line) {
   CLI::App* methods =
       add_command(app, "evaluate", "every method at steps 1..20, absolute and relative", options);
   methods->add_option("--method", options.methods, "only these methods, named as in the CSV");
+  methods->add_option("--surface", options.surfaces, "only these surfaces: RBF-S, harmonic");
+  methods->add_option("--mode", options.modes, "only these: absolute, relative");
+  methods->add_option("--every", options.stride, "absolute: every N-th step alone")
+      ->check(CLI::IsMember({1, 2, 4, 5, 10, 20}));
   methods->callback([&line] { evaluate(line.options); });
   add_command(app, "kernels", "every kernel at the full change, with condition numbers", options)
       ->callback([&line] { evaluate_kernels(line.options); });

@@ -120,7 +120,7 @@ const char* why_not(const Solver& solver, const Series& series) {
 void compare_solvers(const EvaluateOptions& options, const std::string& program) {
   ResultsFile file(options.output, kHeader);
   for (const Subject& subject : chosen_subjects(options)) {
-    const Series series = make_series(subject, true);
+    const Series series = make_series(subject, {Route()}, kSteps);
     for (const Solver& solver : kSolvers) {
       if (file.has({subject.family, subject.mesh, solver.name})) continue;
       options.tell(subject.family + " " + subject.mesh + ": " + solver.name);
@@ -138,13 +138,13 @@ void run_solver(const EvaluateOptions& options, const std::string& name) {
   if (solver.is_netlib && library.find("openblas") != std::string::npos)
     throw SolverError("the reference LAPACK was not loaded");
   const Subject subject = chosen_subjects(options).front();
-  const Series series = make_series(subject, true);
+  const Series series = make_series(subject, {Route()}, kSteps);
   const rusage before = usage();
   const Stopwatch set_up;
   const VolumeMorph morph(series.mesh, series.surface_nodes, {.rbf = {.solver = solver.kind}});
   const double set_up_seconds = set_up.seconds();
   const Stopwatch watch;
-  const Points positions = morph.morph(series.path(Surface::RbfS, Mode::Absolute)[kSteps - 1]);
+  const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
   const double seconds = watch.seconds();
   const rusage after = usage();
   const double memory = 1024.0 * static_cast<double>(after.ru_maxrss - before.ru_maxrss);
