@@ -4,6 +4,7 @@
 #include <map>
 
 #include "core/kd_tree.h"
+#include "volume/held_cells.h"
 
 namespace cadmorph {
 namespace {
@@ -41,11 +42,6 @@ int most_frequent_face(const Mesh& mesh, const Boundary& boundary, const Associa
   return most_first(votes).front().first;
 }
 
-bool is_held(const Mesh& mesh, const Boundary& boundary, Index c) {
-  return std::ranges::all_of(
-      mesh.cell(c), [&](Index node) { return std::ranges::binary_search(boundary.nodes, node); });
-}
-
 double first_inversion(const Mesh& mesh, const Orientation& orientation,
                        const PositionsAt& positions_at) {
   const auto is_valid = [&](double share) {
@@ -65,14 +61,16 @@ double first_inversion(const Mesh& mesh, const Orientation& orientation,
 
 Diagnosis diagnose(const CadModel& cad, const Mesh& mesh, const Boundary& boundary,
                    const Association& association, const std::vector<Index>& bad_cells,
-                   const Orientation& orientation, const PositionsAt& positions_at) {
+                   const Orientation& orientation, const std::vector<char>& is_fixed,
+                   const PositionsAt& positions_at) {
   Diagnosis result;
+  const Points whole = positions_at(1);
   result.bad_cells = static_cast<Index>(bad_cells.size());
   const auto in_base = check_validity(mesh, mesh.points, orientation).invalid_cells;
   std::map<int, Index> regions;
   for (const Index c : bad_cells) {
     ++regions[mesh.region(c)];
-    if (is_held(mesh, boundary, c)) ++result.held_cells;
+    if (is_held(mesh, whole, is_fixed, c)) ++result.held_cells;
     if (std::ranges::binary_search(in_base, c)) ++result.bad_in_base;
   }
   result.regions = most_first(regions);

@@ -5,11 +5,15 @@
 
 #include "core/blas.h"
 #include "core/parallel.h"
+#include "surface/motion_path.h"
 
 namespace cadmorph {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Inverted cells are few when they are at most one in so many.
+constexpr Index kFewCells = 10'000;
 
 CadFigures figures_of(const CadModel& cad) {
   return {.file = cad.file_name(),
@@ -178,7 +182,55 @@ struct MorphJob::Impl {
   SteppingOptions stepping() const {
     SteppingOptions result = options.stepping;
     if (options.untangle == UntangleMode::Always && result.steps == 0) result.steps = 1;
+    if (options.untangle == UntangleMode::Never) result.least_gain_share = 1;
     return result;
+  }
+
+  // Where faces turn, the surface follows them on the way; found out when it is first asked for.
+  SurfacePath path(const Points& prescribed_positions) const {
+    const auto turning = std::make_shared<std::optional<MotionPath>>();
+    return [this, turning, &prescribed_positions](double s) -> Points {
+      if (!*turning) {
+        const Points start = mesh().points(boundary.nodes, Eigen::all);
+        Points end = start;
+        end(rows, Eigen::all) = prescribed_positions;
+        turning->emplace(boundary, start, end, surface->association().facet_face);
+      }
+      return prescribed((**turning)(s));
+    };
+  }
+
+  // Steps, then repair. When few elements are inverted, repair comes before further steps.
+  void morph_volume(const Points& surface_positions, PhaseClock& clock, MorphResult& result) const {
+    SteppingOptions how = stepping();
+    const bool is_free = how.steps == 0 && options.untangle != UntangleMode::Never;
+    if (is_free) how.few = std::max<Index>(1, mesh().cell_count() / kFewCells);
+    step_and_untangle(surface_positions, how, clock, result);
+    const SteppingAttempt last = result.report.stepping.attempts.back();
+    const bool is_cut_short = last.inverted > last.held && last.inverted - last.held <= how.few;
+    if (!is_free || !is_cut_short || result.validity.invalid <= last.held) return;
+    how.few = 0;
+    MorphResult more;
+    step_and_untangle(surface_positions, how, clock, more);
+    if (more.validity.invalid >= result.validity.invalid) return;
+    result.positions = std::move(more.positions);
+    result.validity = std::move(more.validity);
+    result.report.solver = std::move(more.report.solver);
+    result.report.stepping = std::move(more.report.stepping);
+    result.report.untangling = std::move(more.report.untangling);
+  }
+
+  void step_and_untangle(const Points& surface_positions, const SteppingOptions& how,
+                         PhaseClock& clock, MorphResult& result) const {
+    clock.start("volume morph");
+    SteppingResult stepped = morph_in_steps(mesh(), *volume, surface_positions, orientation, how,
+                                            path(surface_positions));
+    result.positions = std::move(stepped.positions);
+    result.validity = stepped.report.validity;
+    result.report.solver = stepped.report.rbf;
+    result.report.stepping = std::move(stepped.report);
+    clock.start("untangling");
+    untangle_result(result);
   }
 
   void untangle_result(MorphResult& result) const {
@@ -244,8 +296,8 @@ struct MorphJob::Impl {
     const auto positions_at = [&](double share) -> Points {
       return mesh().points + share * (full - mesh().points);
     };
-    figures.diagnosis =
-        diagnose(*base, mesh(), boundary, surface->association(), bad, orientation, positions_at);
+    figures.diagnosis = diagnose(*base, mesh(), boundary, surface->association(), bad, orientation,
+                                 fixed_nodes(), positions_at);
     figures.diagnosis->worst_cell = worst_of(bad, result.quality);
     figures.diagnosis->location = centre_of(figures.diagnosis->worst_cell, result.positions);
     figures.diagnosis->advice = advice(figures);
@@ -269,9 +321,10 @@ struct MorphJob::Impl {
       lines.push_back("repair the input mesh: " + std::to_string(figures.diagnosis->bad_in_base) +
                       " of these cells are inverted in it already");
     if (figures.diagnosis->held_cells > 0)
-      lines.push_back("refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
-                      " of these cells have all their nodes on the surface, so that only the CAD "
-                      "moves them");
+      lines.push_back(
+          "refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
+          " of these cells are held inverted by their surface nodes alone (all nodes lie on "
+          "the surface, or a facet on it turns a corner inwards)");
     if (figures.outcome == Outcome::PoorQuality && !options.improve_below)
       lines.push_back("raise the poor cells: --improve " +
                       short_number(*options.min_scaled_jacobian));
@@ -335,16 +388,8 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
   report.after.mean_distance = surface.mean_distance;
   report.warnings.insert(report.warnings.end(), surface.warnings.begin(), surface.warnings.end());
 
-  clock.start("volume morph");
-  const Points surface_positions = job.prescribed(surface.positions);
-  SteppingResult stepped =
-      morph_in_steps(mesh(), *job.volume, surface_positions, job.orientation, job.stepping());
-  result.positions = std::move(stepped.positions);
-  result.validity = stepped.report.validity;
-  report.solver = stepped.report.rbf;
-  report.stepping = std::move(stepped.report);
-  clock.start("untangling");
-  job.untangle_result(result);
+  result.surface_positions = job.prescribed(surface.positions);
+  job.morph_volume(result.surface_positions, clock, result);
   clock.start("quality after");
   result.quality = measure_quality(mesh(), result.positions, job.orientation);
   job.improve_result(result);
@@ -352,8 +397,7 @@ MorphResult MorphJob::morph(const CadModel& variant) const {
               check_quality(mesh(), result.positions, job.neighbours, job.orientation));
   report.max_displacement =
       report.mesh_unit_mm * (result.positions - mesh().points).rowwise().norm().maxCoeff();
-  job.judge(result, surface_positions);
-  result.surface_positions = surface_positions;
+  job.judge(result, result.surface_positions);
   const auto& phases = clock.phases();
   report.phases.insert(report.phases.end(), phases.begin(), phases.end());
   return result;
@@ -393,7 +437,7 @@ DeformationTerms MorphJob::deformation(const MorphResult& result) const {
   const Impl& job = *impl_;
   DeformationTerms terms = about_file(job.mesh_file->path(), [&] {
     return record_deformation(mesh(), *job.volume, result.surface_positions,
-                              result.report.stepping.steps);
+                              result.report.stepping.steps, job.path(result.surface_positions));
   });
   terms.mesh_unit_mm = result.report.mesh_unit_mm;
   return terms;

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/errors.h"
+#include "volume/held_cells.h"
 
 namespace cadmorph {
 namespace {
@@ -71,6 +72,48 @@ class Stepper {
   double seconds_set_up_ = 0;
 };
 
+std::vector<char> marks(Index count, const std::vector<Index>& nodes) {
+  std::vector<char> is_marked(count, 0);
+  for (const Index node : nodes) is_marked[node] = 1;
+  return is_marked;
+}
+
+// Counts the cells that no number of steps helps.
+class HeldCounter {
+ public:
+  HeldCounter(const Mesh& mesh, const std::vector<Index>& surface_nodes,
+              const Orientation& orientation)
+      : mesh_(mesh),
+        orientation_(orientation),
+        is_fixed_(marks(mesh.node_count(), surface_nodes)) {}
+
+  Index count(const Points& positions, const std::vector<Index>& invalid) {
+    if (invalid.empty()) return 0;
+    if (!in_base_) in_base_ = check_validity(mesh_, mesh_.points, orientation_).invalid_cells;
+    return std::ranges::count_if(invalid, [&](Index c) {
+      return std::ranges::binary_search(*in_base_, c) || is_held(mesh_, positions, is_fixed_, c);
+    });
+  }
+
+ private:
+  const Mesh& mesh_;
+  const Orientation& orientation_;
+  std::vector<char> is_fixed_;
+  std::optional<std::vector<Index>> in_base_;
+};
+
+// Whether the attempts end here: what is left is little, or one more step gained little.
+bool is_last(const SteppingOptions& options, const std::vector<SteppingAttempt>& attempts) {
+  const auto mendable = [](const SteppingAttempt& a) { return a.inverted - a.held; };
+  const Index now = mendable(attempts.back());
+  if (now <= options.few) return true;
+  if (attempts.size() == 1 || options.least_gain_share >= 1) return false;
+  Index least = mendable(attempts.front());
+  for (std::size_t i = 1; i + 1 < attempts.size(); ++i)
+    least = std::min(least, mendable(attempts[i]));
+  return static_cast<double>(now) > options.least_gain_share * static_cast<double>(least);
+}
+
 }  // namespace
 
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
@@ -81,7 +124,7 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                   path ? path : linear_path(mesh, first.surface_nodes(), surface_positions));
   const int fewest = std::max(options.steps, 1);
   const int most = options.steps > 0 ? options.steps : options.max_steps;
-  std::optional<Index> unavoidable;
+  HeldCounter held(mesh, first.surface_nodes(), orientation);
   SteppingResult best;
   SteppingReport& report = best.report;
   for (int steps = fewest; steps <= most; ++steps) {
@@ -95,16 +138,14 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
     }
     ValidityReport validity = check_validity(mesh, positions, orientation);
     const Index inverted = validity.invalid;
-    report.attempts.push_back({steps, inverted});
+    report.attempts.push_back({steps, inverted, held.count(positions, validity.invalid_cells)});
     if (report.attempts.size() == 1 || inverted < report.validity.invalid) {
       best.positions = std::move(positions);
       report.steps = steps;
       report.validity = std::move(validity);
       report.rbf = std::move(rbf);
     }
-    if (inverted == 0) break;
-    if (!unavoidable) unavoidable = check_validity(mesh, mesh.points, orientation).invalid;
-    if (inverted <= *unavoidable) break;
+    if (is_last(options, report.attempts)) break;
   }
   report.seconds_set_up = stepper.seconds_set_up();
   return best;

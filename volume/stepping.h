@@ -10,6 +10,11 @@ namespace cadmorph {
 struct SteppingOptions {
   int steps = 0;      ///< number of steps; 0: one, then more while elements are inverted
   int max_steps = 8;  ///< largest number of steps tried when `steps` is 0
+  /// Ends the attempts when one more step leaves more than this share of the inverted cells; 1:
+  /// goes on up to `max_steps`, as the paper does.
+  double least_gain_share = 0.75;
+  /// Number of inverted cells that may remain: repairing so few costs less than further steps.
+  Index few = 0;
 };
 
 /// Surface node positions (m x 3) at fraction s in (0, 1] of the parameter change.
@@ -19,6 +24,7 @@ using SurfacePath = std::function<Points(double s)>;
 struct SteppingAttempt {
   int steps;
   Index inverted;  ///< cells that fail the exact validity test
+  Index held;      ///< of these: held by their surface nodes (is_held), or inverted in the base
 };
 
 struct SteppingReport {
@@ -36,13 +42,14 @@ struct SteppingResult {
 
 /// Moves all nodes to prescribed surface positions in as many uniform steps as it takes to have no
 /// inverted element (Sieger et al. 2013, sect. 6): one step first, then n steps, n the iteration,
-/// each step rebuilding the interpolation from the surface moved so far. When no number of steps up
-/// to the largest gives a valid mesh, the attempt with the fewest inverted elements is returned;
-/// the earliest of equals. Cells that fail already at the base positions don't cause further
-/// attempts. `first` is the warp of the base mesh, reused for the first step; `surface_positions`
-/// are m x 3 in the order of its surface nodes; `path` gives those on the way (linear when empty),
-/// and its value at 1 is not used. Throws InvalidInputError on fewer than one step, and what
-/// VolumeMorph throws; a SolverError of a later attempt ends the attempts.
+/// each step rebuilding the interpolation from the surface moved so far. When no number of steps
+/// gives a valid mesh, the attempt with the fewest inverted elements is returned; the earliest of
+/// equals. Cells that fail already at the base positions, and those that their surface nodes hold
+/// inverted (is_held), don't cause further attempts. `first` is the warp of the base mesh,
+/// reused for the first step; `surface_positions` are m x 3 in the order of its surface nodes;
+/// `path` gives those on the way (linear when empty), and its value at 1 is not used. Throws
+/// InvalidInputError on fewer than one step, and what VolumeMorph throws; a SolverError of a later
+/// attempt ends the attempts.
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                               const Points& surface_positions, const Orientation& orientation,
                               const SteppingOptions& options = {}, const SurfacePath& path = {});

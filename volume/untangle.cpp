@@ -11,6 +11,7 @@
 #include "core/errors.h"
 #include "core/jacobian_samples.h"
 #include "core/parallel.h"
+#include "volume/held_cells.h"
 #include "volume/lbfgs.h"
 
 namespace cadmorph {
@@ -93,13 +94,12 @@ Neighbourhood grow(const Mesh& mesh, const NodeCells& incidence, const std::vect
   return result;
 }
 
-// Seeds with a node that may move; nothing helps the others.
-std::vector<Index> movable(const Mesh& mesh, const std::vector<Index>& seeds,
-                           const std::vector<char>& is_fixed) {
+// Seeds that a move of free nodes may help.
+std::vector<Index> movable(const Mesh& mesh, const Points& positions,
+                           const std::vector<Index>& seeds, const std::vector<char>& is_fixed) {
   std::vector<Index> result;
   for (const Index c : seeds)
-    if (std::ranges::any_of(mesh.cell(c), [&](Index node) { return !is_fixed[node]; }))
-      result.push_back(c);
+    if (!is_held(mesh, positions, is_fixed, c)) result.push_back(c);
   return result;
 }
 
@@ -296,7 +296,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   if (!seeds.empty()) {
     const NodeCells incidence(mesh);
     const auto fixed = immovable(mesh, is_fixed);
-    seeds = movable(mesh, seeds, fixed);
+    seeds = movable(mesh, result.positions, seeds, fixed);
     int idle = 0;
     for (int attempt = 0; attempt < options.attempts && !seeds.empty() && idle < kIdleAttempts;
          ++attempt) {
@@ -314,7 +314,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
         result.positions = std::move(moved);
         report.validity = std::move(validity);
       }
-      seeds = movable(mesh, report.validity.invalid_cells, fixed);
+      seeds = movable(mesh, result.positions, report.validity.invalid_cells, fixed);
     }
   }
   report.after = report.validity.invalid;

@@ -8,6 +8,7 @@
 #include "core/boundary.h"
 #include "core/errors.h"
 #include "core/mesh_file.h"
+#include "volume/held_cells.h"
 #include "volume_meshes.h"
 
 namespace cadmorph {
@@ -154,7 +155,8 @@ TEST_CASE("When no number of steps helps, the best attempt is kept", "[volume][s
   // Out of the square: no valid mesh exists.
   const Points target =
       plane.moved([](const Vector3d& x) -> Vector3d { return x + Vector3d(0.7, 0, 0); });
-  const auto result = morph_in_steps(plane.mesh, morph, target, orientation, {.max_steps = 3});
+  const auto result = morph_in_steps(plane.mesh, morph, target, orientation,
+                                     {.max_steps = 3, .least_gain_share = 1});
   REQUIRE(result.report.attempts.size() == 3);
   Index fewest = result.report.attempts.front().inverted;
   for (const SteppingAttempt& attempt : result.report.attempts)
@@ -162,6 +164,62 @@ TEST_CASE("When no number of steps helps, the best attempt is kept", "[volume][s
   CHECK(result.report.validity.invalid == fewest);
   CHECK(result.report.attempts[result.report.steps - 1].inverted == fewest);
   CHECK(check_validity(plane.mesh, result.positions, orientation).invalid == fewest);
+}
+
+TEST_CASE("Attempts end when one more step gains little, or few elements are left",
+          "[volume][stepping]") {
+  const BlockInPlane plane(20);
+  const Orientation orientation = detect_orientation(plane.mesh);
+  const VolumeMorph morph(plane.mesh, plane.prescribed);
+  const auto moved = [&](double way) {
+    return plane.moved([&](const Vector3d& x) -> Vector3d { return x + Vector3d(way, 0, 0); });
+  };
+  // Out of the square: steps can't help.
+  const auto out = morph_in_steps(plane.mesh, morph, moved(0.7), orientation, {.max_steps = 20});
+  const auto& tried = out.report.attempts;
+  REQUIRE(tried.size() > 1);
+  CHECK(tried.size() < 20);
+  CHECK(tried.back().inverted - tried.back().held >
+        0.75 * (tried[tried.size() - 2].inverted - tried[tried.size() - 2].held));
+  const auto one = morph_in_steps(plane.mesh, morph, moved(0.34), orientation, {.steps = 1});
+  const Index left = one.report.validity.invalid;
+  REQUIRE(left > 1);
+  const auto enough = morph_in_steps(plane.mesh, morph, moved(0.34), orientation, {.few = left});
+  CHECK(enough.report.attempts.size() == 1);
+  const auto more = morph_in_steps(plane.mesh, morph, moved(0.34), orientation, {.few = left - 1});
+  CHECK(more.report.attempts.size() > 1);
+}
+
+TEST_CASE("Cells that the surface holds inverted cause no further steps", "[volume][stepping]") {
+  Mesh mesh = cube(CellType::Hexahedron, 4);
+  const Orientation orientation = detect_orientation(mesh);
+  const std::vector<Index> surface = cube_surface(mesh);
+  const VolumeMorph morph(mesh, surface);
+  Points target = rows_of(mesh.points, surface);
+  // In the plane z = 0 the node (0.5, 0.5) goes past the diagonal of one of its four facets.
+  for (Index i = 0; i < target.rows(); ++i)
+    if ((target.row(i) - Eigen::RowVector3d(0.5, 0.5, 0)).norm() < 1e-9)
+      target.row(i) += Eigen::RowVector3d(0.2, 0.2, 0);
+  const auto result = morph_in_steps(mesh, morph, target, orientation);
+  REQUIRE(result.report.attempts.size() == 1);
+  CHECK(result.report.attempts[0].inverted == 1);
+  CHECK(result.report.attempts[0].held == 1);
+  const Index bad = result.report.validity.invalid_cells.front();
+  std::vector<char> is_fixed(mesh.node_count(), 0);
+  for (const Index node : surface) is_fixed[node] = 1;
+  CHECK(is_held(mesh, result.positions, is_fixed, bad));
+  // Not so when a node of the facet may move, or the facet is convex.
+  is_fixed.assign(mesh.node_count(), 0);
+  CHECK_FALSE(is_held(mesh, result.positions, is_fixed, bad));
+  for (const Index node : surface) is_fixed[node] = 1;
+  CHECK_FALSE(is_held(mesh, mesh.points, is_fixed, bad));
+  // Whatever the free corner of the cell does.
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    Points points = shaken(mesh.points, 1, seed);
+    for (std::size_t i = 0; i < surface.size(); ++i) points.row(surface[i]) = target.row(i);
+    const auto invalid = check_validity(mesh, points, orientation).invalid_cells;
+    CHECK(std::ranges::binary_search(invalid, bad));
+  }
 }
 
 TEST_CASE("Cells inverted in the input cause no further steps", "[volume][stepping]") {

@@ -1,0 +1,77 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "family_steps.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+
+// 150 % of the parameter range: valid, or refused and explained.
+void check_over_range(const std::string& family, const std::string& mesh, Outcome expected) {
+  INFO(family << ' ' << mesh);
+  const MorphJob job = family_job(family, mesh);
+  const MorphResult result = job.morph(family_cad(family, 1.5));
+  const Index invalid = invalid_cells(job.mesh(), result.positions);
+  CHECK(result.report.outcome == expected);
+  CHECK(result.report.after.invalid == invalid);
+  if (expected == Outcome::Done) {
+    CHECK(invalid == 0);
+    CHECK(result.quality.inverted == 0);
+    return;
+  }
+  CHECK(invalid > 0);
+  REQUIRE(result.report.diagnosis);
+  const Diagnosis& diagnosis = *result.report.diagnosis;
+  CHECK(diagnosis.bad_cells >= invalid);
+  CHECK(diagnosis.face >= 0);
+  CHECK_FALSE(diagnosis.advice.empty());
+  // A one-step morph of the share below the one named is valid, one of the share itself is not.
+  PipelineOptions one_step;
+  one_step.stepping.steps = 1;
+  one_step.untangle = UntangleMode::Never;
+  const MorphJob direct = family_job(family, mesh, one_step);
+  const Points full = direct.morph(family_cad(family, 1.5)).positions;
+  const auto invalid_at = [&](double share) {
+    return invalid_cells(job.mesh(), job.mesh().points + share * (full - job.mesh().points));
+  };
+  CHECK(invalid_at(diagnosis.first_inversion - 0.011) == 0);
+  CHECK(invalid_at(diagnosis.first_inversion) > 0);
+}
+
+}  // namespace
+
+TEST_CASE("The bore's tetrahedra are valid at 150 % of the parameter range", "[apps][families]") {
+  check_over_range("bore", "tet", Outcome::Done);
+  check_over_range("bore", "tet_quadratic", Outcome::Done);
+}
+
+TEST_CASE("The pipe is valid at 150 % of the parameter range", "[apps][families]") {
+  for (const std::string mesh : {"hex", "tet", "tet_quadratic"})
+    check_over_range("pipe", mesh, Outcome::Done);
+}
+
+TEST_CASE("The bore's hexahedra at 150 % are refused for facets that the surface dents",
+          "[apps][families]") {
+  check_over_range("bore", "hex", Outcome::Inverted);
+  const MorphJob job = family_job("bore", "hex");
+  const MorphResult result = job.morph(family_cad("bore", 1.5));
+  REQUIRE(result.report.diagnosis);
+  // Nothing else is left.
+  CHECK(result.report.diagnosis->held_cells == result.report.diagnosis->bad_cells);
+}
+
+TEST_CASE("The families' tetrahedra are valid at steps 1 to 20", "[apps][families]") {
+  for (const std::string family : {"bore", "pipe"}) {
+    const MorphJob job = family_job(family, "tet");
+    for (int step = 1; step <= 20; ++step) {
+      INFO(family << " step " << step);
+      const MorphResult result = job.morph(family_cad(family, step / 20.0));
+      CHECK(result.report.outcome == Outcome::Done);
+      CHECK(invalid_cells(job.mesh(), result.positions) == 0);
+    }
+  }
+}
+
+}  // namespace cadmorph
