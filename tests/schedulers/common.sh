@@ -1,0 +1,49 @@
+# Helpers of the scheduler tests. Sourced with: PROGRAM_FOLDER
+set -euo pipefail
+root=$(realpath "$(dirname "${BASH_SOURCE[0]}")/../..")
+schedulers=$root/docs/schedulers
+PATH="$(realpath "$1"):$PATH"
+export PATH
+
+fail() {
+  echo "FAILED: $*" >&2
+  exit 1
+}
+
+# Skips the test (ctest's SKIP_RETURN_CODE) where a program is not installed.
+need() {
+  local program
+  for program in "$@"; do
+    if ! command -v "$program" >/dev/null; then
+      echo "skipped: there is no $program; scripts/install-dependencies --schedulers brings it"
+      exit 77
+    fi
+  done
+}
+
+# write_manifest FILE COUNT: variants v01, v02, ... of the bundled block.
+write_manifest() {
+  local steps=(step05 step10 step20) i
+  {
+    echo id,step,size
+    for ((i = 0; i < $2; ++i)); do
+      printf 'v%02d,%s,%d\n' $((i + 1)) "$root/models/bore/${steps[i % 3]}.step" $((i % 3))
+    done
+  } >"$1"
+}
+
+# The columns of results.csv that tell of the results; the seconds are the machine's.
+results_of() {
+  awk -F, 'NR == 1 { for (i = 1; i <= NF; ++i) if ($i == "seconds") skip = i }
+    { $skip = ""; print }' OFS=, "$1/results.csv"
+}
+
+# require_same_results EXPECTED GOT: two batch folders have the same rows and meshes to the last bit.
+require_same_results() {
+  diff <(results_of "$1") <(results_of "$2") || fail "results of $2 differ"
+  local mesh
+  for mesh in "$1"/*.vtu; do
+    cmp "$mesh" "$2/${mesh##*/}" || fail "${mesh##*/} differs"
+  done
+  [[ $(cd "$1" && ls -- *.vtu) == "$(cd "$2" && ls -- *.vtu)" ]] || fail "other meshes in $2"
+}

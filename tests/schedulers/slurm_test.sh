@@ -1,0 +1,130 @@
+#!/usr/bin/env bash
+# The job array of docs/schedulers/cadmorph.sbatch on a Slurm of one node that this script sets up in
+# a scratch folder, on the loopback interface, and stops: slurm_test.sh PROGRAM_FOLDER
+#
+# A task is killed half-way; the array submitted again must complete the batch, and the union must be
+# that of a run without a scheduler.
+unset SLURM_CONF
+source "$(dirname "$0")/common.sh" "$1"
+PATH="$PATH:/usr/sbin"
+need munged slurmctld slurmd sbatch scontrol scancel setpriv
+
+scratch=$(mktemp -d)
+daemons=()
+stop() {
+  local code=$? daemon
+  if ((code != 0)); then tail -n 15 "$scratch"/*.log >&2 || true; fi
+  if [[ -n ${SLURM_CONF:-} ]]; then timeout 5 scancel --user="$(id -un)" 2>/dev/null || true; fi
+  for daemon in "${daemons[@]}"; do kill "$daemon" 2>/dev/null || true; done
+  wait 2>/dev/null || true
+  rm -rf "$scratch"
+}
+trap stop EXIT
+trap 'exit 1' INT TERM
+
+start() {
+  local name=$1
+  shift
+  # Told to stop, too, when this script is killed.
+  setpriv --pdeathsig TERM "$@" >"$scratch/$name.log" 2>&1 &
+  daemons=($! "${daemons[@]}") # stopped in reverse
+}
+
+# wait_until SECONDS COMMAND...
+wait_until() {
+  local end=$((SECONDS + $1))
+  shift
+  until "$@" >/dev/null 2>&1; do
+    if ((SECONDS >= end)); then return 1; fi
+    sleep 0.1
+  done
+}
+
+free_port() {
+  local port=$((20000 + RANDOM % 20000))
+  while (: <"/dev/tcp/127.0.0.1/$port") 2>/dev/null; do port=$((port + 1)); done
+  echo "$port"
+}
+
+set_up_slurm() {
+  local host
+  host=$(hostname -s)
+  chmod 755 "$scratch"
+  (umask 077 && head -c 1024 /dev/urandom >"$scratch/munge.key")
+  mkdir "$scratch/run" "$scratch/state" "$scratch/spool"
+  cat >"$scratch/slurm.conf" <<CONF
+ClusterName=test
+SlurmctldHost=$host(127.0.0.1)
+SlurmctldPort=$(free_port)
+SlurmdPort=$(free_port)
+CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
+SlurmUser=$(id -un)
+SlurmdUser=$(id -un)
+AuthType=auth/munge
+AuthInfo=socket=$scratch/run/munge.sock
+CredType=cred/munge
+StateSaveLocation=$scratch/state
+SlurmdSpoolDir=$scratch/spool
+SlurmctldPidFile=$scratch/run/slurmctld.pid
+SlurmdPidFile=$scratch/run/slurmd.pid
+SlurmctldLogFile=$scratch/slurmctld.log
+SlurmdLogFile=$scratch/slurmd.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SchedulerType=sched/builtin
+SchedulerParameters=sched_interval=1
+SelectType=select/cons_tres
+SelectTypeParameters=CR_CPU
+ReturnToService=2
+MpiDefault=none
+NodeName=$host NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN
+PartitionName=main Nodes=$host Default=YES MaxTime=5 State=UP
+CONF
+  export SLURM_CONF=$scratch/slurm.conf
+  start munged munged --foreground --force --key-file="$scratch/munge.key" \
+    --socket="$scratch/run/munge.sock" --pid-file="$scratch/run/munged.pid" \
+    --log-file="$scratch/munge.log" --seed-file="$scratch/run/munge.seed"
+  wait_until 20 test -S "$scratch/run/munge.sock" || fail "munged does not start"
+  start slurmctld-out slurmctld -D -f "$SLURM_CONF"
+  wait_until 20 scontrol ping || fail "slurmctld does not answer"
+  start slurmd-out slurmd -D -f "$SLURM_CONF"
+  wait_until 30 is_idle || fail "the node does not come up"
+}
+
+is_idle() { [[ $(sinfo --noheader --format=%T) == idle* ]]; }
+is_over() { [[ -z $(squeue --noheader --jobs="$1" 2>/dev/null) ]]; }
+row_count() { cat "$folder/results.1-of-2.jsonl" 2>/dev/null | wc -l; }
+has_begun() { (($(row_count) >= 2)); }
+
+submit() {
+  sbatch --parsable --array=1-2 --cpus-per-task=1 --output="$scratch/task-%A_%a.log" \
+    "$schedulers/cadmorph.sbatch" "$root/models/bore/base.step" "$root/models/bore/hex.vtu" \
+    "$scratch/variants.csv" "$folder" --quiet
+}
+
+state_of() { scontrol show job "$1" | grep -oE 'JobState=[A-Z]+' | sort | uniq -c | xargs; }
+
+folder=$scratch/out
+write_manifest "$scratch/variants.csv" 24
+set_up_slurm
+
+job=$(submit)
+wait_until 60 has_begun || fail "the first task finishes no variant"
+scancel --signal=KILL --full "${job}_1"
+wait_until 90 is_over "$job" || fail "the array does not end"
+echo "first array: $(state_of "$job"), $(row_count) of 12 variants in the killed task"
+(($(row_count) < 12)) || fail "the task was over before it was killed"
+code=0
+cadmorph batch --collect "$folder" 2>"$scratch/missing" || code=$?
+[[ $code == 8 ]] || fail "collecting half a batch ends with $code"
+grep -q '^  v23$' "$scratch/missing" || fail "the missing variant v23 is not named"
+
+job=$(submit)
+wait_until 90 is_over "$job" || fail "the second array does not end"
+echo "second array: $(state_of "$job")"
+[[ $(state_of "$job") == '2 JobState=COMPLETED' ]] || fail "a task of the second array failed"
+cadmorph batch --collect "$folder"
+
+cadmorph batch "$root/models/bore/base.step" "$root/models/bore/hex.vtu" --quiet \
+  --manifest "$scratch/variants.csv" -o "$scratch/expected"
+require_same_results "$scratch/expected" "$folder"
