@@ -40,8 +40,8 @@ TriangleMesh collect_triangles(const std::vector<int>& tags) {
   return mesh;
 }
 
-/// Sizes that grow from those at the curves to `size` at six times that distance.
-void set_sizes(const TriangleSizes& sizes, double size) {
+/// Sizes that grow from that at the curves to `size` at six times that distance.
+void set_sizes(double size_at_curves, double size) {
   gmsh::vectorpair curves;
   gmsh::model::getEntities(curves, 1);
   std::vector<double> tags;
@@ -51,20 +51,13 @@ void set_sizes(const TriangleSizes& sizes, double size) {
   mesher::field::setNumber(distance, "NumPointsPerCurve", 400);
   const int threshold = mesher::field::add("Threshold");
   for (const auto& [name, value] : {std::pair<const char*, double>{"InField", distance},
-                                    {"SizeMin", sizes.at_curves},
+                                    {"SizeMin", size_at_curves},
                                     {"SizeMax", size},
                                     {"DistMin", 0},
                                     {"DistMax", 6 * size}}) {
     mesher::field::setNumber(threshold, name, value);
   }
-  std::vector<double> limits = {static_cast<double>(threshold)};
-  if (!sizes.formula.empty()) {
-    limits.push_back(mesher::field::add("MathEval"));
-    mesher::field::setString(static_cast<int>(limits.back()), "F", sizes.formula);
-  }
-  const int least = mesher::field::add("Min");
-  mesher::field::setNumbers(least, "FieldsList", limits);
-  mesher::field::setAsBackgroundMesh(least);
+  mesher::field::setAsBackgroundMesh(threshold);
 }
 
 /// The rim as one closed loop of node numbers.
@@ -121,13 +114,13 @@ std::vector<int> add_box(const HalfBox& box, int hole) {
 }  // namespace
 
 TriangleMesh triangulate(const std::filesystem::path& step, const TetOptions& options,
-                         const TriangleSizes& sizes) {
+                         double size_at_curves) {
   return with_gmsh(step.string(), [&] {
     gmsh::vectorpair solids, faces;
     gmsh::model::occ::importShapes(step.string(), solids);
     gmsh::model::occ::synchronize();
     set_tet_options(options);
-    set_sizes(sizes, options.size);
+    set_sizes(size_at_curves, options.size);
     mesher::generate(2);
     gmsh::model::getEntities(faces, 2);
     std::vector<int> tags;

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <filesystem>
-#include <string>
 #include <vector>
 
 #include "models/tet_mesher.h"
@@ -18,16 +17,11 @@ struct TriangleMesh {
   std::vector<int> faces;  ///< number of each triangle's CAD face, where there is one
 };
 
-/// How large triangles are beside what TetOptions say.
-struct TriangleSizes {
-  double at_curves;          ///< at the CAD's curves; away from them they grow to TetOptions::size
-  std::string formula = "";  ///< in x, y and z: an upper limit; may be empty
-};
-
-/// Meshes the faces of a STEP file, nodes on the CAD; normals point out of the solid. Throws
+/// Meshes the faces of a STEP file, nodes on the CAD. Triangles are `size_at_curves` large at the
+/// CAD's curves and grow to `options.size` away from them; normals point out of the solid. Throws
 /// InvalidInputError.
 TriangleMesh triangulate(const std::filesystem::path& step, const TetOptions& options,
-                         const TriangleSizes& sizes);
+                         double size_at_curves);
 
 /// Edges that belong to one triangle alone, in the direction that this triangle has them.
 std::vector<std::array<int, 2>> rim(const TriangleMesh& mesh);

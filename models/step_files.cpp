@@ -85,13 +85,12 @@ TopoDS_Shape read_step(const std::filesystem::path& path) {
   return reader.OneShape();
 }
 
-NearestOnShape::NearestOnShape(const TopoDS_Shape& shape, ShapeKind kind)
+NearestOnShape::NearestOnShape(const TopoDS_Shape& shape)
     : extrema_(std::make_unique<BRepExtrema_DistShapeShape>()) {
   TopoDS_Compound parts;
   BRep_Builder builder;
   builder.MakeCompound(parts);
-  const TopAbs_ShapeEnum wanted = kind == ShapeKind::Faces ? TopAbs_FACE : TopAbs_EDGE;
-  for (TopExp_Explorer part(shape, wanted); part.More(); part.Next()) {
+  for (TopExp_Explorer part(shape, TopAbs_FACE); part.More(); part.Next()) {
     builder.Add(parts, part.Current());
   }
   extrema_->LoadS2(parts);
@@ -107,7 +106,7 @@ Eigen::Vector3d NearestOnShape::operator()(const Eigen::Vector3d& point) const {
 }
 
 double largest_distance(const Points& points, const TopoDS_Shape& shape) {
-  const NearestOnShape nearest(shape, ShapeKind::Faces);
+  const NearestOnShape nearest(shape);
   double largest = 0;
   for (Index i = 0; i < points.rows(); ++i) {
     const Eigen::Vector3d point = points.row(i);

@@ -30,12 +30,10 @@ void write_step(const std::filesystem::path& path, const TopoDS_Shape& shape,
 /// Reads a STEP file back, in millimetres. Throws IoError.
 TopoDS_Shape read_step(const std::filesystem::path& path);
 
-enum class ShapeKind { Faces, Edges };
-
-/// Finds the nearest points on all faces or all edges of a shape. About 1 ms a point.
+/// Finds the nearest points on a shape's faces. About 1 ms a point.
 class NearestOnShape {
  public:
-  NearestOnShape(const TopoDS_Shape& shape, ShapeKind kind);
+  explicit NearestOnShape(const TopoDS_Shape& shape);
   ~NearestOnShape();
   Eigen::Vector3d operator()(const Eigen::Vector3d& point) const;
 

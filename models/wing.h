@@ -15,8 +15,4 @@ TopoDS_Shape make_wing(double change);
 /// wing, the first 1e-5 of the root chord high, tetrahedra outside.
 Mesh make_wing_layers(const std::filesystem::path& step);
 
-/// Meshes the same air with polyhedra, the median dual of a coarser tetrahedral mesh. Its nodes on
-/// the wing are on the CAD, at the duals' corners too.
-Mesh make_wing_polyhedra(const std::filesystem::path& step);
-
 }  // namespace cadmorph::models

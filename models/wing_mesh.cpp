@@ -1,13 +1,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <set>
+#include <span>
 
 #include "models/far_field.h"
 #include "models/hex_builder.h"
-#include "models/median_dual.h"
-#include "models/step_files.h"
 #include "models/wing.h"
 
 namespace cadmorph::models {
@@ -26,8 +23,8 @@ bool is_on_root(const Point3& point) { return std::abs(point[1]) < root_toleranc
 
 /// The wing's triangles that air flows along: all but the root's.
 TriangleMesh wetted_surface(const std::filesystem::path& step, const TetOptions& options,
-                            const TriangleSizes& sizes) {
-  const TriangleMesh all = triangulate(step, options, sizes);
+                            double size_at_curves) {
+  const TriangleMesh all = triangulate(step, options, size_at_curves);
   TriangleMesh wetted;
   std::vector<int> ids(all.points.size(), -1);
   for (std::size_t t = 0; t < all.triangles.size(); ++t) {
@@ -85,98 +82,69 @@ TriangleMesh raise(const TriangleMesh& wing, int layer, const std::vector<Point3
   return raised;
 }
 
-/// Joins the wedges between wing and `tets`, whose first nodes are those on the last layer.
-Mesh join(const TriangleMesh& wing, const std::vector<Point3>& normals, const Mesh& tets) {
+/// Appends a cell that is no polyhedron.
+void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes) {
+  mesh.types.push_back(type);
+  mesh.connectivity.insert(mesh.connectivity.end(), nodes.begin(), nodes.end());
+  mesh.offsets.push_back(static_cast<Index>(mesh.connectivity.size()));
+}
+
+/// Starts a mesh with the nodes of `outside` and, before them, those of the layers below it; adds
+/// the wedges of the first `layers` layers.
+Mesh add_wedges(const TriangleMesh& wing, const std::vector<Point3>& normals, int layers,
+                const Points& outside) {
   const auto per_layer = static_cast<Index>(wing.points.size());
-  const Index below = layer_count * per_layer;  // nodes under the tetrahedra
   Mesh mesh;
-  mesh.points.resize(below + tets.node_count(), 3);
+  mesh.points.resize(layer_count * per_layer + outside.rows(), 3);
   for (int layer = 0; layer < layer_count; ++layer) {
     const TriangleMesh raised = raise(wing, layer, normals);
     for (Index n = 0; n < per_layer; ++n) {
       mesh.points.row(layer * per_layer + n) = raised.points[n].transpose();
     }
   }
-  mesh.points.bottomRows(tets.node_count()) = tets.points;
+  mesh.points.bottomRows(outside.rows()) = outside;
   mesh.offsets = {0};
-  const auto add = [&](CellType type, std::span<const Index> nodes) {
-    mesh.types.push_back(type);
-    mesh.connectivity.insert(mesh.connectivity.end(), nodes.begin(), nodes.end());
-    mesh.offsets.push_back(static_cast<Index>(mesh.connectivity.size()));
-  };
-  for (int layer = 0; layer < layer_count; ++layer) {
+  for (int layer = 0; layer < layers; ++layer) {
     const Index lower = layer * per_layer, upper = lower + per_layer;
     for (const auto& [a, b, c] : wing.triangles) {
       // VTK's wedge has its first triangle's normal point out of it.
       const std::array<Index, 6> nodes = {lower + a, lower + c, lower + b,
                                           upper + a, upper + c, upper + b};
-      add(CellType::Wedge, nodes);
+      add_cell(mesh, CellType::Wedge, nodes);
     }
-  }
-  for (Index c = 0; c < tets.cell_count(); ++c) {
-    std::vector<Index> nodes(tets.cell(c).begin(), tets.cell(c).end());
-    for (Index& node : nodes) node += below;
-    add(CellType::Tetra, nodes);
   }
   return mesh;
 }
 
-/// Edges of the wing between two CAD faces, or at its root.
-std::set<std::pair<Index, Index>> feature_edges(const TriangleMesh& wing) {
-  std::map<std::pair<Index, Index>, std::set<int>> faces;
-  for (std::size_t t = 0; t < wing.triangles.size(); ++t) {
-    for (int i = 0; i < 3; ++i) {
-      const Index a = wing.triangles[t][i], b = wing.triangles[t][(i + 1) % 3];
-      faces[std::minmax(a, b)].insert(wing.faces[t]);
-    }
-  }
-  std::set<std::pair<Index, Index>> features;
-  for (const auto& [edge, touching] : faces) {
-    if (touching.size() > 1) features.insert(edge);
-  }
-  for (const auto& [a, b] : rim(wing)) features.insert(std::minmax<Index>(a, b));
-  return features;
-}
+/// The wing's surface, its normals, and the tetrahedra outside the layers, whose first nodes are
+/// those on the last layer.
+struct Layers {
+  TriangleMesh wing;
+  std::vector<Point3> normals;
+  Mesh tets;
+};
 
-/// A mean of a tetrahedron's nodes in which those on the wing count less: the polyhedra on the wing
-/// grow thick enough to be star-shaped about its nose and edges.
-Point3 off_wing(const Mesh& tets, std::span<const Index> nodes, Index wing_nodes) {
-  constexpr double weight_on_wing = 0.6;
-  Point3 sum(0, 0, 0);
-  double weights = 0;
-  for (const Index node : nodes) {
-    const double weight = node < wing_nodes ? weight_on_wing : 1;
-    sum += weight * tets.points.row(node).transpose();
-    weights += weight;
-  }
-  return sum / weights;
+Layers make_layers(const std::filesystem::path& step, const TetOptions& options,
+                   double size_at_curves) {
+  Layers layers;
+  layers.wing = wetted_surface(step, options, size_at_curves);
+  layers.normals = node_normals(layers.wing);
+  layers.tets = fill_with_tets(enclose(raise(layers.wing, layer_count, layers.normals), far_field));
+  return layers;
 }
 
 }  // namespace
 
 Mesh make_wing_layers(const std::filesystem::path& step) {
-  const TriangleMesh wing =
-      wetted_surface(step, {.size = 70, .elements_per_turn = 8}, {.at_curves = 26});
-  const std::vector<Point3> normals = node_normals(wing);
-  return join(wing, normals, fill_with_tets(enclose(raise(wing, layer_count, normals), far_field)));
-}
-
-Mesh make_wing_polyhedra(const std::filesystem::path& step) {
-  const TriangleMesh wing = wetted_surface(
-      step, {.size = 60}, {.at_curves = 22, .formula = "12 + 0.25 * Fabs(x - 0.2 * y)"});
-  const Mesh tets = fill_with_tets(enclose(wing, far_field));
-  const auto features = feature_edges(wing);
-  const NearestOnShape on_edges(read_step(step), ShapeKind::Edges);
-  const NearestOnShape on_faces(read_step(step), ShapeKind::Faces);
-  const auto wing_nodes = static_cast<Index>(wing.points.size());
-  const auto is_wing = [&](Index node) { return node < wing_nodes; };
-  return median_dual(tets, [&](std::span<const Index> nodes, const Point3& mean) -> Point3 {
-    if (nodes.size() == 4) return off_wing(tets, nodes, wing_nodes);
-    if (nodes.size() == 2 && features.contains(std::minmax(nodes[0], nodes[1]))) {
-      return on_edges(mean);
-    }
-    return std::ranges::all_of(nodes, is_wing) ? on_faces(mean) : mean;
-  });
+  const Layers layers = make_layers(step, {.size = 70, .elements_per_turn = 8}, 26);
+  Mesh mesh = add_wedges(layers.wing, layers.normals, layer_count, layers.tets.points);
+  const Index below = mesh.node_count() - layers.tets.node_count();
+  for (Index c = 0; c < layers.tets.cell_count(); ++c) {
+    std::vector<Index> nodes(layers.tets.cell(c).begin(), layers.tets.cell(c).end());
+    for (Index& node : nodes) node += below;
+    add_cell(mesh, CellType::Tetra, nodes);
+  }
+  return mesh;
 }
 
 }  // namespace cadmorph::models
