@@ -108,13 +108,20 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
               {"lu", SolverKind::Lu},
               {"ldlt", SolverKind::Ldlt},
               {"cholesky", SolverKind::Cholesky},
+              {"iqr", SolverKind::Iqr},
               {"fast", SolverKind::Fast}},
              "linear solver of the volume morph (default: auto)")
       ->group(group);
   app.add_option("--tolerance", volume.rbf.tolerance,
-                 "residual of the fast solver, in local edge lengths")
+                 "residual of the fast and the iqr solver, in local edge lengths")
       ->check(CLI::PositiveNumber)
       ->capture_default_str()
+      ->group(group);
+  app.add_option("--memory", raw.memory,
+                 "most that a solver may take: bytes, or with a suffix as in 16GB (default: 8GB)")
+      ->transform(CLI::AsSizeValue(true))
+      ->check(CLI::PositiveNumber)
+      ->type_name("SIZE")
       ->group(group);
   app.add_option("--steps", raw.steps, "auto: one step, more while elements are inverted; or N")
       ->type_name("auto|N")
@@ -195,6 +202,7 @@ PipelineOptions resolve(const MorphOptions& options) {
     result.surface.association.mesh_unit_mm = parse_unit(options.mesh_unit);
   result.stepping.steps = parse_steps(options.steps);
   result.volume.kernel = make_kernel(options.kernel, options.shape);
+  if (options.memory) result.volume.rbf.memory_limit = static_cast<double>(*options.memory);
   if (!options.face_map.empty()) result.face_map = read_face_map(options.face_map);
   return result;
 }

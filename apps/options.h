@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -31,6 +32,7 @@ struct MorphOptions {
   std::string mesh_unit, steps = "auto", face_map;
   KernelName kernel = KernelName::Triharmonic;
   std::optional<double> shape;
+  std::optional<std::uint64_t> memory;  ///< bytes
 };
 
 /// Adds the groups of options that every command that morphs has.

@@ -64,7 +64,8 @@ std::string solver_line(const PipelineReport& report) {
                      to_string(solver.solver);
   if (!solver.reason.empty()) text += " (" + solver.reason + ")";
   if (solver.reciprocal_condition > 0) text += format(", rcond %.1e", solver.reciprocal_condition);
-  if (solver.iterations > 0) text += format(", %d iterations", solver.iterations);
+  if (solver.iterations > 0 && solver.solver == SolverKind::Fast)
+    text += format(", %d iterations", solver.iterations);
   return text + steps_text;
 }
 
@@ -173,6 +174,8 @@ std::string to_string(SolverKind solver) {
       return "LDLT";
     case SolverKind::Cholesky:
       return "Cholesky";
+    case SolverKind::Iqr:
+      return "incremental QR";
     case SolverKind::Fast:
       return "fast";
     case SolverKind::Auto:

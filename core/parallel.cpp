@@ -4,6 +4,7 @@
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/info.h>
 #include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
 #include <memory>
@@ -19,8 +20,8 @@ std::unique_ptr<tbb::global_control> thread_limit;
 
 void set_thread_count(int count) {
   const int threads = count > 0 ? count : tbb::info::default_concurrency();
-  thread_limit = std::make_unique<tbb::global_control>(
-      tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+  thread_limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism,
+                                                       static_cast<std::size_t>(threads));
   set_blas_threads(threads);
 }
 
@@ -33,9 +34,12 @@ void parallel_for(Index count, Index grain, const std::function<void(Index, Inde
   if (count <= 0) return;
   const Index chunk = std::max<Index>(grain, 1);
   const Index chunks = (count + chunk - 1) / chunk;
-  tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), [&](const auto& range) {
-    for (Index c = range.begin(); c < range.end(); ++c)
-      body(c * chunk, std::min(count, (c + 1) * chunk));
+  // Isolated: a thread that waits for this loop, perhaps with a lock held, takes no task of others.
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), [&](const auto& range) {
+      for (Index c = range.begin(); c < range.end(); ++c)
+        body(c * chunk, std::min(count, (c + 1) * chunk));
+    });
   });
 }
 

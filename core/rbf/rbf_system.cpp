@@ -12,6 +12,7 @@
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/fast_solver.h"
+#include "core/rbf/incremental_qr.h"
 #include "core/rbf/kernel_sum.h"
 #include "core/rbf/unit_targets.h"
 
@@ -27,6 +28,9 @@ constexpr double kDenseAccuracy = 1e-6;
 // Above this part of the largest value iterative refinement is worth its O(N^2) a step.
 constexpr double kRefine = 1e-13;
 constexpr int kRefinements = 5;
+
+// The true residual of the incremental QR may be larger than the one it knows by this factor.
+constexpr double kQrRounding = 1.1;
 
 // Number of centres from which on the fast solver beats Cholesky (docs/fast-solver.md).
 constexpr Index kFastCentres = 2000;
@@ -183,6 +187,7 @@ struct RbfSystem::Impl {
   void prepare(const RowMatrix& values, Problem& problem) const;
   void solve(std::vector<Problem>& problems) const;
   void take_fast(FastSolution solution, Problem& problem) const;
+  UnitField solve_qr(const Problem& problem, RbfReport& into) const;
   UnitField solve_dense(const DenseSolver& solver, const Problem& problem, RbfReport& into) const;
   MatrixXd residual(const MatrixXd& values, const SaddleSolution& solution) const;
   double in_local_lengths(const MatrixXd& residual) const;
@@ -197,6 +202,7 @@ struct RbfSystem::Impl {
   MatrixXd P;
   std::unique_ptr<DenseSolver> dense;
   std::unique_ptr<FastSolver> fast;
+  std::unique_ptr<IncrementalQr> qr;
   RbfReport report;
   mutable std::mutex fallback_mutex;
   mutable std::unique_ptr<DenseSolver> fallback_;
@@ -225,7 +231,11 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
   report.solver = choice.solver;
   report.reason = choice.reason;
   if (report.solver == SolverKind::Fast) set_up_fast();
-  if (!fast) dense = factor_dense(report);
+  if (report.solver == SolverKind::Iqr)
+    qr = std::make_unique<IncrementalQr>(
+        sum, centres, P, local_length,
+        QrOptions{.tolerance = options.tolerance, .memory_limit = options.memory_limit});
+  if (!fast && !qr) dense = factor_dense(report);
   report.seconds = watch.seconds();
 }
 
@@ -326,8 +336,35 @@ void RbfSystem::Impl::solve(std::vector<Problem>& problems) const {
       attempt(*sound[p], [&] { take_fast(std::move(solutions[p]), *sound[p]); });
   } else {
     for (Problem& problem : problems)
-      attempt(problem, [&] { problem.field = solve_dense(*dense, problem, problem.report); });
+      attempt(problem, [&] {
+        RbfReport& into = problem.report;
+        problem.field = qr ? solve_qr(problem, into) : solve_dense(*dense, problem, into);
+      });
   }
+}
+
+// Takes the true residual, too: rounding must not have spoilt what the QR promises.
+UnitField RbfSystem::Impl::solve_qr(const Problem& problem, RbfReport& into) const {
+  QrSolution solution = qr->solve(problem.values);
+  const auto taken = static_cast<Index>(solution.rows.size());
+  MatrixXd points(taken, centres->cols());
+  for (Index i = 0; i < taken; ++i) points.row(i) = centres->row(solution.rows[i]);
+  const MatrixXd missed =
+      problem.values - sum(*centres, points, solution.weights) - P * solution.coefficients;
+  const double mean =
+      std::sqrt((missed.rowwise().squaredNorm().array() / local_length.array().square()).mean());
+  if (!(mean <= kQrRounding * options.tolerance))
+    throw SolverError("the incremental QR solver lost its accuracy to rounding: residual " +
+                      scientific(mean) + " local lengths; allow a larger tolerance");
+  into.iterations = static_cast<int>(taken);
+  into.max_residual = in_local_lengths(missed);
+  into.reason += "; " + std::to_string(taken) + " of " + std::to_string(centres->rows()) +
+                 " kernels, mean residual " + scientific(mean) + " local edges";
+  UnitField field;
+  field.centres = std::make_shared<const MatrixXd>(std::move(points));
+  field.weights = std::move(solution.weights);
+  field.linear = frame.linear(solution.coefficients);
+  return field;
 }
 
 // A fast solution, or where there is none the dense one.

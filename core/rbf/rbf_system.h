@@ -12,12 +12,20 @@
 
 namespace cadmorph {
 
-enum class SolverKind { Auto, Lu, Ldlt, Cholesky, Fast };
+enum class SolverKind {
+  Auto,
+  Lu,
+  Ldlt,
+  Cholesky,  ///< on the space without linear polynomials
+  Iqr,       ///< incremental QR: least squares with some of the centres (Sieger et al., sect. 7)
+  Fast,      ///< iterative
+};
 
 struct RbfOptions {
   SolverKind solver = SolverKind::Auto;
   /// Fast solver: residual allowed at each centre, in units of its local length. The default keeps
-  /// the field within 1e-5 local lengths of the dense solvers'.
+  /// the field within 1e-5 local lengths of the dense solvers'. Incremental QR: the root mean
+  /// square of the residuals, in that unit.
   double tolerance = 1e-5;
   /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour
   /// distance.
@@ -35,7 +43,7 @@ struct RbfReport {
   Index merged = 0;                      ///< duplicate centres merged into another
   int polynomial_terms = 0;              ///< D + 1 less the directions missing in flat sets
   double reciprocal_condition = 0;       ///< dense solvers: LAPACK's 1-norm estimate; else 0
-  int iterations = 0;                    ///< iterative solvers
+  int iterations = 0;                    ///< fast solver; incremental QR: kernels taken
   double max_residual = 0;               ///< largest residual at a centre, in local lengths
   double seconds = 0;                    ///< set-up and solve
 };

@@ -27,4 +27,25 @@ TEST_CASE("Names with spaces and umlauts are files like others", "[apps][options
   CHECK(place.has("neu ä.vtu"));
 }
 
+TEST_CASE("The incremental QR solver is there, with its tolerance", "[apps][options]") {
+  const Workplace place;
+  const auto found =
+      place.run("box.step box_moved.step box.vtu -o x.vtu --solver iqr --tolerance 0.01");
+  CHECK(found.exit_code == 0);
+  CHECK(found.out.find("incremental QR") != std::string::npos);
+  CHECK(place.run("box.step box_moved.step box.vtu --solver qr").exit_code == 1);
+}
+
+TEST_CASE("A solver that needs more than --memory allows is refused", "[apps][options]") {
+  const Workplace place;
+  const std::string call = "box.step box_moved.step box.vtu -o x.vtu --solver lu --memory ";
+  const auto refused = place.run(call + "1kB");
+  CHECK(refused.exit_code == 6);
+  CHECK(refused.err.find("more than the 1.0e+03 allowed") != std::string::npos);
+  CHECK_FALSE(place.has("x.vtu"));
+  CHECK(place.run(call + "lots").exit_code == 1);
+  CHECK(place.run(call + "-5").exit_code == 1);
+  CHECK(place.run(call + "1GB --quiet").exit_code == 0);
+}
+
 }  // namespace cadmorph
