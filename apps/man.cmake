@@ -22,6 +22,7 @@ endfunction()
 man_page(cadmorph "" "moves a simulation mesh onto a changed CAD model")
 man_page(cadmorph-quality quality "measures the elements of a mesh")
 man_page(cadmorph-match match "shows which CAD entity became which")
+man_page(cadmorph-batch batch "morphs a mesh onto many variants of one base")
 man_page(cadmorph-compare compare "tells what differs between two meshes")
 
 add_custom_target(man ALL DEPENDS ${pages})

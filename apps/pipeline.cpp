@@ -82,6 +82,19 @@ auto about_file(const fs::path& file, Call&& call) {
   }
 }
 
+// Calls on the attempts without an error; what a call throws becomes its attempt's.
+template <class Call>
+void for_each_good(std::vector<MorphAttempt>& attempts, Call&& call) {
+  for (std::size_t i = 0; i < attempts.size(); ++i) {
+    if (attempts[i].error) continue;
+    try {
+      call(i, attempts[i].result);
+    } catch (...) {
+      attempts[i].error = std::current_exception();
+    }
+  }
+}
+
 }  // namespace
 
 struct MorphJob::Impl {
@@ -201,17 +214,17 @@ struct MorphJob::Impl {
   }
 
   // Steps, then repair. When few elements are inverted, repair comes before further steps.
-  void morph_volume(const Points& surface_positions, PhaseClock& clock, MorphResult& result) const {
+  void morph_volume(PhaseClock& clock, MorphResult& result, VolumeMorphResult* one_step) const {
     SteppingOptions how = stepping();
     const bool is_free = how.steps == 0 && options.untangle != UntangleMode::Never;
     if (is_free) how.few = std::max<Index>(1, mesh().cell_count() / kFewCells);
-    step_and_untangle(surface_positions, how, clock, result);
+    step_and_untangle(result.surface_positions, how, clock, result, one_step);
     const SteppingAttempt last = result.report.stepping.attempts.back();
     const bool is_cut_short = last.inverted > last.held && last.inverted - last.held <= how.few;
     if (!is_free || !is_cut_short || result.validity.invalid <= last.held) return;
     how.few = 0;
     MorphResult more;
-    step_and_untangle(surface_positions, how, clock, more);
+    step_and_untangle(result.surface_positions, how, clock, more, nullptr);
     if (more.validity.invalid >= result.validity.invalid) return;
     result.positions = std::move(more.positions);
     result.validity = std::move(more.validity);
@@ -221,16 +234,61 @@ struct MorphJob::Impl {
   }
 
   void step_and_untangle(const Points& surface_positions, const SteppingOptions& how,
-                         PhaseClock& clock, MorphResult& result) const {
+                         PhaseClock& clock, MorphResult& result,
+                         VolumeMorphResult* one_step) const {
     clock.start("volume morph");
     SteppingResult stepped = morph_in_steps(mesh(), *volume, surface_positions, orientation, how,
-                                            path(surface_positions));
+                                            path(surface_positions), one_step);
     result.positions = std::move(stepped.positions);
     result.validity = stepped.report.validity;
     result.report.solver = stepped.report.rbf;
     result.report.stepping = std::move(stepped.report);
     clock.start("untangling");
     untangle_result(result);
+  }
+
+  void move_surface(const CadModel& variant, MorphResult& result) const {
+    SurfaceMorphResult moved = surface->morph(variant, result.match);
+    PipelineReport& figures = result.report;
+    result.surface_positions = prescribed(moved.positions);
+    result.surface_distance = std::move(moved.distance);
+    figures.after.max_distance = moved.max_distance;
+    figures.after.mean_distance = moved.mean_distance;
+    figures.warnings.insert(figures.warnings.end(), moved.warnings.begin(), moved.warnings.end());
+  }
+
+  // In one step for all together; nothing where more steps were asked for.
+  std::vector<VolumeMorphResult> first_steps(std::vector<MorphAttempt>& attempts) const {
+    std::vector<VolumeMorphResult> result;
+    if (stepping().steps > 1) return result;
+    std::vector<Points> targets;
+    for (const MorphAttempt& attempt : attempts)
+      targets.push_back(attempt.result.surface_positions);
+    try {
+      result = volume->morph_each(targets);
+    } catch (...) {
+      for_each_good(attempts, [](std::size_t, const MorphResult&) { throw; });
+    }
+    return result;
+  }
+
+  void finish(MorphResult& result, VolumeMorphResult* one_step) const {
+    PhaseClock clock(options.progress);
+    morph_volume(clock, result, one_step);
+    clock.start("quality after");
+    measure(result);
+    for (const PhaseTime& phase : clock.phases()) result.report.phases.push_back(phase);
+  }
+
+  void measure(MorphResult& result) const {
+    result.quality = measure_quality(mesh(), result.positions, orientation);
+    improve_result(result);
+    PipelineReport& figures = result.report;
+    set_quality(figures.after, result.quality, result.validity,
+                check_quality(mesh(), result.positions, neighbours, orientation));
+    figures.max_displacement =
+        figures.mesh_unit_mm * (result.positions - mesh().points).rowwise().norm().maxCoeff();
+    judge(result, result.surface_positions);
   }
 
   void untangle_result(MorphResult& result) const {
@@ -373,34 +431,33 @@ const Orientation& MorphJob::orientation() const { return impl_->orientation; }
 const QualityReport& MorphJob::base_quality() const { return impl_->quality; }
 
 MorphResult MorphJob::morph(const CadModel& variant) const {
+  MorphAttempt attempt = std::move(morph_each({variant}).front());
+  if (attempt.error) std::rethrow_exception(attempt.error);
+  return std::move(attempt.result);
+}
+
+std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& variants) const {
   const Impl& job = *impl_;
   PhaseClock clock(job.options.progress);
-  MorphResult result;
-  result.report = job.report;
-  PipelineReport& report = result.report;
-
+  std::vector<MorphAttempt> attempts(variants.size());
   clock.start("matching");
-  result.match = job.match(variant, report);
+  for_each_good(attempts, [&](std::size_t i, MorphResult& result) {
+    result.report = job.report;
+    result.match = job.match(variants[i], result.report);
+  });
   clock.start("surface morph");
-  SurfaceMorphResult surface = job.surface->morph(variant, result.match);
-  result.surface_distance = std::move(surface.distance);
-  report.after.max_distance = surface.max_distance;
-  report.after.mean_distance = surface.mean_distance;
-  report.warnings.insert(report.warnings.end(), surface.warnings.begin(), surface.warnings.end());
-
-  result.surface_positions = job.prescribed(surface.positions);
-  job.morph_volume(result.surface_positions, clock, result);
-  clock.start("quality after");
-  result.quality = measure_quality(mesh(), result.positions, job.orientation);
-  job.improve_result(result);
-  set_quality(report.after, result.quality, result.validity,
-              check_quality(mesh(), result.positions, job.neighbours, job.orientation));
-  report.max_displacement =
-      report.mesh_unit_mm * (result.positions - mesh().points).rowwise().norm().maxCoeff();
-  job.judge(result, result.surface_positions);
-  const auto& phases = clock.phases();
-  report.phases.insert(report.phases.end(), phases.begin(), phases.end());
-  return result;
+  for_each_good(attempts,
+                [&](std::size_t i, MorphResult& result) { job.move_surface(variants[i], result); });
+  clock.start("volume morph");
+  std::vector<VolumeMorphResult> first = job.first_steps(attempts);
+  for (PhaseTime phase : clock.phases()) {
+    phase.seconds /= static_cast<double>(std::max<std::size_t>(variants.size(), 1));
+    for (MorphAttempt& attempt : attempts) attempt.result.report.phases.push_back(phase);
+  }
+  for_each_good(attempts, [&](std::size_t i, MorphResult& result) {
+    job.finish(result, first.empty() ? nullptr : &first[i]);
+  });
+  return attempts;
 }
 
 namespace {

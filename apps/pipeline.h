@@ -128,6 +128,12 @@ struct MorphResult {
   PipelineReport report;
 };
 
+/// One of several morphs: its result, or why there is none.
+struct MorphAttempt {
+  MorphResult result;
+  std::exception_ptr error;
+};
+
 /// The old side of a morph: everything that depends on the base CAD and the base mesh alone, to be
 /// used for any number of variants.
 class MorphJob {
@@ -145,6 +151,11 @@ class MorphJob {
   /// diagnosis, not thrown. Throws TopologyError when the models do not correspond, SolverError
   /// when a system can't be solved.
   MorphResult morph(const CadModel& variant) const;
+
+  /// Morphs onto several variants at once, which share what their volume morphs have in common (see
+  /// VolumeMorph::morph_each). Each result is to the last bit the one of `morph`, but for its
+  /// times, which are shares of the whole; an error of one leaves the others alone.
+  std::vector<MorphAttempt> morph_each(const std::vector<CadModel>& variants) const;
 
   /// Writes a result: to `output` when it is good, else, with the inverted cells marked in the cell
   /// array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the arrays

@@ -29,10 +29,12 @@ SurfacePath linear_path(const Mesh& mesh, const std::vector<Index>& nodes, const
 
 class Stepper {
  public:
-  Stepper(const Mesh& mesh, const VolumeMorph& first, const Points& target, SurfacePath path)
-      : mesh_(mesh), first_(first), target_(target), path_(std::move(path)) {}
+  Stepper(const Mesh& mesh, const VolumeMorph& first, const Points& target, SurfacePath path,
+          VolumeMorphResult* one_step = nullptr)
+      : mesh_(mesh), first_(first), target_(target), path_(std::move(path)), one_step_(one_step) {}
 
   Points run(int steps, RbfReport& rbf) {
+    if (steps == 1 && one_step_) return take_one_step(rbf);
     Points positions = first_.morph(at(1, steps), &rbf);
     if (steps == 1) return positions;
     Mesh moved = mesh_;
@@ -61,6 +63,12 @@ class Stepper {
   double seconds_set_up() const { return seconds_set_up_; }
 
  private:
+  Points take_one_step(RbfReport& rbf) {
+    if (one_step_->error) std::rethrow_exception(one_step_->error);
+    rbf = one_step_->report;
+    return std::move(one_step_->positions);
+  }
+
   Points at(int step, int steps) const {
     return step == steps ? target_ : path_(static_cast<double>(step) / steps);
   }
@@ -69,6 +77,7 @@ class Stepper {
   const VolumeMorph& first_;
   const Points& target_;
   SurfacePath path_;
+  VolumeMorphResult* one_step_;
   double seconds_set_up_ = 0;
 };
 
@@ -118,10 +127,12 @@ bool is_last(const SteppingOptions& options, const std::vector<SteppingAttempt>&
 
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                               const Points& surface_positions, const Orientation& orientation,
-                              const SteppingOptions& options, const SurfacePath& path) {
+                              const SteppingOptions& options, const SurfacePath& path,
+                              VolumeMorphResult* one_step) {
   check_options(options);
   Stepper stepper(mesh, first, surface_positions,
-                  path ? path : linear_path(mesh, first.surface_nodes(), surface_positions));
+                  path ? path : linear_path(mesh, first.surface_nodes(), surface_positions),
+                  one_step);
   const int fewest = std::max(options.steps, 1);
   const int most = options.steps > 0 ? options.steps : options.max_steps;
   HeldCounter held(mesh, first.surface_nodes(), orientation);

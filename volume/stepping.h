@@ -47,12 +47,14 @@ struct SteppingResult {
 /// equals. Cells that fail already at the base positions, and those that their surface nodes hold
 /// inverted (is_held), don't cause further attempts. `first` is the warp of the base mesh,
 /// reused for the first step; `surface_positions` are m x 3 in the order of its surface nodes;
-/// `path` gives those on the way (linear when empty), and its value at 1 is not used. Throws
-/// InvalidInputError on fewer than one step, and what VolumeMorph throws; a SolverError of a later
-/// attempt ends the attempts.
+/// `path` gives those on the way (linear when empty), and its value at 1 is not used. `one_step`,
+/// if given, is what `first` made of the surface positions already (VolumeMorph::morph_each); it is
+/// used up. Throws InvalidInputError on fewer than one step, and what VolumeMorph throws; a
+/// SolverError of a later attempt ends the attempts.
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                               const Points& surface_positions, const Orientation& orientation,
-                              const SteppingOptions& options = {}, const SurfacePath& path = {});
+                              const SteppingOptions& options = {}, const SurfacePath& path = {},
+                              VolumeMorphResult* one_step = nullptr);
 
 /// The displacement fields of such a morph in exactly `steps` steps, of each step in turn (see
 /// VolumeMorph::fields).
