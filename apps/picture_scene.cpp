@@ -165,8 +165,8 @@ std::vector<Picture> separate_pictures(const DrawnMesh& drawn) {
   const auto picture = [](const char* output, const Panel& panel, double high) {
     Picture result;
     result.output = output;
-    result.width = 960;
-    result.height = 720;
+    result.width = 640;
+    result.height = 480;
     result.is_transparent = true;
     result.high = high;
     result.panels = {panel};

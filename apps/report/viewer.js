@@ -154,9 +154,9 @@ class Viewer {
     this.addWorst(worst);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.addEventListener('change', () => this.draw());
+    this.resize();
     this.resetView();
     new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
-    this.resize();
   }
 
   addSurface(surface) {
@@ -206,10 +206,28 @@ class Viewer {
     this.camera.position.set(-0.55, -1, 0.55).normalize().multiplyScalar(4 * this.radius).add(this.centre);
     this.camera.near = 0;
     this.camera.far = 12 * this.radius;
+    this.controls.update();
+    this.fit();
+    this.draw();
+  }
+
+  // Zooms so that the surface fills the view, before, after and between.
+  fit() {
     this.camera.zoom = 1;
     this.camera.updateProjectionMatrix();
-    this.controls.update();
-    this.draw();
+    this.camera.updateMatrixWorld();
+    const { position, displacement } = this.geometry.attributes;
+    const point = new Vector3();
+    const node = new Vector3();
+    let furthest = 0;
+    for (let i = 0; i < position.count; i += 1)
+      for (const morph of [0, 1]) {
+        point.fromBufferAttribute(displacement, i).multiplyScalar(morph);
+        point.add(node.fromBufferAttribute(position, i)).project(this.camera);
+        furthest = Math.max(furthest, Math.abs(point.x), Math.abs(point.y));
+      }
+    this.camera.zoom = 0.92 / (furthest || 1);
+    this.camera.updateProjectionMatrix();
   }
 
   showElement(index) {

@@ -1,0 +1,41 @@
+# Makes a report and runs page_test.mjs on it; with BREAK, on a page with an error in its script,
+# which must be noticed.
+if(NOT HAS_VIEWER OR NOT BROWSER)
+  message("skipped: a 3D view in the build and a browser are needed "
+    "(scripts/install-dependencies --report-tests)")
+  return()
+endif()
+
+file(COPY ${SOURCE}/package.json ${SOURCE}/package-lock.json ${SOURCE}/page_test.mjs
+  DESTINATION ${WORK})
+if(NOT EXISTS ${WORK}/node_modules/puppeteer-core)
+  execute_process(COMMAND ${NPM} ci --ignore-scripts --no-audit --no-fund --prefer-offline
+    WORKING_DIRECTORY ${WORK} RESULT_VARIABLE failed ERROR_VARIABLE output OUTPUT_VARIABLE output)
+  if(failed)
+    message("skipped: the test's packages can't be fetched:\n${output}")
+    return()
+  endif()
+endif()
+
+set(bore ${MODELS}/bore)
+execute_process(
+  COMMAND ${PROGRAM} ${bore}/base.step ${bore}/step20.step ${bore}/hex.vtu
+    -o ${WORK}/morphed.vtu --report ${WORK}/report.html --quiet
+  COMMAND_ERROR_IS_FATAL ANY)
+set(page ${WORK}/report.html)
+if(BREAK)
+  set(page ${WORK}/broken.html)
+  file(READ ${WORK}/report.html text)
+  string(REPLACE "</body>" "<script>throw new Error('broken')</script></body>" text "${text}")
+  file(WRITE ${page} "${text}")
+endif()
+
+execute_process(COMMAND ${NODE} page_test.mjs ${page} ${BROWSER} ${SCREENSHOTS}
+  WORKING_DIRECTORY ${WORK} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
+if(BREAK)
+  if(NOT failed OR NOT output MATCHES "page error: broken")
+    message(FATAL_ERROR "an error in the page went unnoticed:\n${output}")
+  endif()
+elseif(failed)
+  message(FATAL_ERROR "the page does not work:\n${output}")
+endif()
