@@ -34,6 +34,7 @@ const Row kHeader = {"family",
                      "first_inverted_step",
                      "set_up_seconds",
                      "seconds",
+                     "cpu_seconds",
                      "note"};
 
 VolumeMorphOptions options_of(Contender contender) {
@@ -80,15 +81,17 @@ class Run {
   static constexpr std::size_t kFirstInvertedColumn = 15;
 
   void take(int step) {
-    set_up_seconds_ = 0;
+    set_up_seconds_ = cpu_seconds_ = 0;
     if (!morph_ || task_.route.mode == Mode::Relative) {
       const Stopwatch watch;
       morph_.emplace(mesh_, series_.surface_nodes, options_of(task_.contender));
       set_up_seconds_ = watch.seconds();
+      cpu_seconds_ = watch.cpu();
     }
     const Stopwatch watch;
     Points positions = move(series_.path(task_.route)[step - 1]);
     seconds_ = watch.seconds();
+    cpu_seconds_ += watch.cpu();
     const Figures figures = measure(series_, positions);
     if (figures.inverted > 0 && first_inverted_ == 0) first_inverted_ = step;
     add_row(step, figures);
@@ -112,14 +115,26 @@ class Run {
     const auto count = [&](Index Figures::*value) {
       return figures ? std::to_string((*figures).*value) : "";
     };
-    rows_.push_back(
-        {series_.subject.family, series_.subject.mesh, to_string(task_.route.surface),
-         to_string(task_.route.mode), to_string(task_.contender, task_.route.surface),
-         std::to_string(step), format("%g", 100.0 * step / kSteps),
-         std::to_string(mesh_.node_count()), std::to_string(series_.surface_nodes.size()),
-         std::to_string(mesh_.cell_count()), number(&Figures::min), number(&Figures::mean_worst),
-         number(&Figures::mean), count(&Figures::inverted), count(&Figures::invalid), "",
-         format("%.4g", set_up_seconds_), format("%.4g", seconds_), note_});
+    rows_.push_back({series_.subject.family,
+                     series_.subject.mesh,
+                     to_string(task_.route.surface),
+                     to_string(task_.route.mode),
+                     to_string(task_.contender, task_.route.surface),
+                     std::to_string(step),
+                     format("%g", 100.0 * step / kSteps),
+                     std::to_string(mesh_.node_count()),
+                     std::to_string(series_.surface_nodes.size()),
+                     std::to_string(mesh_.cell_count()),
+                     number(&Figures::min),
+                     number(&Figures::mean_worst),
+                     number(&Figures::mean),
+                     count(&Figures::inverted),
+                     count(&Figures::invalid),
+                     "",
+                     format("%.4g", set_up_seconds_),
+                     format("%.4g", seconds_),
+                     format("%.4g", cpu_seconds_),
+                     note_});
   }
 
   const Series& series_;
@@ -127,7 +142,7 @@ class Run {
   int stride_;
   Mesh mesh_;  // that the next step starts from
   std::optional<VolumeMorph> morph_;
-  double set_up_seconds_ = 0, seconds_ = 0;
+  double set_up_seconds_ = 0, seconds_ = 0, cpu_seconds_ = 0;  // cpu: both
   int first_inverted_ = 0;
   std::string note_;  // why the series ended
   std::vector<Row> rows_;

@@ -1,5 +1,7 @@
 #include "apps/bench/measure.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -21,6 +23,13 @@ double mean_of_worst(std::vector<double> values) {
 }
 
 }  // namespace
+
+double cpu_seconds() {
+  rusage used{};
+  getrusage(RUSAGE_SELF, &used);
+  return static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
+         1e-6 * static_cast<double>(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
+}
 
 Figures measure(const Series& series, const Points& positions) {
   const QualityReport quality = measure_quality(series.mesh, positions, series.orientation);

@@ -17,14 +17,19 @@ struct Figures {
 
 Figures measure(const Series& series, const Points& positions);
 
+/// Seconds that this process has had of all processors, which a busy machine does not stretch.
+double cpu_seconds();
+
 class Stopwatch {
  public:
   double seconds() const {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   }
+  double cpu() const { return cpu_seconds() - cpu_start_; }
 
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  double cpu_start_ = cpu_seconds();
 };
 
 }  // namespace cadmorph::bench

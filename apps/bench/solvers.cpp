@@ -50,15 +50,10 @@ const Solver& find_solver(const std::string& name) {
   return *found;
 }
 
-rusage usage() {
-  rusage result{};
-  getrusage(RUSAGE_SELF, &result);
-  return result;
-}
-
-double cpu_seconds(const rusage& used) {
-  return static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
-         1e-6 * static_cast<double>(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
+double peak_memory() {
+  rusage used{};
+  getrusage(RUSAGE_SELF, &used);
+  return 1024.0 * static_cast<double>(used.ru_maxrss);
 }
 
 // File name of the library whose dgetrf runs.
@@ -139,21 +134,20 @@ void run_solver(const EvaluateOptions& options, const std::string& name) {
     throw SolverError("the reference LAPACK was not loaded");
   const Subject subject = chosen_subjects(options).front();
   const Series series = make_series(subject, {Route()}, kSteps);
-  const rusage before = usage();
+  const double memory_before = peak_memory(), cpu_before = cpu_seconds();
   const Stopwatch set_up;
   const VolumeMorph morph(series.mesh, series.surface_nodes, {.rbf = {.solver = solver.kind}});
   const double set_up_seconds = set_up.seconds();
   const Stopwatch watch;
   const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
   const double seconds = watch.seconds();
-  const rusage after = usage();
-  const double memory = 1024.0 * static_cast<double>(after.ru_maxrss - before.ru_maxrss);
+  const double cpu = cpu_seconds() - cpu_before, memory = peak_memory() - memory_before;
   ResultsFile(options.output, kHeader)
       .append(
           {{subject.family, subject.mesh, solver.name, std::to_string(series.surface_nodes.size()),
             std::to_string(series.mesh.node_count()), format("%.4g", set_up_seconds),
-            format("%.4g", seconds), format("%.4g", cpu_seconds(after) - cpu_seconds(before)),
-            format("%.4g", memory), format("%.6g", measure(series, positions).min), library, ""}});
+            format("%.4g", seconds), format("%.4g", cpu), format("%.4g", memory),
+            format("%.6g", measure(series, positions).min), library, ""}});
 }
 
 }  // namespace cadmorph::bench
