@@ -199,6 +199,26 @@ double residual(const Similarity& s, const std::vector<Vector3d>& from,
   return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(from.size(), 1)));
 }
 
+double parameter_agreement(const CadModel& base, const CadModel& variant,
+                           const TopologyMatch& match) {
+  const double tolerance = kCoincident * variant.diagonal();
+  int same = 0;
+  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+    const CadFace& a = base.faces()[f];
+    const CadFace& b = variant.faces()[match.faces[f]];
+    bool is_same = true;
+    for (const Vector2d& s : {Vector2d(0.2, 0.3), Vector2d(0.9, 0.4), Vector2d(0.4, 0.8)}) {
+      const Vector2d from = a.lower + s.cwiseProduct(a.upper - a.lower);
+      const Vector2d to = b.lower + s.cwiseProduct(b.upper - b.lower);
+      is_same &= (match.alignment(base.evaluate(static_cast<int>(f), from).point) -
+                  variant.evaluate(match.faces[f], to).point)
+                     .norm() < tolerance;
+    }
+    same += is_same;
+  }
+  return static_cast<double>(same) / static_cast<double>(match.faces.size());
+}
+
 void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) {
   match.alignment = {};
   match.is_congruent = coincide(base, variant, match, match.alignment);

@@ -28,4 +28,9 @@ double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
 /// of corners, then of curve and face centroids.
 void align(const CadModel& base, const CadModel& variant, TopologyMatch& match);
 
+/// Part of the faces whose points of equal relative parameters match.alignment carries onto each
+/// other: of several exact alignments of a symmetric part the one that re-exports keep.
+double parameter_agreement(const CadModel& base, const CadModel& variant,
+                           const TopologyMatch& match);
+
 }  // namespace cadmorph

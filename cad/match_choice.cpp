@@ -32,7 +32,8 @@ constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours
 constexpr double kRougher = 3, kSmooth = 1e-4;   // factor, of the diagonal
 constexpr double kWorthImproving = 1e-3;         // of the diagonal
 constexpr int kImprovements = 3;
-constexpr double kAgreement = 0.5, kMoreAgreement = 0.2;  // parts of all forms
+constexpr double kAgreement = 0.75, kMoreAgreement = 0.05;
+constexpr double kManyFaces = 8;  // more that agree are no accident  // parts of all forms
 
 struct Scored {
   TopologyMatch match;
@@ -150,7 +151,9 @@ class Selection {
         return false;
     align(base_.model, variant_.model, *match);
     const double distance = distance_after(base_, variant_, *match, match->alignment);
-    const double agreement = agreement_of(base_forms_, variant_forms_, *match);
+    const double agreement = distance < kTie
+                                 ? parameter_agreement(base_.model, variant_.model, *match)
+                                 : agreement_of(base_forms_, variant_forms_, *match);
     const double rough = roughness(base_, variant_, *match);
     all_.push_back({std::move(*match), distance, rough, agreement});
     const Scored& last = all_.back();
@@ -179,8 +182,10 @@ class Selection {
   void keep_agreeing() {
     double most = 0;
     for (const Scored& s : all_) most = std::max(most, s.agreement);
+    const auto faces = static_cast<double>(base_.graph.faces);
     const auto agrees = [&](const Scored& s) {
-      return most >= kAgreement && s.agreement > most - kMoreAgreement;
+      const double less = most - s.agreement;
+      return less < kMoreAgreement || (most < kAgreement && less * faces < kManyFaces);
     };
     const double least = least_distance([](const Scored&) { return true; });
     if (least_distance(agrees) <= kFileOrderSlack * least + kTie)
@@ -239,7 +244,7 @@ class PositionMatcher {
     }
     if (selection_.offer(by_file_order(base_, variant_, plain_, guesses[1].motion)))
       return selection_.best();
-    selection_.offer(std::move(in_place));
+    if (selection_.offer(std::move(in_place))) return selection_.best();
     for (const NamedGuess& guess : guesses)
       if (offer_both(guess)) return selection_.best();
     improve();
