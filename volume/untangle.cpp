@@ -161,20 +161,51 @@ class Distortion {
   };
 
   void add_cell(Index id, const Orientation& orientation) {
-    const JacobianSamples& samples = *jacobian_samples(mesh_.types[id]);
     const auto nodes = mesh_.cell(id);
     MatrixXd base(nodes.size(), 3);
     for (std::size_t n = 0; n < nodes.size(); ++n)
       base.row(n) = mesh_.points.row(nodes[n]) - mesh_.points.row(nodes[0]);
     Cell cell{id, {}, MatrixXd::Zero(nodes.size(), 3)};
+    const int sign = orientation[static_cast<std::size_t>(mesh_.types[id])];
+    if (mesh_.types[id] == CellType::Polyhedron)
+      add_polyhedron_samples(cell, base, sign);
+    else
+      add_map_samples(cell, base, sign);
+    if (!cell.gradients.empty()) cells_.push_back(std::move(cell));
+  }
+
+  void add_map_samples(Cell& cell, const MatrixXd& base, int sign) const {
+    const JacobianSamples& samples = *jacobian_samples(mesh_.types[cell.id]);
     for (int s = 0; s < samples.samples; ++s) {
       const auto slopes = samples.derivatives.middleRows<3>(3 * s);
       if (slopes.rowwise().norm().minCoeff() < kFlat) continue;  // a pyramid's apex
       const Matrix3d jacobian = (slopes * base).transpose();
-      const int sign = orientation[static_cast<std::size_t>(mesh_.types[id])];
       cell.gradients.push_back(slopes.transpose() * reference_jacobian(jacobian, sign).inverse());
     }
-    cells_.push_back(std::move(cell));
+  }
+
+  // A tetrahedron for each edge of each face, over the means of the face's nodes and the cell's.
+  // Those that are inverted in the base, as in cells that are not star-shaped, have no say.
+  void add_polyhedron_samples(Cell& cell, const MatrixXd& base, int sign) const {
+    const auto nodes = mesh_.cell(cell.id);
+    const auto mean = [&](std::span<const Index> some) {
+      Eigen::RowVectorXd weights = Eigen::RowVectorXd::Zero(static_cast<Index>(nodes.size()));
+      for (const Index node : some)
+        weights[std::ranges::find(nodes, node) - nodes.begin()] += 1.0 / some.size();
+      return weights;
+    };
+    const Eigen::RowVectorXd centre = mean(nodes);
+    MatrixXd slopes(3, static_cast<Index>(nodes.size()));
+    for (const Facet& facet : cell_facets(mesh_, cell.id)) {
+      slopes.row(0) = mean(facet.nodes) - centre;
+      for (std::size_t i = 0; i < facet.nodes.size(); ++i) {
+        slopes.row(1) = mean({&facet.nodes[i], 1}) - centre;
+        slopes.row(2) = mean({&facet.nodes[(i + 1) % facet.nodes.size()], 1}) - centre;
+        const Matrix3d jacobian = (slopes * base).transpose();
+        if (jacobian.determinant() * sign > kFlat * jacobian.colwise().norm().prod())
+          cell.gradients.push_back(slopes.transpose() * jacobian.inverse());
+      }
+    }
   }
 
   VectorXd stiffness() const {
@@ -264,15 +295,6 @@ Points minimise(Distortion& distortion, const UntangleOptions& options) {
   return distortion.positions();
 }
 
-// Fixed nodes and those of cells that have no map to measure.
-std::vector<char> immovable(const Mesh& mesh, const std::vector<char>& is_fixed) {
-  std::vector<char> result = is_fixed;
-  for (Index c = 0; c < mesh.cell_count(); ++c)
-    if (mesh.types[c] == CellType::Polyhedron)
-      for (const Index node : mesh.cell(c)) result[node] = 1;
-  return result;
-}
-
 void check_sizes(const Mesh& mesh, const Points& positions, const std::vector<char>& is_fixed) {
   if (positions.rows() != mesh.node_count() ||
       static_cast<Index>(is_fixed.size()) != mesh.node_count())
@@ -295,14 +317,13 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   seeds.insert(seeds.end(), options.poor_cells.begin(), options.poor_cells.end());
   if (!seeds.empty()) {
     const NodeCells incidence(mesh);
-    const auto fixed = immovable(mesh, is_fixed);
-    seeds = movable(mesh, result.positions, seeds, fixed);
+    seeds = movable(mesh, result.positions, seeds, is_fixed);
     int idle = 0;
     for (int attempt = 0; attempt < options.attempts && !seeds.empty() && idle < kIdleAttempts;
          ++attempt) {
       if (options.progress) options.progress("untangle", 1.0 * attempt / options.attempts);
       const int rings = options.rings << attempt;
-      const Neighbourhood around = grow(mesh, incidence, seeds, rings, fixed);
+      const Neighbourhood around = grow(mesh, incidence, seeds, rings, is_fixed);
       if (around.nodes.empty()) break;
       Distortion distortion(mesh, result.positions, around, orientation);
       Points moved = minimise(distortion, options);
@@ -314,7 +335,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
         result.positions = std::move(moved);
         report.validity = std::move(validity);
       }
-      seeds = movable(mesh, result.positions, report.validity.invalid_cells, fixed);
+      seeds = movable(mesh, result.positions, report.validity.invalid_cells, is_fixed);
     }
   }
   report.after = report.validity.invalid;

@@ -38,9 +38,10 @@ struct UntangleResult {
 /// Kudryavtseva, Protais, Ray, Sokolov: Foldover-free maps in 50 lines of code, ACM TOG 2021). The
 /// cells of the base mesh (`mesh.points`) are the shapes to stay near to: the map from base to
 /// moved cell has the smallest sum of distortion, sampled at the points that determine its Jacobian
-/// determinant. Starts at `positions` (N x 3). Nodes with `is_fixed` true (N) do not move, nor do
-/// nodes of cells without a polynomial map (polyhedra). When some cells stay invalid, the positions
-/// with the fewest are returned: `report.after` tells. Nothing moves when all are valid.
+/// determinant; polyhedra by tetrahedra over the means of their faces and nodes. Starts at
+/// `positions` (N x 3). Nodes with `is_fixed` true (N) do not move. Cells that the fixed nodes hold
+/// inverted (is_held) are left out. When some cells stay invalid, the positions with the fewest are
+/// returned: `report.after` tells. Nothing moves when all are valid.
 UntangleResult untangle(const Mesh& mesh, const Points& positions,
                         const std::vector<char>& is_fixed, const Orientation& orientation,
                         const UntangleOptions& options = {});
