@@ -7,27 +7,43 @@
 unset SLURM_CONF
 source "$(dirname "$0")/common.sh" "$1"
 PATH="$PATH:/usr/sbin"
-need munged slurmctld slurmd sbatch scontrol scancel setpriv
+need munged slurmctld slurmd sbatch scontrol scancel
 
 scratch=$(mktemp -d)
-daemons=()
-stop() {
-  local code=$? daemon
-  if ((code != 0)); then tail -n 15 "$scratch"/*.log >&2 || true; fi
+daemons=$scratch/daemons # their process ids
+
+# Ends the jobs, the daemons, and whatever else of them still has a file of the scratch folder open.
+clean_up() {
+  local left
   if [[ -n ${SLURM_CONF:-} ]]; then timeout 5 scancel --user="$(id -un)" 2>/dev/null || true; fi
-  for daemon in "${daemons[@]}"; do kill "$daemon" 2>/dev/null || true; done
-  wait 2>/dev/null || true
+  if [[ -f $daemons ]]; then tac "$daemons" | xargs -r kill 2>/dev/null || true; fi
+  sleep 1
+  left=$(find /proc/[0-9]*/fd -lname "$scratch/*" 2>/dev/null | cut -d / -f 3 | sort -u) || true
+  for process in $left; do
+    if [[ $process != "$$" && $process != "$BASHPID" ]]; then kill -KILL "$process" || true; fi
+  done
   rm -rf "$scratch"
+}
+
+stop() {
+  local code=$?
+  if ((code != 0)); then tail -n 15 "$scratch"/*.log >&2 || true; fi
+  clean_up 2>/dev/null
 }
 trap stop EXIT
 trap 'exit 1' INT TERM
 
+# Outlives this script, to clean up when it is killed.
+guard() {
+  while kill -0 $$ 2>/dev/null; do sleep 1; done
+  if [[ -d $scratch ]]; then clean_up; fi
+}
+
 start() {
   local name=$1
   shift
-  # Told to stop, too, when this script is killed.
-  setpriv --pdeathsig TERM "$@" >"$scratch/$name.log" 2>&1 &
-  daemons=($! "${daemons[@]}") # stopped in reverse
+  "$@" >"$scratch/$name.log" 2>&1 &
+  echo $! >>"$daemons"
 }
 
 # wait_until SECONDS COMMAND...
@@ -47,8 +63,12 @@ free_port() {
 }
 
 set_up_slurm() {
-  local host
+  local host bind=''
   host=$(hostname -s)
+  # Slurm binds to the address of the host's name or to all.
+  if [[ $(getent hosts "$(hostname)") == 127.* ]]; then
+    bind=CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
+  fi
   chmod 755 "$scratch"
   (umask 077 && head -c 1024 /dev/urandom >"$scratch/munge.key")
   mkdir "$scratch/run" "$scratch/state" "$scratch/spool"
@@ -57,7 +77,7 @@ ClusterName=test
 SlurmctldHost=$host(127.0.0.1)
 SlurmctldPort=$(free_port)
 SlurmdPort=$(free_port)
-CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
+$bind
 SlurmUser=$(id -un)
 SlurmdUser=$(id -un)
 AuthType=auth/munge
@@ -81,6 +101,7 @@ NodeName=$host NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN
 PartitionName=main Nodes=$host Default=YES MaxTime=5 State=UP
 CONF
   export SLURM_CONF=$scratch/slurm.conf
+  (guard </dev/null >/dev/null 2>&1 &)
   start munged munged --foreground --force --key-file="$scratch/munge.key" \
     --socket="$scratch/run/munge.sock" --pid-file="$scratch/run/munged.pid" \
     --log-file="$scratch/munge.log" --seed-file="$scratch/run/munge.seed"
