@@ -243,12 +243,14 @@ std::vector<MatchTable> match_tables(const CadModel& base, const CadModel& varia
   const CadModel joined_base = match.joins_edges ? base.with_joined_edges() : base;
   const CadModel joined_variant = match.joins_edges ? variant.with_joined_edges() : variant;
   for (std::size_t c = 0; c < match.curves.size(); ++c)
-    edges.rows.push_back(
-        {curve(joined_base, static_cast<int>(c)), curve(joined_variant, match.curves[c]), "", ""});
+    edges.rows.push_back({curve(joined_base, static_cast<int>(c)),
+                          curve(joined_variant, match.curves[c]),
+                          format("%.2f", match.curve_confidence[c]), ""});
   for (std::size_t v = 0; v < match.corners.size(); ++v)
     vertices.rows.push_back(
         {std::to_string(joined_base.skeleton().corners[v] + 1),
-         std::to_string(joined_variant.skeleton().corners[match.corners[v]] + 1), "", ""});
+         std::to_string(joined_variant.skeleton().corners[match.corners[v]] + 1),
+         format("%.2f", match.corner_confidence[v]), ""});
   return {std::move(faces), std::move(edges), std::move(vertices)};
 }
 

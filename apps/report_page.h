@@ -12,7 +12,7 @@ namespace cadmorph {
 struct MatchTable {
   struct Row {
     std::string base, variant;  ///< numbers as `cadmorph match` prints them, and types of faces
-    std::string confidence;     ///< 0 to 1; may be empty
+    std::string confidence;     ///< 0 to 1
     std::string name;
   };
   std::string kind;  ///< "face", "edge" or "vertex"

@@ -1,0 +1,224 @@
+// What shows a morph to people, away from the drawing: details, surfaces, the page's text.
+
+#include <Eigen/Geometry>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "apps/morph_details.h"
+#include "apps/surface_data.h"
+#include "apps/visible_surface.h"
+#include "cad/projector.h"
+#include "cad/step_reader.h"
+#include "command_line.h"
+#include "core/mesh_file.h"
+
+extern "C" {
+#include <b64/cdecode.h>
+}
+
+namespace cadmorph {
+namespace {
+
+using testing::source_file;
+
+/// The tetrahedra of the bore, morphed to the full change.
+struct Bore {
+  CadModel variant = read_step(source_file("models/bore/step20.step"));
+  MorphJob job{std::make_shared<const CadModel>(read_step(source_file("models/bore/base.step"))),
+               std::make_shared<const MeshFile>(source_file("models/bore/tet.vtu"))};
+  MorphResult result = job.morph(variant);
+};
+
+const Bore& bore() {
+  static const Bore bore;
+  return bore;
+}
+
+template <class Value>
+std::vector<Value> decoded(const std::string& text) {
+  std::string bytes(text.size(), '\0');
+  base64_decodestate state;
+  base64_init_decodestate(&state);
+  const int length =
+      base64_decode_block(text.data(), static_cast<int>(text.size()), bytes.data(), &state);
+  std::vector<Value> values(static_cast<std::size_t>(length) / sizeof(Value));
+  std::memcpy(values.data(), bytes.data(), values.size() * sizeof(Value));
+  return values;
+}
+
+RowMatrix dequantised(const nlohmann::ordered_json& field) {
+  const auto steps = decoded<std::uint16_t>(field["data"]);
+  const auto columns = static_cast<Index>(field["low"].size());
+  RowMatrix values(static_cast<Index>(steps.size()) / columns, columns);
+  for (Index i = 0; i < values.size(); ++i)
+    values(i / columns, i % columns) = field["low"][i % columns].get<double>() +
+                                       field["size"][i % columns].get<double>() * steps[i] / 65535;
+  return values;
+}
+
+// Half a step of the widest column, and a little for rounding.
+double half_step(const nlohmann::ordered_json& field) {
+  double widest = 0;
+  for (const double size : field["size"]) widest = std::max(widest, size);
+  return 0.5001 * widest / 65535;
+}
+
+double six_volumes(const Points& points, std::span<const Index> tetra) {
+  const auto p = [&](int i) -> Eigen::Vector3d { return points.row(tetra[i]); };
+  return (p(1) - p(0)).cross(p(2) - p(0)).dot(p(3) - p(0));
+}
+
+TEST_CASE("The histograms of a morph count each element and each surface node once",
+          "[apps][report]") {
+  const MorphDetails details = gather_details(bore().job, bore().result);
+  const Histogram& jacobian = details.scaled_jacobian;
+  const Mesh& mesh = bore().job.mesh();
+  std::vector<Index> expected(jacobian.after.size(), 0);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    const double share = (scaled_jacobian(mesh, bore().result.positions, c) - jacobian.low) /
+                         (jacobian.high - jacobian.low);
+    ++expected[std::min<std::size_t>(static_cast<std::size_t>(share * expected.size()),
+                                     expected.size() - 1)];
+  }
+  CHECK(jacobian.after == expected);
+  CHECK(jacobian.low == 0);  // no element is inverted
+  const auto sum = [](const std::vector<Index>& counts) {
+    return std::accumulate(counts.begin(), counts.end(), Index{0});
+  };
+  CHECK(sum(jacobian.before) == mesh.cell_count());
+  const auto matched = static_cast<Index>(bore().job.boundary().nodes.size());
+  CHECK(sum(details.deviation.before) + details.exact_before == matched);
+  CHECK(sum(details.deviation.after) + details.exact_after == matched);
+}
+
+TEST_CASE("The worst elements are listed worst first, with the CAD face nearest to them",
+          "[apps][report]") {
+  const auto& [variant, job, result] = bore();
+  const MorphDetails details = gather_details(job, result, {.worst = 30});
+  REQUIRE(details.worst.size() == 30);
+  std::vector<double> sorted = result.quality.values;
+  std::ranges::sort(sorted);
+  for (std::size_t i = 0; i < details.worst.size(); ++i) {
+    const WorstElement& element = details.worst[i];
+    CHECK(element.after == sorted[i]);
+    CHECK(element.before == scaled_jacobian(job.mesh(), job.mesh().points, element.cell));
+    // The face is that of the nearest facet: within an element's size as near as any.
+    const double size = 2 * 4.6;  // millimetres: the mesh's edge length, doubled by the morph
+    const double distance = project_globally(variant, element.face, element.centre).distance;
+    for (int f = 0; f < static_cast<int>(variant.faces().size()); ++f) {
+      const FaceFoot foot = project_globally(variant, f, element.centre);
+      if (variant.is_inside(f, foot.uv)) CHECK(distance <= foot.distance + size);
+    }
+  }
+}
+
+TEST_CASE("The surface in the page is the mesh's, to half a step of its numbers",
+          "[apps][report]") {
+  const auto& [variant, job, result] = bore();
+  const nlohmann::ordered_json surface = surface_data(job, result);
+  const auto& nodes = job.boundary().nodes;
+  REQUIRE(surface["nodes"] == nodes.size());
+  REQUIRE(surface["is_simplified"] == false);
+  const Points before = job.mesh().points(nodes, Eigen::all);
+  const RowMatrix moved = result.positions(nodes, Eigen::all) - before;
+  const RowMatrix position = dequantised(surface["position"]);
+  const RowMatrix displacement = dequantised(surface["displacement"]);
+  CHECK((position - before).cwiseAbs().maxCoeff() <= half_step(surface["position"]));
+  CHECK((displacement - moved).cwiseAbs().maxCoeff() <= half_step(surface["displacement"]));
+
+  const auto sizes = decoded<std::uint8_t>(surface["sizes"]);
+  const auto corners = decoded<std::uint32_t>(surface["corners"]);
+  REQUIRE(sizes.size() == static_cast<std::size_t>(job.boundary().facet_count()));
+  REQUIRE(corners.size() == 3 * sizes.size());
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    REQUIRE(nodes[corners[i]] == job.boundary().connectivity[i]);
+
+  Eigen::VectorXd least = Eigen::VectorXd::Ones(job.mesh().node_count());
+  for (Index c = 0; c < job.mesh().cell_count(); ++c)
+    for (const Index node : job.mesh().cell(c))
+      least[node] = std::min(least[node], scaled_jacobian(job.mesh(), result.positions, c));
+  const RowMatrix jacobian = dequantised(surface["jacobian"]);
+  CHECK((jacobian.col(1) - least(nodes)).cwiseAbs().maxCoeff() <= half_step(surface["jacobian"]));
+}
+
+TEST_CASE("A large surface is simplified between nodes of the mesh, and says so",
+          "[apps][report]") {
+  const auto& [variant, job, result] = bore();
+  const Index most = job.boundary().facet_count() / 4;
+  const nlohmann::ordered_json surface = surface_data(job, result, most);
+  CHECK(surface["is_simplified"] == true);
+  CHECK(surface["triangles"] == job.boundary().facet_count());
+  CHECK(surface["facets"] <= most);
+  CHECK(surface["facets"] >= most / 2);
+  const RowMatrix position = dequantised(surface["position"]);
+  const Points all = job.mesh().points(job.boundary().nodes, Eigen::all);
+  for (Index i = 0; i < position.rows(); ++i) {
+    const double nearest = (all.rowwise() - position.row(i)).rowwise().norm().minCoeff();
+    REQUIRE(nearest <= std::sqrt(3) * half_step(surface["position"]));
+  }
+}
+
+TEST_CASE("The faces around a part of a mesh enclose the volume of its cells", "[apps][picture]") {
+  const Mesh mesh = MeshFile(source_file("models/bore/tet.vtu")).mesh();
+  const CellNeighbours neighbours = find_cell_neighbours(mesh);
+  const std::vector<char> is_shown = cells_above_middle(mesh, 1);
+  const VisibleSurface surface = visible_surface(mesh, neighbours, is_shown);
+  double shown = 0, enclosed = 0;
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (is_shown[c]) shown += six_volumes(mesh.points, mesh.cell(c));
+  Eigen::Vector3d area = Eigen::Vector3d::Zero();
+  for (Index f = 0; f < surface.mesh.cell_count(); ++f) {
+    const auto p = [&](int i) -> Eigen::Vector3d {
+      return surface.mesh.points.row(surface.mesh.cell(f)[i]);
+    };
+    enclosed += p(0).dot(p(1).cross(p(2)));
+    area += (p(1) - p(0)).cross(p(2) - p(0)) / 2;
+    REQUIRE(is_shown[surface.cells[f]]);
+  }
+  const double box = (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).prod();
+  CHECK(shown > 0.2 * 6 * box);                         // about half of a block with two holes
+  CHECK(std::abs(enclosed - shown) <= 1e-9 * shown);    // rounding of 10,000 terms
+  CHECK(area.norm() <= 1e-9 * std::pow(box, 2.0 / 3));  // a closed surface has no net area
+}
+
+TEST_CASE("Without a display the report says that there is no picture, and the job is done",
+          "[apps][report]") {
+  const testing::Workplace place;
+  const auto result =
+      place.run("box.step box_moved.step box.vtu -o out.vtu --report page.html --picture p.png",
+                "unset DISPLAY; PATH=/nonexistent");
+  CHECK(result.exit_code == 0);
+  CHECK_THAT(result.err, Catch::Contains("there is no picture: no display to render on"));
+  CHECK_THAT(place.read("page.html"), Catch::Contains("There is no picture: no display"));
+  CHECK_FALSE(place.has("p.png"));
+  CHECK(place.has("out.vtu"));
+}
+
+TEST_CASE("Names in the page can't break it", "[apps][report]") {
+  const testing::Workplace place;
+  const std::string name = "<b>'&.vtu";
+  std::filesystem::rename(place.folder() / "box.vtu", place.folder() / name);
+  const auto result = place.run("box.step box_moved.step \"" + name + "\" --report page.html",
+                                "unset DISPLAY; PATH=/nonexistent");
+  REQUIRE(result.exit_code == 0);
+  const std::string page = place.read("page.html");
+  CHECK_THAT(page, Catch::Contains("<h1>&lt;b&gt;&apos;&amp;.vtu onto box_moved.step</h1>"));
+  CHECK_THAT(page, !Catch::Contains("<p class=\"subtitle\">from <b>"));
+}
+
+TEST_CASE("A report can't take the place of an input or of another output", "[apps][report]") {
+  const testing::Workplace place;
+  const std::string job = "box.step box_moved.step box.vtu -o out.vtu ";
+  CHECK(place.run(job + "--report box.step").exit_code == 1);
+  CHECK(place.run(job + "--picture out.vtu").exit_code == 1);
+  CHECK(place.run(job + "--report a.html --json a.html").exit_code == 1);
+  CHECK(place.run(job + "--report nowhere/a.html").exit_code == 6);
+  CHECK(place.run("quality box.vtu --picture box.vtu").exit_code == 2);
+  CHECK_FALSE(place.has("out.vtu"));
+}
+
+}  // namespace
+}  // namespace cadmorph
