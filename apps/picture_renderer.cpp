@@ -347,8 +347,8 @@ class Canvas {
     const vtkNew<vtkRenderer> renderer = add_renderer(viewport, picture);
     renderer->SetActiveCamera(camera);
     renderer->AutomaticLightCreationOff();
-    add_light(renderer, {0, 0, 1}, 0.6);
-    add_light(renderer, {-0.6, 0.9, 0.5}, 0.45);
+    add_light(renderer, {0, 0, 1}, 0.75);
+    add_light(renderer, {-0.6, 0.9, 0.5}, 0.5);
     add_surface(renderer, drawables.at(panel.surface, panel.is_moved), panel, picture);
     const bool is_small = panel.title.size() > 20;
     add_text(renderer, panel.title, 0.97, is_small ? 21 : 28, true);

@@ -259,7 +259,8 @@ std::string report_page(const PipelineReport& report, const PageContents& conten
   set_words(page, report);
   page.set("cards", cards(report));
   page.set("has_viewer", !kPageScript.empty());
-  page.set("surface_note", contents.surface_note);
+  page.set("surface_note",
+           contents.surface_note.empty() ? data(false) : data(contents.surface_note));
   page.set("no_picture", contents.no_picture.empty() ? data(false) : data(contents.no_picture));
   page.set("pictures", picture_list(report, contents));
   page.set("quality", before_after(quality_rows(report.before, report.after)));

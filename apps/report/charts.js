@@ -10,14 +10,14 @@ function steps(histogram, counts) {
   return points;
 }
 
-function ticks(low, high, most) {
-  const step = [0.1, 0.2, 0.25, 0.5, 1, 2, 5].find((s) => (high - low) / s <= most) ?? 10;
+function ticks(low, high, most, steps) {
+  const step = steps.find((s) => (high - low) / s <= most) ?? 10;
   const values = [];
   for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9; i += 1) values.push(i * step);
   return values;
 }
 
-function drawHistogram(id, histogram, axisTitle, label) {
+function drawHistogram(id, histogram, axisTitle, tickSteps, label) {
   const element = document.getElementById(id);
   const most = element.clientWidth < 420 ? 6 : 11;
   const series = ['before', 'after'].map((name) => ({
@@ -30,7 +30,7 @@ function drawHistogram(id, histogram, axisTitle, label) {
       type: FixedScaleAxis,
       low: histogram.low,
       high: histogram.high,
-      ticks: ticks(histogram.low, histogram.high, most),
+      ticks: ticks(histogram.low, histogram.high, most, tickSteps),
       labelInterpolationFnc: label,
       showGrid: false,
     },
@@ -55,8 +55,8 @@ function powerOfTen(exponent) {
 }
 
 export function drawCharts(details) {
-  drawHistogram('jacobian-chart', details.scaled_jacobian, 'elements by scaled Jacobian',
+  drawHistogram('jacobian-chart', details.scaled_jacobian, 'elements by scaled Jacobian', [0.1, 0.2, 0.5],
     (value) => String(Math.round(value * 100) / 100));
-  drawHistogram('deviation-chart', details.deviation, 'nodes by millimetres',
+  drawHistogram('deviation-chart', details.deviation, 'nodes by millimetres', [1, 2, 5],
     (value) => powerOfTen(Math.round(value)));
 }

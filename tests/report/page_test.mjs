@@ -36,7 +36,12 @@ async function untilDrawn(page, morph) {
   }, { timeout: 30000 }, morph);
 }
 
+// What the view shows once frames have stopped coming.
 async function picture(page) {
+  const nextFrames = () => new Promise((done) => {
+    requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 100)));
+  });
+  await page.evaluate(nextFrames);
   return (await page.$('#stage')).screenshot({ encoding: 'base64' });
 }
 
@@ -45,25 +50,25 @@ async function checkViewer(page, data) {
   const sizes = Buffer.from(data.surface.sizes, 'base64');
   const drawn = await page.$eval('#canvas', (canvas) => Number(canvas.dataset.triangles));
   assert.equal(drawn, sum([...sizes].map((size) => size - 2)), 'all facets are drawn');
+  await picture(page); // scrolls to it
   const after = await picture(page);
 
   await page.focus('#morph-slider');
   await page.keyboard.press('Home');
   await untilDrawn(page, 0);
   const before = await picture(page);
-  assert.notEqual(before, after, 'the slider moves the surface');
+  assert.ok(before !== after, 'the slider moves the surface');
 
   await page.keyboard.press('End');
   await untilDrawn(page, 1);
-  assert.equal(await picture(page), after, 'the slider moves it back');
+  assert.ok(await picture(page) === after, 'the slider moves it back');
 
   for (const name of ['jacobian', 'deviation', 'none']) {
     const last = await picture(page);
     await page.select('#colouring', name);
     await page.waitForFunction((was) => document.getElementById('legend-title').textContent !== was, {},
       name === 'jacobian' ? 'displacement, mm' : 'no such title');
-    await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
-    assert.notEqual(await picture(page), last, `coloured by ${name}`);
+    assert.ok(await picture(page) !== last, `coloured by ${name}`);
   }
 
   await page.click('tr[data-worst="0"]');
@@ -76,6 +81,12 @@ async function checkTables(page, data) {
   for (const name of ['before', 'after'])
     assert.equal(sum(shown[name]), report.mesh.cells, `the histogram ${name} counts every element`);
   assert.equal(await page.$$eval('#jacobian-chart svg path', (paths) => paths.length), 4, 'two areas with lines');
+  for (const chart of ['jacobian', 'deviation']) {
+    const labels = await page.$$eval(`#${chart}-chart .ct-label.ct-horizontal`,
+      (all) => all.map((label) => label.textContent));
+    assert.ok(labels.length >= 2, 'the axis is labelled');
+    assert.equal(new Set(labels).size, labels.length, `no label comes twice: ${labels}`);
+  }
   assert.equal(await page.$$eval('#worst tbody tr', (rows) => rows.length), details.worst.length);
   assert.equal(details.worst[0].cell, report.after.worst_cell, 'the worst element comes first');
   const faces = await page.$$eval('#match details:first-of-type tbody tr', (rows) => rows.length);
