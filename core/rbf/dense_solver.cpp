@@ -106,70 +106,80 @@ class SmallSystemGuard {
   std::optional<SerialBlas> serial_;
 };
 
-class LuSolver final : public DenseSolver {
- public:
-  LuSolver(MatrixXd A, const MatrixXd& P)
-      : terms_(P.cols()), factor_(saddle_matrix(std::move(A), P)), pivots_(factor_.rows()) {
-    const SmallSystemGuard guard(factor_.rows());
-    const int n = as_int(factor_.rows());
-    const double norm = one_norm(factor_);
-    int info = 0;
-    dgetrf_(&n, &n, factor_.data(), &n, pivots_.data(), &info);
-    require_success(info, "dgetrf");
-    std::vector<double> work(4 * pivots_.size());
-    std::vector<int> integers(pivots_.size());
-    dgecon_("1", &n, factor_.data(), &n, &norm, &rcond_, work.data(), integers.data(), &info);
-  }
-
-  SaddleSolution solve(const MatrixXd& values) const override {
-    const SmallSystemGuard guard(factor_.rows());
-    MatrixXd x = saddle_rhs(values, terms_);
-    const int n = as_int(x.rows()), columns = as_int(x.cols());
-    int info = 0;
-    dgetrs_("N", &n, &columns, factor_.data(), &n, pivots_.data(), x.data(), &n, &info);
-    return {x.topRows(values.rows()), x.bottomRows(terms_)};
-  }
-
-  double reciprocal_condition() const override { return rcond_; }
-
- private:
-  Index terms_;
-  MatrixXd factor_;
-  std::vector<int> pivots_;
-  double rcond_ = 0;
+// LAPACK's routines for one factorisation of the full matrix.
+struct FullFactorisation {
+  const char* name;
+  void (*factor)(int n, double* A, int* pivots, int* info);
+  void (*solve)(int n, int columns, const double* A, const int* pivots, double* x, int* info);
+  double (*reciprocal_condition)(int n, const double* A, const int* pivots, double norm);
 };
 
-class LdltSolver final : public DenseSolver {
+const FullFactorisation kLu = {
+    "dgetrf",
+    [](int n, double* A, int* pivots, int* info) { dgetrf_(&n, &n, A, &n, pivots, info); },
+    [](int n, int columns, const double* A, const int* pivots, double* x, int* info) {
+      dgetrs_("N", &n, &columns, A, &n, pivots, x, &n, info);
+    },
+    [](int n, const double* A, const int*, double norm) {
+      double result = 0;
+      int info = 0;
+      std::vector<double> work(4 * static_cast<std::size_t>(n));
+      std::vector<int> integers(n);
+      dgecon_("1", &n, A, &n, &norm, &result, work.data(), integers.data(), &info);
+      return result;
+    }};
+
+const FullFactorisation kLdlt = {
+    "dsytrf",
+    [](int n, double* A, int* pivots, int* info) {
+      int length = -1;
+      double optimal = 0;
+      dsytrf_("L", &n, A, &n, pivots, &optimal, &length, info);
+      length = std::max(1, static_cast<int>(optimal));
+      std::vector<double> work(length);
+      dsytrf_("L", &n, A, &n, pivots, work.data(), &length, info);
+    },
+    [](int n, int columns, const double* A, const int* pivots, double* x, int* info) {
+      dsytrs_("L", &n, &columns, A, &n, pivots, x, &n, info);
+    },
+    [](int n, const double* A, const int* pivots, double norm) {
+      double result = 0;
+      int info = 0;
+      std::vector<double> work(2 * static_cast<std::size_t>(n));
+      std::vector<int> integers(n);
+      dsycon_("L", &n, A, &n, pivots, &norm, &result, work.data(), integers.data(), &info);
+      return result;
+    }};
+
+class FullSolver final : public DenseSolver {
  public:
-  LdltSolver(MatrixXd A, const MatrixXd& P)
-      : terms_(P.cols()), factor_(saddle_matrix(std::move(A), P)), pivots_(factor_.rows()) {
+  FullSolver(const FullFactorisation& routines, MatrixXd A, const MatrixXd& P)
+      : routines_(routines),
+        terms_(P.cols()),
+        factor_(saddle_matrix(std::move(A), P)),
+        pivots_(factor_.rows()) {
     const SmallSystemGuard guard(factor_.rows());
     const int n = as_int(factor_.rows());
     const double norm = one_norm(factor_);
-    int info = 0, query = -1;
-    double optimal = 0;
-    dsytrf_("L", &n, factor_.data(), &n, pivots_.data(), &optimal, &query, &info);
-    const int length = std::max(1, static_cast<int>(optimal));
-    std::vector<double> work(std::max<std::size_t>(length, 2 * pivots_.size()));
-    dsytrf_("L", &n, factor_.data(), &n, pivots_.data(), work.data(), &length, &info);
-    require_success(info, "dsytrf");
-    std::vector<int> integers(pivots_.size());
-    dsycon_("L", &n, factor_.data(), &n, pivots_.data(), &norm, &rcond_, work.data(),
-            integers.data(), &info);
+    int info = 0;
+    routines_.factor(n, factor_.data(), pivots_.data(), &info);
+    require_success(info, routines_.name);
+    rcond_ = routines_.reciprocal_condition(n, factor_.data(), pivots_.data(), norm);
   }
 
   SaddleSolution solve(const MatrixXd& values) const override {
     const SmallSystemGuard guard(factor_.rows());
     MatrixXd x = saddle_rhs(values, terms_);
-    const int n = as_int(x.rows()), columns = as_int(x.cols());
     int info = 0;
-    dsytrs_("L", &n, &columns, factor_.data(), &n, pivots_.data(), x.data(), &n, &info);
+    routines_.solve(as_int(x.rows()), as_int(x.cols()), factor_.data(), pivots_.data(), x.data(),
+                    &info);
     return {x.topRows(values.rows()), x.bottomRows(terms_)};
   }
 
   double reciprocal_condition() const override { return rcond_; }
 
  private:
+  const FullFactorisation& routines_;
   Index terms_;
   MatrixXd factor_;
   std::vector<int> pivots_;
@@ -275,9 +285,9 @@ std::unique_ptr<DenseSolver> make_dense_solver(Factorisation factorisation, Eige
                                                const Eigen::MatrixXd& P, int sign) {
   switch (factorisation) {
     case Factorisation::Lu:
-      return std::make_unique<LuSolver>(std::move(A), P);
+      return std::make_unique<FullSolver>(kLu, std::move(A), P);
     case Factorisation::Ldlt:
-      return std::make_unique<LdltSolver>(std::move(A), P);
+      return std::make_unique<FullSolver>(kLdlt, std::move(A), P);
     case Factorisation::Cholesky:
       break;
   }
