@@ -71,6 +71,15 @@ ResultRow row_of(const Json& json) {
   return row;
 }
 
+// Nothing for a line that is no row.
+std::optional<ResultRow> parse_row(const std::string& line) {
+  try {
+    return row_of(Json::parse(line));
+  } catch (const Json::exception&) {
+    return {};
+  }
+}
+
 // File names need not be UTF-8.
 std::string dump(const Json& json, int indent = -1) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace) + "\n";
@@ -181,7 +190,8 @@ VariantList list_of(const Json& json) {
     list.variants.push_back({item.at("id"), item.at("step").get<std::string>(),
                              item.at("out").get<std::string>(), item.at("carried")});
     if (list.variants.back().carried.size() != list.carried_columns.size())
-      throw InvalidInputError("fields for other columns");
+      throw InvalidInputError("batch.json is damaged: \"" + list.variants.back().id +
+                              "\" has fields of other columns");
   }
   return list;
 }
@@ -263,6 +273,8 @@ struct BatchFolder::Impl {
       Json plan = Json::parse(file);
       if (plan.at("format") != kPlanFormat)
         throw InvalidInputError(path.string() + ": of another version of cadmorph");
+      difference(plan.at("identity"), plan.at("identity"));  // all must be there
+      list_of(plan);
       return plan;
     } catch (const Json::exception& error) {
       throw InvalidInputError(path.string() + ": damaged (" + error.what() +
@@ -306,14 +318,7 @@ void BatchFolder::begin(const BatchIdentity& identity, const VariantList& list, 
   impl_->replace(impl_->folder / kPlan, dump(plan, 1));
 }
 
-VariantList BatchFolder::read_list() const {
-  const Json plan = impl_->read_plan();
-  try {
-    return list_of(plan);
-  } catch (const std::exception& error) {
-    throw InvalidInputError((impl_->folder / kPlan).string() + ": damaged (" + error.what() + ")");
-  }
-}
+VariantList BatchFolder::read_list() const { return list_of(impl_->read_plan()); }
 
 std::map<std::string, ResultRow> BatchFolder::read_rows() const {
   std::map<std::string, ResultRow> rows;
@@ -324,11 +329,10 @@ std::map<std::string, ResultRow> BatchFolder::read_rows() const {
   std::ranges::sort(files);
   for (const fs::path& path : files)
     for (const std::string& line : whole_lines(path)) {
-      const Json json = Json::parse(line, nullptr, false);
-      if (json.is_discarded()) continue;
-      ResultRow row = row_of(json);
-      const auto [place, is_new] = rows.try_emplace(row.id, row);
-      if (!is_new && (place->second.exit_code != 0 || row.exit_code == 0)) place->second = row;
+      const std::optional<ResultRow> row = parse_row(line);
+      if (!row) continue;
+      const auto [place, is_new] = rows.try_emplace(row->id, *row);
+      if (!is_new && (place->second.exit_code != 0 || row->exit_code == 0)) place->second = *row;
     }
   return rows;
 }

@@ -234,6 +234,27 @@ TEST_CASE("Only --resume goes on in a folder, and only with the same batch", "[a
   CHECK_THAT(more.out, Contains("2 of 2") && Contains("1 kept"));
 }
 
+TEST_CASE("A damaged plan is named, and lines that are no rows don't count", "[apps][batch]") {
+  const Workplace place;
+  const std::string command = "batch box.step box.vtu box_moved.step box.step -o out --resume";
+  REQUIRE(place.run(command).exit_code == 0);
+  const std::string plan = place.read("out/batch.json"), rows = place.read("out/results.jsonl");
+  for (const std::string& text : {plan.substr(0, plan.size() / 2), std::string("{\"format\":1}")}) {
+    place.write("out/batch.json", text);
+    for (const std::string& damaged : {command, std::string("batch --collect out")}) {
+      const RunResult result = place.run(damaged);
+      CHECK(result.exit_code == 2);
+      CHECK_THAT(result.err, Contains("out/batch.json") && Contains("damaged"));
+    }
+  }
+  place.write("out/batch.json", plan);
+  place.write("out/results.jsonl", "[1]\n{\"id\":\"box\"}\nno JSON\n" + rows);
+  const RunResult resumed = place.run(command);
+  CHECK(resumed.exit_code == 0);
+  CHECK_THAT(resumed.out, Contains("2 kept"));
+  CHECK(place.read("out/results.jsonl") == rows);
+}
+
 TEST_CASE("A resumed batch does what has changed again", "[apps][batch]") {
   const Workplace place;
   const std::string command = "batch box.step box.vtu " + place.make_boxes(4);

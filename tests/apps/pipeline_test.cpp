@@ -31,6 +31,26 @@ TEST_CASE("A job serves many variants, each as if it were alone", "[apps][pipeli
   CHECK(first.report.outcome == Outcome::Done);
 }
 
+TEST_CASE("Variants morphed together are to the last bit as if alone", "[apps][pipeline]") {
+  const Workplace place;
+  const MorphJob job = box_job(place);
+  std::vector<CadModel> variants;
+  for (const char* name : {"box_moved.step", "box_chamfer.step", "box.step", "box_moved.step"})
+    variants.push_back(read_step(place.folder() / name));
+  const std::vector<MorphAttempt> together = job.morph_each(variants);
+  REQUIRE(together.size() == 4);
+  CHECK_THROWS_AS(std::rethrow_exception(together[1].error), TopologyError);
+  for (const std::size_t i : {0, 2, 3}) {
+    const MorphResult alone = job.morph(variants[i]);
+    REQUIRE(!together[i].error);
+    CHECK(together[i].result.positions == alone.positions);
+    CHECK(together[i].result.quality.min == alone.quality.min);
+    CHECK(together[i].result.report.after.max_distance == alone.report.after.max_distance);
+    CHECK(together[i].result.report.stepping.steps == alone.report.stepping.steps);
+  }
+  CHECK(job.morph_each({}).empty());
+}
+
 TEST_CASE("A refused result names its worst cell and the face beside it", "[apps][pipeline]") {
   const Workplace place;
   // A cell of poor shape at the side x = 0, in the middle of y and z.
