@@ -37,6 +37,9 @@ const Row kHeader = {"family",
                      "cpu_seconds",
                      "note"};
 
+// Error of RBF-IQR at the surface nodes, root mean square, in local edge lengths.
+constexpr double kIqrTolerance = 1e-2;
+
 VolumeMorphOptions options_of(Contender contender) {
   switch (contender) {
     case Contender::Femwarp:
@@ -45,6 +48,8 @@ VolumeMorphOptions options_of(Contender contender) {
       return {.method = MorphMethod::Lbwarp};
     case Contender::SimplexLinear:
       return {.method = MorphMethod::SimplexLinear};
+    case Contender::RbfIqr:
+      return {.rbf = {.solver = SolverKind::Iqr, .tolerance = kIqrTolerance}};
     case Contender::Rbf:
     case Contender::Default:
       break;
@@ -154,7 +159,8 @@ bool is_chosen(const std::set<std::string>& names, const std::string& name) {
 
 std::vector<Contender> contenders(Surface surface) {
   std::vector<Contender> result = {Contender::Rbf};
-  if (surface == Surface::RbfS) result.push_back(Contender::Default);
+  if (surface == Surface::RbfS)
+    result.insert(result.end(), {Contender::RbfIqr, Contender::Default});
   result.insert(result.end(), {Contender::Femwarp, Contender::Lbwarp});
   if (has_simplex_linear()) result.push_back(Contender::SimplexLinear);
   return result;
@@ -187,6 +193,8 @@ std::string to_string(Contender contender, Surface surface) {
   switch (contender) {
     case Contender::Rbf:
       return surface == Surface::RbfS ? "RBF-S" : "RBF";
+    case Contender::RbfIqr:
+      return "RBF-IQR";
     case Contender::Default:
       return "default";
     case Contender::Femwarp:

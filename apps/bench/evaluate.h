@@ -11,7 +11,7 @@
 namespace cadmorph::bench {
 
 /// A way to move the nodes inside.
-enum class Contender { Rbf, Default, Femwarp, Lbwarp, SimplexLinear };
+enum class Contender { Rbf, RbfIqr, Default, Femwarp, Lbwarp, SimplexLinear };
 
 /// Names as in the results; the RBF warp on its own surface morph is the paper's RBF-S.
 std::string to_string(Contender contender, Surface surface);

@@ -33,6 +33,7 @@ struct Solver {
   SolverKind kind;
   bool is_netlib;  ///< with the reference LAPACK and BLAS
   std::size_t most_centres;
+  double tolerance = RbfOptions().tolerance;
 };
 
 const std::vector<Solver> kSolvers = {
@@ -41,6 +42,7 @@ const std::vector<Solver> kSolvers = {
     {"OpenBLAS LU", SolverKind::Lu, false, 20000},
     {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 20000},
     {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 20000},
+    {"IQR", SolverKind::Iqr, false, 20000, 1e-2},
     {"fast", SolverKind::Fast, false, 100000000},
 };
 
@@ -136,7 +138,8 @@ void run_solver(const EvaluateOptions& options, const std::string& name) {
   const Series series = make_series(subject, {Route()}, kSteps);
   const double memory_before = peak_memory(), cpu_before = cpu_seconds();
   const Stopwatch set_up;
-  const VolumeMorph morph(series.mesh, series.surface_nodes, {.rbf = {.solver = solver.kind}});
+  const VolumeMorph morph(series.mesh, series.surface_nodes,
+                          {.rbf = {.solver = solver.kind, .tolerance = solver.tolerance}});
   const double set_up_seconds = set_up.seconds();
   const Stopwatch watch;
   const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
