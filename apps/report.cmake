@@ -38,6 +38,8 @@ if(NPM AND NODE AND NOT CADMORPH_REPORT_VIEWER STREQUAL OFF)
 else()
   set(CADMORPH_HAS_REPORT_VIEWER OFF CACHE INTERNAL "")
   message(STATUS "Reports will have no 3D view: no npm, or CADMORPH_REPORT_VIEWER=OFF")
+  set(report_script ${report_work}/no_page.js) # not the bundle's name, which would count as made
+  set(report_licences ${report_work}/no_licences.txt)
   file(WRITE ${report_script} "")
   file(WRITE ${report_licences} "")
 endif()
