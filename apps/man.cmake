@@ -18,6 +18,7 @@ function(man_page name command description)
     VERBATIM)
   set(pages ${pages} ${page} PARENT_SCOPE)
 endfunction()
+
 man_page(cadmorph "" "moves a simulation mesh onto a changed CAD model")
 man_page(cadmorph-quality quality "measures the elements of a mesh")
 man_page(cadmorph-match match "shows which CAD entity became which")
