@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# docs/schedulers/dakota_driver with parameters files as Dakota writes them (its manual, "Parameters
-# file format"); Dakota itself is not packaged: dakota_test.sh PROGRAM_FOLDER
+# docs/schedulers/dakota_driver with parameters files in the two formats of Dakota ("Parameters
+# file format" in its documentation); Dakota itself is not packaged: dakota_test.sh PROGRAM_FOLDER
 source "$(dirname "$0")/common.sh" "$1"
 
 scratch=$(mktemp -d)
