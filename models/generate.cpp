@@ -21,6 +21,7 @@
 #include "models/courier.h"
 #include "models/pipe.h"
 #include "models/shapes.h"
+#include "models/star_cells.h"
 #include "models/step_files.h"
 #include "models/tet_mesher.h"
 #include "models/wing.h"
@@ -185,7 +186,11 @@ std::vector<Family> all_families() {
           {"canister",
            make_canister,
            {hexes(make_canister_hex, curved_tolerance), tets("tet.vtu", {.size = 3.2})}},
-          {"wing", make_wing, {{"layers.vtu", make_wing_layers, not_on_cad}}}};
+          {"wing",
+           make_wing,
+           {{"layers.vtu", make_wing_layers, not_on_cad},
+            {"poly.vtu", [](const fs::path& base) { return join_stars(make_wing_layers(base)); },
+             not_on_cad}}}};
 }
 
 bool is_wanted(const Request& request, const std::string& name) {
