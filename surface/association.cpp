@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <sstream>
@@ -28,6 +29,9 @@ constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode =
 constexpr double kOnEntity = 1e-3;
 // A node off the CAD goes to the curve between the faces its facets vote for within this distance.
 constexpr double kVotedCurve = 0.5;
+// Where a face of a touching solid holds the node, only within this multiple of its distance from
+// the voted faces: the curve is as near where they meet at 30 degrees or more.
+constexpr double kMeetingFaces = 2;
 // A point on a face has a sample within this many spacings, uneven parametrisations included.
 constexpr double kFar = 4;
 constexpr Index kGrain = 512;
@@ -35,7 +39,8 @@ constexpr Index kGrain = 512;
 struct Candidate {
   int face;
   Vector2d uv;
-  double distance;
+  double distance;  // to the surface, which may reach beyond the wires
+  double gap;       // to the trimmed face
 };
 
 struct NodeFeet {
@@ -122,7 +127,7 @@ class Associator {
       seen.push_back(face);
       const FaceFoot foot = project_on_face(model_, face, x, faces_.uv[near.index]);
       if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
-        feet.faces.push_back({face, foot.uv, foot.distance});
+        feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
     }
     if (feet.faces.empty() && !seen.empty()) retry_globally(n, x, seen.front(), feet);
     std::sort(feet.faces.begin(), feet.faces.end(),
@@ -136,7 +141,7 @@ class Associator {
     if (nearest > faces_.spacing + reach(n)) return;
     const FaceFoot foot = project_globally(model_, face, x);
     if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
-      feet.faces.push_back({face, foot.uv, foot.distance});
+      feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
   }
 
   void find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) const {
@@ -154,20 +159,24 @@ class Associator {
               [](const EdgeFoot& a, const EdgeFoot& b) { return a.distance < b.distance; });
   }
 
-  bool is_near_wire(Index n, int face, const NodeFeet& feet) const {
+  // The nearest near edge of a face; null without one.
+  const EdgeFoot* near_wire(Index n, int face, const NodeFeet& feet) const {
     for (const EdgeFoot& foot : feet.edges)
       if (foot.distance <=
           kVotedCurve * surface_.local_length[n] + model_.edges()[foot.edge].tolerance)
         for (const int c : model_.edges()[foot.edge].coedges)
-          if (model_.coedges()[c].face == face) return true;
-    return false;
+          if (model_.coedges()[c].face == face) return &foot;
+    return nullptr;
   }
 
   // A foot on the carrier surface outside the wires belongs to another face, or to none.
   void drop_outside(Index n, NodeFeet& feet) const {
-    std::erase_if(feet.faces, [&](const Candidate& c) {
-      return !model_.is_inside(c.face, c.uv) && !is_near_wire(n, c.face, feet);
-    });
+    for (Candidate& c : feet.faces) {
+      if (model_.is_inside(c.face, c.uv)) continue;
+      const EdgeFoot* foot = near_wire(n, c.face, feet);
+      c.gap = foot ? foot->distance : std::numeric_limits<double>::infinity();
+    }
+    std::erase_if(feet.faces, [](const Candidate& c) { return std::isinf(c.gap); });
   }
 
   double on_entity(Index n, double tolerance) const {
@@ -213,19 +222,29 @@ class Associator {
     }
   }
 
+  std::vector<int> faces_of(int edge) const {
+    std::vector<int> faces;
+    for (const int c : model_.edges()[edge].coedges) faces.push_back(model_.coedges()[c].face);
+    return faces;
+  }
+
+  // Faces of the near edges that end at a corner near a node.
+  std::vector<int> faces_at(Index n, int corner) const {
+    std::vector<int> faces;
+    for (const EdgeFoot& foot : feet_[n].edges) {
+      const CadEdge& e = model_.edges()[foot.edge];
+      if (e.start != corner && e.end != corner) continue;
+      for (const int face : faces_of(foot.edge)) faces.push_back(face);
+    }
+    return faces;
+  }
+
   // Faces that a node may belong to, by its feet or by the corner or edge it lies on.
   std::vector<int> possible_faces(Index n) const {
     std::vector<int> faces;
+    if (result_.dimension[n] == CadDimension::Edge) faces = faces_of(result_.entity[n]);
+    if (result_.dimension[n] == CadDimension::Vertex) faces = faces_at(n, result_.entity[n]);
     for (const Candidate& c : feet_[n].faces) faces.push_back(c.face);
-    const auto add_edge = [&](int edge) {
-      for (const int c : model_.edges()[edge].coedges) faces.push_back(model_.coedges()[c].face);
-    };
-    if (result_.dimension[n] == CadDimension::Edge) add_edge(result_.entity[n]);
-    if (result_.dimension[n] == CadDimension::Vertex)
-      for (const EdgeFoot& foot : feet_[n].edges) {
-        const CadEdge& e = model_.edges()[foot.edge];
-        if (e.start == result_.entity[n] || e.end == result_.entity[n]) add_edge(foot.edge);
-      }
     std::sort(faces.begin(), faces.end());
     faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
     return faces;
@@ -247,8 +266,17 @@ class Associator {
     return common;
   }
 
-  // CAD face of a facet: common to its corners; of several, the one that its centroid and normal
-  // fit.
+  // Largest distance of a facet's corners from a trimmed face.
+  double corner_gap(Index f, int face) const {
+    double gap = 0;
+    for (int i = 0; i < surface_.corners[f]; ++i)
+      for (const Candidate& c : feet_[surface_.facets[f][i]].faces)
+        if (c.face == face) gap = std::max(gap, c.gap);
+    return gap;
+  }
+
+  // CAD face of a facet: common to its corners; of several, the one that its corners, centroid and
+  // normal fit.
   int vote(Index f) const {
     const auto common = common_faces(f);
     if (common.empty()) return -1;
@@ -263,7 +291,7 @@ class Associator {
       const FaceFoot foot = project_on_face(model_, face, x, seed(f, face, x));
       const double tilt = 1 - std::abs(normal.dot(model_.normal(face, foot.uv)));
       const double outside = model_.is_inside(face, foot.uv) ? 0 : 1;
-      const double cost = foot.distance / size + tilt + outside;
+      const double cost = (foot.distance + corner_gap(f, face)) / size + tilt + outside;
       if (cost < least) {
         least = cost;
         best = face;
@@ -306,25 +334,37 @@ class Associator {
     });
   }
 
+  // Whether the voted faces may meet at a corner or edge of `faces`, `distance` from the node. A
+  // touching solid's faces pass through nodes of other faces without meeting there.
+  bool may_meet(Index n, const std::map<int, int>& votes, const std::vector<int>& faces,
+                double distance) const {
+    double off = 0;
+    bool is_held = false;
+    for (const Candidate& c : feet_[n].faces) {
+      if (votes.contains(c.face)) off = std::max(off, c.distance);
+      is_held |= c.gap <= on_entity(n, model_.faces()[c.face].tolerance) &&
+                 std::find(faces.begin(), faces.end(), c.face) == faces.end();
+    }
+    return !is_held || distance <= kMeetingFaces * off;
+  }
+
   // A node off the CAD between facets of several faces: their common corner or curve.
   bool take_voted_entity(Index n, const std::map<int, int>& votes) {
     const double limit = kVotedCurve * surface_.local_length[n];
     if (votes.size() > 2) {
       const auto [corner, distance] = nearest_corner(n);
-      if (corner >= 0 && distance <= limit) {
+      if (corner >= 0 && distance <= limit && may_meet(n, votes, faces_at(n, corner), distance)) {
         assign(n, CadDimension::Vertex, corner, Vector2d::Zero(), distance);
         return true;
       }
     }
     for (const EdgeFoot& foot : feet_[n].edges) {
       if (foot.distance > limit) break;
-      std::size_t shared = 0;
-      std::vector<int> faces;
-      for (const int c : model_.edges()[foot.edge].coedges)
-        faces.push_back(model_.coedges()[c].face);
-      for (const auto& [face, count] : votes)
-        shared += std::find(faces.begin(), faces.end(), face) != faces.end();
-      if (shared < 2) continue;
+      const std::vector<int> faces = faces_of(foot.edge);
+      const auto shared = std::count_if(votes.begin(), votes.end(), [&](const auto& vote) {
+        return std::find(faces.begin(), faces.end(), vote.first) != faces.end();
+      });
+      if (shared < 2 || !may_meet(n, votes, faces, foot.distance)) continue;
       assign(n, CadDimension::Edge, foot.edge, {foot.t, 0}, foot.distance);
       return true;
     }

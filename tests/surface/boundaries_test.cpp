@@ -1,4 +1,5 @@
 #include <BRepAlgoAPI_Cut.hxx>
+#include <BRepAlgoAPI_Fuse.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
@@ -315,6 +316,33 @@ TEST_CASE("both sides of an interface agree when either block changes", "[surfac
       CHECK(std::abs(m.points(n, 0) - 36) < kKnown * c.diagonal);
     }
   CHECK(on_interface > 20);
+}
+
+TEST_CASE("no node of a plate is drawn to the edges of blocks that stand on it",
+          "[surface][association][solids]") {
+  // Two fused blocks, their bottoms apart; nodes a third of a cell beyond edges of the one and of
+  // both.
+  const TopoDS_Shape left = BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(4, 4, 3)).Solid();
+  const TopoDS_Shape right = BRepPrimAPI_MakeBox(gp_Pnt(4, 0, 0), gp_Pnt(8, 4, 3)).Solid();
+  const double low = 4.44 - 15 * 1.28, high = 4.44 + 15 * 1.28;
+  TopoDS_Compound parts;
+  BRep_Builder builder;
+  builder.MakeCompound(parts);
+  builder.Add(parts, BRepAlgoAPI_Fuse(left, right).Shape());
+  builder.Add(parts, BRepPrimAPI_MakeBox(gp_Pnt(low, low, -6), gp_Pnt(high, high, 0)).Solid());
+  const MorphCase c = mesh_case(to_model(parts), hex_grid({30, 30, 4}, [&](const Vector3d& s) {
+                                  return Vector3d(low + s.x() * (high - low),
+                                                  low + s.y() * (high - low), 6 * s.z() - 6);
+                                }));
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const Association& a = surface.association();
+  CHECK(a.max_distance <= 1e-9 * c.diagonal);
+  CHECK(a.unmatched_nodes == 0);
+  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+    const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
+    const bool is_inside = std::min({x.x() - low, x.y() - low, high - x.x(), high - x.y()}) > 1;
+    if (x.z() > -1e-9 && is_inside) CHECK(a.dimension[i] == CadDimension::Face);
+  }
 }
 
 TEST_CASE("an interface that is not in the CAD follows the volume", "[surface][solids]") {
