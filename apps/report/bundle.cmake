@@ -6,6 +6,7 @@ cmake_minimum_required(VERSION 3.25)
 file(GLOB sources ${FOLDER}/*.js ${FOLDER}/*.mjs ${FOLDER}/*.json)
 file(COPY ${sources} DESTINATION ${WORK})
 execute_process(COMMAND ${NPM} ci --ignore-scripts --no-audit --no-fund --prefer-offline
+    --fetch-retries=1
   WORKING_DIRECTORY ${WORK} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
 if(NOT failed)
   execute_process(COMMAND ${NODE} build.mjs ${SCRIPT} ${LICENCES}
