@@ -40,7 +40,7 @@ std::string file_hash(const std::filesystem::path& path) {
       std::fopen(path.c_str(), "rb"), [](std::FILE* f) { return std::fclose(f); });
   if (!file) fail(path);
   const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(),
-                                                                             XXH3_freeState);
+                                                                              XXH3_freeState);
   XXH3_128bits_reset(state.get());
   std::vector<char> block(kBlock);
   while (const std::size_t count = std::fread(block.data(), 1, kBlock, file.get()))

@@ -2,7 +2,6 @@
 
 #include <dlfcn.h>
 #include <spawn.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -11,6 +10,7 @@
 
 #include "apps/bench/measure.h"
 #include "apps/bench/results_file.h"
+#include "apps/pipeline.h"
 #include "apps/text_table.h"
 #include "core/errors.h"
 #include "volume/volume_morph.h"
@@ -50,12 +50,6 @@ const Solver& find_solver(const std::string& name) {
   const auto found = std::ranges::find(kSolvers, name, &Solver::name);
   if (found == kSolvers.end()) throw InvalidInputError("there is no solver " + name);
   return *found;
-}
-
-double peak_memory() {
-  rusage used{};
-  getrusage(RUSAGE_SELF, &used);
-  return 1024.0 * static_cast<double>(used.ru_maxrss);
 }
 
 // File name of the library whose dgetrf runs.

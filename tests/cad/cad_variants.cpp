@@ -63,6 +63,7 @@
 
 #include "cad/brep_builder.h"
 #include "cad/step_reader.h"
+#include "mapped_geometry.h"
 
 namespace cadmorph::testing {
 namespace {
@@ -70,7 +71,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using std::numbers::pi;
-using PointMap = std::function<Vector3d(const Vector3d&)>;
 
 gp_Pnt to_occt(const Vector3d& x) { return {x.x(), x.y(), x.z()}; }
 Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
@@ -84,9 +84,9 @@ std::vector<double> new_knots(double first, double last, int spans) {
 }
 
 /// Moves poles and vertices, keeps pcurves.
-class MovePoles : public BRepTools_Modification {
+class MovePoles : public MappedGeometry {
  public:
-  MovePoles(PointMap map, int spans) : map_(std::move(map)), spans_(spans) {}
+  MovePoles(PointMap map, int spans) : MappedGeometry(std::move(map)), spans_(spans) {}
 
   Standard_Boolean NewSurface(const TopoDS_Face& face, Handle(Geom_Surface) & surface,
                               TopLoc_Location& location, Standard_Real& tolerance,
@@ -129,13 +129,6 @@ class MovePoles : public BRepTools_Modification {
     return true;
   }
 
-  Standard_Boolean NewPoint(const TopoDS_Vertex& vertex, gp_Pnt& point,
-                            Standard_Real& tolerance) override {
-    point = image(map_, BRep_Tool::Pnt(vertex));
-    tolerance = BRep_Tool::Tolerance(vertex);
-    return true;
-  }
-
   Standard_Boolean NewCurve2d(const TopoDS_Edge& edge, const TopoDS_Face& face, const TopoDS_Edge&,
                               const TopoDS_Face&, Handle(Geom2d_Curve) & curve,
                               Standard_Real& tolerance) override {
@@ -145,18 +138,6 @@ class MovePoles : public BRepTools_Modification {
     if (curve.IsNull()) return false;
     curve = new Geom2d_TrimmedCurve(curve, first, last);
     return true;
-  }
-
-  Standard_Boolean NewParameter(const TopoDS_Vertex& vertex, const TopoDS_Edge& edge,
-                                Standard_Real& parameter, Standard_Real& tolerance) override {
-    tolerance = BRep_Tool::Tolerance(vertex);
-    parameter = BRep_Tool::Parameter(vertex, edge);
-    return true;
-  }
-
-  GeomAbs_Shape Continuity(const TopoDS_Edge& edge, const TopoDS_Face& a, const TopoDS_Face& b,
-                           const TopoDS_Edge&, const TopoDS_Face&, const TopoDS_Face&) override {
-    return BRep_Tool::Continuity(edge, a, b);
   }
 
  private:
@@ -169,7 +150,6 @@ class MovePoles : public BRepTools_Modification {
     for (const double v : new_knots(v1, v2, spans_)) s->InsertVKnot(v, 1, 1e-9, false);
   }
 
-  PointMap map_;
   int spans_;
 };
 

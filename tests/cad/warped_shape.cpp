@@ -2,7 +2,6 @@
 
 #include <BRepAdaptor_Surface.hxx>
 #include <BRepTools.hxx>
-#include <BRepTools_Modification.hxx>
 #include <BRepTools_Modifier.hxx>
 #include <BRep_Tool.hxx>
 #include <BSplCLib.hxx>
@@ -21,12 +20,13 @@
 #include <math_Matrix.hxx>
 #include <vector>
 
+#include "mapped_geometry.h"
+
 namespace cadmorph::testing {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
-using PointMap = std::function<Vector3d(const Vector3d&)>;
 
 constexpr int kDegree = 5;
 constexpr int kSpans = 28;
@@ -99,9 +99,9 @@ Handle(Geom_BSplineCurve)
   return new Geom_BSplineCurve(poles, t.knots, t.multiplicities, kDegree);
 }
 
-class Warp : public BRepTools_Modification {
+class Warp : public MappedGeometry {
  public:
-  explicit Warp(PointMap map) : map_(std::move(map)) {}
+  explicit Warp(PointMap map) : MappedGeometry(std::move(map)) {}
 
   Standard_Boolean NewSurface(const TopoDS_Face& face, Handle(Geom_Surface) & surface,
                               TopLoc_Location& location, Standard_Real& tolerance,
@@ -125,14 +125,6 @@ class Warp : public BRepTools_Modification {
     return true;
   }
 
-  Standard_Boolean NewPoint(const TopoDS_Vertex& vertex, gp_Pnt& point,
-                            Standard_Real& tolerance) override {
-    const Vector3d x = image(map_, BRep_Tool::Pnt(vertex));
-    point = gp_Pnt(x.x(), x.y(), x.z());
-    tolerance = BRep_Tool::Tolerance(vertex);
-    return true;
-  }
-
   Standard_Boolean NewCurve2d(const TopoDS_Edge& edge, const TopoDS_Face& face, const TopoDS_Edge&,
                               const TopoDS_Face&, Handle(Geom2d_Curve) & curve,
                               Standard_Real& tolerance) override {
@@ -143,21 +135,6 @@ class Warp : public BRepTools_Modification {
     curve = Handle(Geom2d_Curve)::DownCast(curve->Copy());
     return true;
   }
-
-  Standard_Boolean NewParameter(const TopoDS_Vertex& vertex, const TopoDS_Edge& edge,
-                                Standard_Real& parameter, Standard_Real& tolerance) override {
-    tolerance = BRep_Tool::Tolerance(vertex);
-    parameter = BRep_Tool::Parameter(vertex, edge);
-    return true;
-  }
-
-  GeomAbs_Shape Continuity(const TopoDS_Edge& edge, const TopoDS_Face& a, const TopoDS_Face& b,
-                           const TopoDS_Edge&, const TopoDS_Face&, const TopoDS_Face&) override {
-    return BRep_Tool::Continuity(edge, a, b);
-  }
-
- private:
-  PointMap map_;
 };
 
 }  // namespace
