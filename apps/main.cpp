@@ -6,8 +6,8 @@
 #include <new>
 
 #include "apps/blas_restart.h"
-#include "apps/command.h"
-#include "apps/json_report.h"
+#include "apps/commands/command.h"
+#include "apps/summary/json_report.h"
 #include "apps/version.h"
 
 namespace {

@@ -17,7 +17,7 @@ add_executable(cadmorph-bench
   bench/results_file.cpp
   bench/solvers.cpp
   blas_restart.cpp
-  text_table.cpp)
+  summary/text_table.cpp)
 target_link_libraries(cadmorph-bench PRIVATE cadmorph::pipeline CLI11::CLI11)
 target_compile_definitions(cadmorph-bench PRIVATE
   CADMORPH_NETLIB_LAPACK="${CADMORPH_NETLIB_LAPACK}" CADMORPH_NETLIB_BLAS="${CADMORPH_NETLIB_BLAS}")

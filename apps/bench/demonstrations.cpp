@@ -4,7 +4,7 @@
 #include <fstream>
 #include <vector>
 
-#include "apps/text_table.h"
+#include "apps/summary/text_table.h"
 #include "core/errors.h"
 #include "core/rbf/rbf_system.h"
 

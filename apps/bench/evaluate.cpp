@@ -5,7 +5,7 @@
 
 #include "apps/bench/measure.h"
 #include "apps/bench/results_file.h"
-#include "apps/text_table.h"
+#include "apps/summary/text_table.h"
 #include "core/errors.h"
 #include "volume/baselines/simplex_linear.h"
 #include "volume/stepping.h"

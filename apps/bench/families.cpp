@@ -6,7 +6,7 @@
 #include <set>
 
 #include "apps/bench/given_surface.h"
-#include "apps/text_table.h"
+#include "apps/summary/text_table.h"
 #include "cad/step_reader.h"
 #include "core/boundary.h"
 #include "core/errors.h"

@@ -8,7 +8,7 @@
 #include "apps/bench/kernels.h"
 #include "apps/bench/solvers.h"
 #include "apps/blas_restart.h"
-#include "apps/exit_code.h"
+#include "apps/pipeline/exit_code.h"
 #include "core/errors.h"
 
 namespace {

@@ -10,8 +10,8 @@
 
 #include "apps/bench/measure.h"
 #include "apps/bench/results_file.h"
-#include "apps/pipeline.h"
-#include "apps/text_table.h"
+#include "apps/pipeline/pipeline.h"
+#include "apps/summary/text_table.h"
 #include "core/errors.h"
 #include "volume/volume_morph.h"
 

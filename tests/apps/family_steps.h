@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/pipeline.h"
+#include "apps/pipeline/pipeline.h"
 
 namespace cadmorph::testing {
 

@@ -1,4 +1,4 @@
-#include "apps/output_file.h"
+#include "apps/pipeline/output_file.h"
 
 #include <catch2/catch.hpp>
 

@@ -1,4 +1,4 @@
-#include "apps/pipeline.h"
+#include "apps/pipeline/pipeline.h"
 
 #include <catch2/catch.hpp>
 

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "apps/morph_details.h"
-#include "apps/surface_data.h"
-#include "apps/visible_surface.h"
+#include "apps/picture/visible_surface.h"
+#include "apps/pipeline/morph_details.h"
+#include "apps/report/surface_data.h"
 #include "cad/projector.h"
 #include "cad/step_reader.h"
 #include "command_line.h"

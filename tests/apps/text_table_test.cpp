@@ -1,4 +1,4 @@
-#include "apps/text_table.h"
+#include "apps/summary/text_table.h"
 
 #include <catch2/catch.hpp>
 

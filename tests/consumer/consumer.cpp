@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <exception>
 
-#include "apps/pipeline.h"
+#include "apps/pipeline/pipeline.h"
 
 int main(int argc, char** argv) {
   if (argc != 5) return 1;

@@ -21,7 +21,7 @@ report_test(report.broken_page_is_noticed -DBREAK=ON)
 if(CADMORPH_HAS_REPORT_VIEWER)
   add_test(NAME report.licences_are_in_the_repository
     COMMAND ${CMAKE_COMMAND} -DBUNDLED=${PROJECT_BINARY_DIR}/apps/report/licences.txt
-      -DKEPT=${PROJECT_SOURCE_DIR}/apps/report/licences.txt
+      -DKEPT=${PROJECT_SOURCE_DIR}/apps/report/page/licences.txt
       -P ${CMAKE_CURRENT_SOURCE_DIR}/report/check_licences.cmake)
   set_tests_properties(report.licences_are_in_the_repository PROPERTIES
     SKIP_REGULAR_EXPRESSION "skipped: ")

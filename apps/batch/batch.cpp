@@ -1,0 +1,370 @@
+#include "apps/batch/batch.h"
+
+#include <oneapi/tbb/concurrent_queue.h>
+#include <oneapi/tbb/parallel_pipeline.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "apps/batch/step_worker.h"
+#include "apps/pipeline/exit_code.h"
+#include "apps/summary/summary.h"
+#include "cad/packed_model.h"
+#include "cad/step_reader.h"
+#include "core/content_hash.h"
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kBlock = 4;  // variants solved together: half the time of four alone
+// Of a variant under way: positions, displacements, quality, and the solver's vectors.
+constexpr double kBytesPerNode = 400, kBytesPerCell = 64;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+// A variant on its way.
+struct Work {
+  const Variant* variant = nullptr;
+  StepReply step;
+  double seconds = 0;
+  std::optional<MorphResult> result;
+  ResultRow row;
+};
+
+using WorkPointer = std::shared_ptr<Work>;  // null: one reader has no more
+
+using Block = std::vector<WorkPointer>;
+
+// Reads the STEP files of variants in processes, a few ahead of who takes them.
+class StepReaders {
+ public:
+  StepReaders(std::vector<const Variant*> variants, double timeout_s, std::size_t ahead,
+              const std::atomic<bool>& is_stopped)
+      : variants_(std::move(variants)), timeout_(timeout_s), is_stopped_(is_stopped) {
+    open_ = std::min<std::size_t>(thread_count(), variants_.size());
+    queue_.set_capacity(static_cast<std::ptrdiff_t>(ahead));
+    for (std::size_t i = 0; i < open_; ++i) threads_.emplace_back([this] { run(); });
+  }
+  // Takes what the readers still push, so that none of them waits for room.
+  ~StepReaders() {
+    is_closed_ = true;
+    while (open_ > 0) pop();
+  }
+  StepReaders(const StepReaders&) = delete;
+  StepReaders& operator=(const StepReaders&) = delete;
+
+  /// The next variants read: waits for one and takes what else is there, `most` at most; none at
+  /// the end, or when the batch was stopped. Throws what kept a reader from working.
+  Block next(std::size_t most) {
+    Block block;
+    while (open_ > 0 && !is_over() && (block.empty() || (block.size() < most && !queue_.empty())))
+      if (WorkPointer work = pop()) block.push_back(std::move(work));
+    if (error_) std::rethrow_exception(error_);
+    if (is_over()) block.clear();
+    return block;
+  }
+
+ private:
+  bool is_over() const { return is_closed_ || is_stopped_; }
+
+  WorkPointer pop() {
+    WorkPointer work;
+    queue_.pop(work);
+    if (!work) --open_;
+    return work;
+  }
+
+  void run() {
+    try {
+      StepWorker worker;
+      while (!is_over()) {
+        const std::size_t i = next_++;
+        if (i >= variants_.size()) break;
+        queue_.push(read(worker, *variants_[i]));
+      }
+    } catch (...) {
+      const std::lock_guard guard(mutex_);
+      error_ = std::current_exception();
+    }
+    queue_.push(nullptr);
+  }
+
+  WorkPointer read(StepWorker& worker, const Variant& variant) const {
+    const auto start = Clock::now();
+    auto work = std::make_shared<Work>();
+    work->variant = &variant;
+    work->step = worker.read(variant.step, timeout_, [this] { return is_over(); });
+    work->seconds = seconds_since(start);
+    return work;
+  }
+
+  std::vector<const Variant*> variants_;
+  std::chrono::duration<double> timeout_;
+  const std::atomic<bool>& is_stopped_;
+  std::atomic<bool> is_closed_ = false;
+  std::atomic<std::size_t> next_ = 0;
+  tbb::concurrent_bounded_queue<WorkPointer> queue_;
+  std::size_t open_ = 0;  ///< readers whose end has not been seen
+  std::mutex mutex_;
+  std::exception_ptr error_;
+  std::vector<std::jthread> threads_;
+};
+
+BatchIdentity identity_of(const BatchOptions& options) {
+  return {.program = options.program,
+          .base = options.base_cad.string(),
+          .base_hash = file_hash(options.base_cad),
+          .mesh = options.mesh.string(),
+          .mesh_hash = file_hash(options.mesh),
+          .options = options.options_text};
+}
+
+fs::path failed_out(const fs::path& out) { return failed_path(out).lexically_normal(); }
+
+std::string joined(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += (text.empty() ? "" : "; ") + line;
+  return text;
+}
+
+ResultFigures figures_of(const PipelineReport& report) {
+  return {.min_scaled_jacobian_before = report.before.min_scaled_jacobian,
+          .min_scaled_jacobian_after = report.after.min_scaled_jacobian,
+          .mean_scaled_jacobian_before = report.before.mean_scaled_jacobian,
+          .mean_scaled_jacobian_after = report.after.mean_scaled_jacobian,
+          .inverted = report.after.invalid,
+          .cad_deviation_mm = report.after.max_distance};
+}
+
+// Whether a row of an earlier run is what a run of its own would give now.
+bool is_finished(const Variant& variant, const ResultRow& row, const BatchFolder& folder) {
+  if (row.exit_code == static_cast<int>(ExitCode::Resources) || row.step_hash.empty()) return false;
+  std::error_code error;
+  if (!fs::is_regular_file(variant.step, error) || file_hash(variant.step) != row.step_hash)
+    return false;
+  if (row.out.empty()) return true;
+  const fs::path expected = row.exit_code == 0 ? variant.out : failed_out(variant.out);
+  return row.out == expected && fs::file_size(folder.path_of(row.out), error) == row.out_bytes &&
+         !error;
+}
+
+class BatchRun {
+ public:
+  BatchRun(const BatchOptions& options, const std::atomic<bool>& is_stopped,
+           const BatchProgress& progress)
+      : options_(options),
+        is_stopped_(is_stopped),
+        progress_(progress),
+        folder_(options.folder, options.shard) {}
+
+  BatchCount run() {
+    prepare();
+    if (!todo_.empty() && !is_stopped_) {
+      set_up_base();
+      try {
+        morph_all();
+      } catch (const OutputError& error) {
+        throw OutputError(std::string(error.what()) +
+                          ". What was finished is kept: mend this and go on with --resume.");
+      }
+    }
+    count_.is_stopped = is_stopped_;
+    folder_.write_rows(options_.list, rows_);
+    return count_;
+  }
+
+ private:
+  void prepare() {
+    check_outputs();
+    folder_.begin(identity_of(options_), options_.list, options_.is_resumed);
+    const auto old = options_.is_resumed ? folder_.read_rows() : std::map<std::string, ResultRow>();
+    const auto& variants = options_.list.variants;
+    for (std::size_t i = 0; i < variants.size(); ++i) {
+      if (!options_.shard.has(i)) continue;
+      ++count_.total;
+      const auto row = old.find(variants[i].id);
+      if (row == old.end() || !is_finished(variants[i], row->second, folder_)) {
+        begin(variants[i]);
+        continue;
+      }
+      ++count_.kept;
+      count(row->second);
+    }
+    folder_.write_rows(options_.list, rows_);
+  }
+
+  // A refused mesh of an earlier run would outlive a good one.
+  void begin(const Variant& variant) {
+    todo_.push_back(&variant);
+    std::error_code ignored;
+    if (options_.is_resumed) fs::remove(folder_.path_of(failed_out(variant.out)), ignored);
+  }
+
+  void check_outputs() const {
+    std::error_code error;
+    for (std::size_t i = 0; i < options_.list.variants.size(); ++i) {
+      if (!options_.shard.has(i)) continue;
+      const Variant& variant = options_.list.variants[i];
+      const fs::path out = folder_.path_of(variant.out);
+      fs::create_directories(out.parent_path(), error);
+      check_output(out, {options_.base_cad, options_.mesh, variant.step});
+    }
+  }
+
+  void count(const ResultRow& row) {
+    rows_[row.id] = row;
+    ++(row.exit_code == 0 ? count_.done : count_.failed);
+  }
+
+  void set_up_base() {
+    PipelineOptions options = options_.pipeline;
+    // The phases of variants, several at a time, are not announced.
+    const auto is_set_up = std::make_shared<std::atomic<bool>>(false);
+    if (options.progress)
+      options.progress = [is_set_up, announce = options.progress](auto phase, double fraction) {
+        if (!*is_set_up) announce(phase, fraction);
+      };
+    auto base = std::make_shared<const CadModel>(read_step(options_.base_cad));
+    job_.emplace(std::move(base), std::make_shared<const MeshFile>(options_.mesh), options);
+    *is_set_up = true;
+  }
+
+  void morph_all() {
+    start_ = Clock::now();
+    const std::size_t under_way = variants_under_way();
+    const std::size_t most = std::min(kBlock, under_way);
+    StepReaders readers(todo_, options_.timeout_s, std::max(most, under_way / 2), is_stopped_);
+    const auto next = [&](tbb::flow_control& flow) {
+      Block block = readers.next(most);
+      if (block.empty()) flow.stop();
+      return block;
+    };
+    // A thread that waits for its own block's loops must not take up another block meanwhile.
+    const auto morph = [this](Block block) {
+      tbb::this_task_arena::isolate([&] { morph_block(block); });
+      return block;
+    };
+    tbb::parallel_pipeline(
+        under_way / most,
+        tbb::make_filter<void, Block>(tbb::filter_mode::serial_out_of_order, next) &
+            tbb::make_filter<Block, Block>(tbb::filter_mode::parallel, morph) &
+            tbb::make_filter<Block, void>(tbb::filter_mode::serial_out_of_order,
+                                          [this](const Block& block) {
+                                            for (const WorkPointer& work : block) finish(*work);
+                                          }));
+  }
+
+  // As many as keep the threads busy and fit into the memory allowed.
+  std::size_t variants_under_way() const {
+    const double each = kBytesPerNode * static_cast<double>(job_->mesh().node_count()) +
+                        kBytesPerCell * static_cast<double>(job_->mesh().cell_count());
+    const double fitting = options_.pipeline.volume.rbf.memory_limit / std::max(each, 1.0);
+    const auto wanted = kBlock * (static_cast<std::size_t>(thread_count()) + 1);
+    return static_cast<std::size_t>(std::clamp(fitting, 1.0, static_cast<double>(wanted)));
+  }
+
+  void morph_block(const Block& block) const {
+    const auto start = Clock::now();
+    std::vector<CadModel> variants;
+    Block good;
+    for (const WorkPointer& work : block) {
+      begin_row(*work);
+      if (work->row.exit_code == 0)
+        call_for(work->row, [&] {
+          variants.push_back(unpack_model(std::exchange(work->step.model, {})));
+          good.push_back(work);
+        });
+    }
+    std::vector<MorphAttempt> attempts = job_->morph_each(variants);
+    for (std::size_t i = 0; i < good.size(); ++i)
+      call_for(good[i]->row, [&] {
+        if (attempts[i].error) std::rethrow_exception(attempts[i].error);
+        good[i]->result = std::move(attempts[i].result);
+      });
+    for (const WorkPointer& work : block)
+      work->seconds += seconds_since(start) / static_cast<double>(block.size());
+  }
+
+  static void begin_row(Work& work) {
+    ResultRow& row = work.row;
+    row.id = work.variant->id;
+    row.step = work.variant->step;
+    row.exit_code = work.step.exit_code;
+    row.message = work.step.message;
+    row.step_hash = work.step.is_lost ? "" : work.step.hash;
+  }
+
+  // What a call throws becomes the row's.
+  template <class Call>
+  static void call_for(ResultRow& row, Call&& call) {
+    try {
+      call();
+    } catch (const std::bad_alloc&) {
+      row.exit_code = static_cast<int>(ExitCode::Resources);
+      row.message = "out of memory; free some, or use fewer --threads";
+    } catch (const std::exception& error) {
+      row.exit_code = static_cast<int>(exit_code_of(error));
+      row.message = error.what();
+    }
+  }
+
+  // VTK writes one mesh at a time.
+  void finish(Work& work) {
+    const auto start = Clock::now();
+    ResultRow& row = work.row;
+    if (work.result) write(work);
+    row.seconds = work.seconds + seconds_since(start);
+    folder_.append(*work.variant, row);
+    count(row);
+    count_.seconds = seconds_since(start_);
+    if (progress_) progress_(row, count_);
+  }
+
+  void write(Work& work) const {
+    ResultRow& row = work.row;
+    PipelineReport& report = work.result->report;
+    const bool is_done = report.outcome == Outcome::Done;
+    row.out = is_done ? work.variant->out : failed_out(work.variant->out);
+    const fs::path staged = job_->write(
+        *work.result, folder_.staging() / work.variant->out.filename(), options_.has_diagnostics);
+    row.out_bytes = fs::file_size(staged);
+    folder_.publish(staged, row.out);
+    report.written = folder_.path_of(row.out);
+    row.figures = figures_of(report);
+    row.message = joined(report.warnings);
+    if (is_done) return;
+    row.exit_code = static_cast<int>(ExitCode::Quality);
+    row.message = refusal_text(report, options_.pipeline);
+  }
+
+  const BatchOptions& options_;
+  const std::atomic<bool>& is_stopped_;
+  const BatchProgress& progress_;
+  BatchFolder folder_;
+  std::vector<const Variant*> todo_;
+  std::map<std::string, ResultRow> rows_;
+  std::optional<MorphJob> job_;
+  BatchCount count_;
+  Clock::time_point start_;
+};
+
+}  // namespace
+
+BatchCount run_batch(const BatchOptions& options, const std::atomic<bool>& is_stopped,
+                     const BatchProgress& progress) {
+  return BatchRun(options, is_stopped, progress).run();
+}
+
+}  // namespace cadmorph

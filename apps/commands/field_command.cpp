@@ -1,0 +1,86 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "apps/commands/command.h"
+#include "apps/commands/options.h"
+#include "apps/pipeline/field_files.h"
+#include "apps/summary/field_summary.h"
+#include "apps/summary/json_report.h"
+#include "apps/summary/progress_bar.h"
+#include "apps/summary/summary.h"
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+struct FieldCommand {
+  MorphFiles files;
+  MorphOptions options;
+  std::string json;
+  bool is_quiet = false;
+  int threads = 0;  ///< 0: all
+};
+
+void check(const FieldCommand& command) {
+  const PipelineOptions& pipeline = command.options.pipeline;
+  if (pipeline.untangle == UntangleMode::Always || pipeline.improve_below)
+    throw UsageError(
+        "--untangle always and --improve move single nodes, which a field of the position can't "
+        "hold; leave them out, or morph the mesh by the main command");
+}
+
+std::string field_summary(const FieldReport& report) {
+  std::string text = summary_text(report.morph);
+  if (report.morph.outcome == Outcome::Done) text += field_text(report.field);
+  return text;
+}
+
+ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
+  set_thread_count(command.threads);
+  check_json_output(command.json, command.files.inputs());
+  ProgressBar bar(!command.is_quiet);
+  options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+  const FieldReport report = field_files(command.files, options);
+  bar.erase();
+  for (const std::string& warning : report.morph.warnings)
+    if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
+  const ExitCode code = report.morph.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
+  hand_over(command.json, command.is_quiet, field_summary(report),
+            to_json(report.morph, static_cast<int>(code)));
+  if (code != ExitCode::Done)
+    std::fprintf(stderr,
+                 "cadmorph: error: the field leaves inverted or poor elements in %s and was not "
+                 "written; the main command may mend them by optimisation, which moves single "
+                 "nodes and has no field\n%s",
+                 command.files.mesh.c_str(), diagnosis_text(*report.morph.diagnosis).c_str());
+  return code;
+}
+
+}  // namespace
+
+void add_field_command(CLI::App& app, Action& action) {
+  const auto command = std::make_shared<FieldCommand>();
+  CLI::App* parser = app.add_subcommand("field", "write the deformation to move other points by");
+  parser->add_option("BASE", command->files.base_cad, "STEP file the mesh was made for")
+      ->required();
+  parser->add_option("VARIANT", command->files.variant_cad, "STEP file to move the mesh onto")
+      ->required();
+  parser->add_option("MESH", command->files.mesh, "mesh of BASE, .vtu or .vtk")->required();
+  parser->add_option("-o,--output", command->files.output, "field file")
+      ->type_name("FIELD.cmf")
+      ->required();
+  add_json_option(*parser, command->json);
+  parser->add_flag("--quiet", command->is_quiet, "print errors only");
+  add_threads_option(*parser, command->threads);
+  add_morph_options(*parser, command->options);
+  parser->callback([&action, command] {
+    check(*command);
+    action.json = command->json;
+    const PipelineOptions options = resolve(command->options);
+    action.needs_fast_blas = is_dense(options);
+    action.run = [command, options] { return run_field(*command, options); };
+  });
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,45 @@
+#include <CLI/CLI.hpp>
+#include <memory>
+
+#include "apps/commands/command.h"
+#include "apps/commands/options.h"
+#include "apps/summary/json_report.h"
+#include "apps/summary/summary.h"
+#include "cad/step_reader.h"
+
+namespace cadmorph {
+namespace {
+
+struct MatchCommand {
+  std::filesystem::path base, variant;
+  std::string face_map, json;
+};
+
+ExitCode run_match(const MatchCommand& command) {
+  check_json_output(command.json, {command.base, command.variant});
+  MatchOptions options;
+  if (!command.face_map.empty()) options.given_faces = read_face_map(command.face_map);
+  const CadModel base = read_step(command.base);
+  const CadModel variant = read_step(command.variant);
+  const TopologyMatch match = match_topology(base, variant, options);
+  hand_over(command.json, false, match_text(base, variant, match),
+            match_json(base, variant, match));
+  return ExitCode::Done;
+}
+
+}  // namespace
+
+void add_match_command(CLI::App& app, Action& action) {
+  const auto command = std::make_shared<MatchCommand>();
+  CLI::App* parser = app.add_subcommand("match", "show which CAD face became which");
+  parser->add_option("BASE", command->base, "STEP file")->required();
+  parser->add_option("VARIANT", command->variant, "STEP file")->required();
+  add_face_map_option(*parser, command->face_map);
+  add_json_option(*parser, command->json);
+  parser->callback([&action, command] {
+    action.json = command->json;
+    action.run = [command] { return run_match(*command); };
+  });
+}
+
+}  // namespace cadmorph

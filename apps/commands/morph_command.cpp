@@ -1,0 +1,143 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "apps/commands/command.h"
+#include "apps/commands/options.h"
+#include "apps/report/morph_showing.h"
+#include "apps/summary/json_report.h"
+#include "apps/summary/progress_bar.h"
+#include "apps/summary/summary.h"
+#include "apps/summary/text_table.h"
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct MorphCommand {
+  MorphFiles files;
+  MorphOptions options;
+  std::string output, json;
+  ShowFiles show;
+  bool is_quiet = false;
+  int threads = 0;  ///< 0: all
+};
+
+void add_show_options(CLI::App& app, ShowFiles& show) {
+  app.add_option("--report", show.report,
+                 "write a page to look at: figures, charts, pictures, 3D view")
+      ->type_name("FILE.html");
+  app.add_option("--picture", show.picture, "write a picture of the mesh before and after")
+      ->type_name("FILE.png");
+}
+
+void add_options(CLI::App& app, MorphCommand& command) {
+  app.add_option("BASE", command.files.base_cad, "STEP file the mesh was made for");
+  app.add_option("VARIANT", command.files.variant_cad, "STEP file to move the mesh onto");
+  app.add_option("MESH", command.files.mesh, "mesh of BASE, .vtu or .vtk");
+  app.add_option("-o,--output", command.output, "morphed mesh (default: <stem>.morphed.<ext>)")
+      ->type_name("OUT");
+  app.add_option("--via", command.files.via,
+                 "CAD model between BASE and VARIANT to morph through; may be repeated")
+      ->type_name("STEP")
+      ->allow_extra_args(false);
+  add_json_option(app, command.json);
+  add_show_options(app, command.show);
+  app.add_flag("--diagnostics", command.files.has_diagnostics,
+               "add displacement, CAD entity, (u,v) and scaled Jacobian to the output");
+  app.add_flag("--quiet", command.is_quiet, "print errors only");
+  add_threads_option(app, command.threads);
+  add_morph_options(app, command.options);
+}
+
+void check_inputs(const MorphFiles& files) {
+  const char* missing = files.base_cad.empty()      ? "BASE.step, VARIANT.step and MESH"
+                        : files.variant_cad.empty() ? "VARIANT.step and MESH"
+                        : files.mesh.empty()        ? "MESH"
+                                                    : nullptr;
+  if (missing)
+    throw UsageError("missing " + std::string(missing) +
+                     "; usage: cadmorph BASE.step VARIANT.step MESH [-o OUT] (see --help)");
+}
+
+void check_outputs(const MorphCommand& command) {
+  const MorphFiles& files = command.files;
+  const std::vector<fs::path> outputs = {files.output, command.json, command.show.report,
+                                         command.show.picture};
+  std::error_code ignored;
+  for (const fs::path& input : files.inputs())
+    for (const fs::path& output : outputs)
+      if (output == input || fs::equivalent(output, input, ignored))
+        throw UsageError("the output " + output.string() +
+                         " is one of the inputs; name another file");
+  for (std::size_t i = 0; i < outputs.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (!outputs[i].empty() && outputs[i] == outputs[j])
+        throw UsageError("two outputs can't both go to " + outputs[i].string());
+  if (files.mesh.extension() != ".vtu" && files.mesh.extension() != ".vtk") return;
+  if (files.output.extension() != files.mesh.extension() &&
+      (!fs::exists(files.output, ignored) || fs::is_regular_file(files.output, ignored)))
+    throw UsageError("the output " + files.output.string() + " must be a " +
+                     files.mesh.extension().string() + " file, as the mesh is");
+}
+
+void complain(const PipelineReport& report, const PipelineOptions& options) {
+  std::fprintf(stderr, "cadmorph: error: %s\n%s%s", refusal_text(report, options).c_str(),
+               diagnosis_text(*report.diagnosis).c_str(),
+               troubleshooting_line(ExitCode::Quality).c_str());
+}
+
+ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
+  set_thread_count(command.threads);
+  check_json_output(command.json, command.files.inputs());
+  for (const fs::path& output : {command.show.report, command.show.picture})
+    if (!output.empty()) check_output(output, command.files.inputs());
+  ProgressBar bar(!command.is_quiet);
+  options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+  MorphShowing showing(command.show);
+  MorphFiles files = command.files;
+  if (!command.show.is_empty())
+    files.on_result = [&](const MorphJob& job, const CadModel& variant, const MorphResult& result) {
+      showing.collect(job, variant, result);
+    };
+  const PipelineReport report = morph_files(files, options);
+  const ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
+  std::vector<std::string> warnings = report.warnings;
+  if (!command.show.is_empty())
+    for (std::string& warning : showing.write(report, static_cast<int>(code)))
+      warnings.push_back(std::move(warning));
+  bar.erase();
+  for (const std::string& warning : warnings)
+    if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
+  hand_over(command.json, command.is_quiet, summary_text(report),
+            to_json(report, static_cast<int>(code)));
+  if (code != ExitCode::Done) complain(report, options);
+  return code;
+}
+
+void prepare(MorphCommand& command, Action& action) {
+  MorphFiles& files = command.files;
+  check_inputs(files);
+  files.output = command.output.empty() ? default_output(files.mesh) : fs::path(command.output);
+  check_outputs(command);
+  action.json = command.json;
+  if (!files.via.empty() && !command.options.face_map.empty())
+    throw UsageError("--map names faces of two CAD models and can't be used with --via");
+  const PipelineOptions options = resolve(command.options);
+  action.needs_fast_blas = is_dense(options);
+  action.run = [command, options] { return run_morph(command, options); };
+}
+
+}  // namespace
+
+void add_morph_command(CLI::App& app, Action& action) {
+  const auto command = std::make_shared<MorphCommand>();
+  add_options(app, *command);
+  app.callback([&app, &action, command] {
+    if (app.get_subcommands().empty()) prepare(*command, action);
+  });
+}
+
+}  // namespace cadmorph

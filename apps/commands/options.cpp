@@ -1,0 +1,219 @@
+#include "apps/commands/options.h"
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <map>
+
+#include "apps/commands/choice.h"
+#include "apps/pipeline/exit_code.h"
+
+namespace cadmorph {
+namespace {
+
+constexpr double kInch = 25.4, kFoot = 304.8;
+
+const std::map<std::string, double>& units() {
+  static const std::map<std::string, double> all = {{"mm", 1},       {"cm", 10},    {"m", 1000},
+                                                    {"inch", kInch}, {"in", kInch}, {"foot", kFoot},
+                                                    {"ft", kFoot}};
+  return all;
+}
+
+double parse_unit(const std::string& text) {
+  if (const auto unit = units().find(text); unit != units().end()) return unit->second;
+  double millimetres = 0;
+  if (!CLI::detail::lexical_cast(text, millimetres) || !(millimetres > 0) ||
+      !std::isfinite(millimetres))
+    throw UsageError("--mesh-unit " + text +
+                     ": give mm, cm, m, inch, foot, or the unit's length in millimetres");
+  return millimetres;
+}
+
+int parse_steps(const std::string& text) {
+  if (text == "auto") return 0;
+  int steps = 0;
+  if (!CLI::detail::lexical_cast(text, steps) || steps < 1)
+    throw UsageError("--steps " + text + ": give auto or a number of at least 1");
+  return steps;
+}
+
+Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
+  const bool has_shape = name == KernelName::Gaussian || name == KernelName::Multiquadric ||
+                         name == KernelName::InverseMultiquadric ||
+                         name == KernelName::WendlandC2 || name == KernelName::WendlandC4;
+  if (has_shape && !shape)
+    throw UsageError("this --kernel needs --shape, the inverse of a length in the mesh's unit");
+  if (!has_shape && shape) throw UsageError("--shape has no meaning for a polyharmonic --kernel");
+  const double epsilon = shape.value_or(1);
+  switch (name) {
+    case KernelName::Biharmonic:
+      return Kernel::biharmonic_3d();
+    case KernelName::Quadharmonic:
+      return Kernel::quadharmonic_3d();
+    case KernelName::Gaussian:
+      return {.kind = KernelKind::Gaussian, .shape = epsilon};
+    case KernelName::Multiquadric:
+      return {.kind = KernelKind::Multiquadric, .shape = epsilon};
+    case KernelName::InverseMultiquadric:
+      return {.kind = KernelKind::InverseMultiquadric, .shape = epsilon};
+    case KernelName::WendlandC2:
+      return {.kind = KernelKind::WendlandC2, .shape = epsilon};
+    case KernelName::WendlandC4:
+      return {.kind = KernelKind::WendlandC4, .shape = epsilon};
+    default:
+      return Kernel::triharmonic_3d();
+  }
+}
+
+// The choices of the RBF warp mean nothing to another method.
+void check_method(const MorphOptions& options) {
+  const VolumeMorphOptions& volume = options.pipeline.volume;
+  if (volume.method == MorphMethod::Rbf) return;
+  if (options.kernel != KernelName::Triharmonic || options.shape ||
+      volume.rbf.solver != SolverKind::Auto)
+    throw UsageError("--kernel, --shape and --solver choose within --method rbf; " +
+                     to_string(volume.method) + " has none of them");
+}
+
+void add_method_options(CLI::App& app, MorphOptions& raw) {
+  const auto group = "Method";
+  VolumeMorphOptions& volume = raw.pipeline.volume;
+  SteppingOptions& stepping = raw.pipeline.stepping;
+  add_choice(app, "--method", volume.method,
+             {{"rbf", MorphMethod::Rbf},
+              {"femwarp", MorphMethod::Femwarp},
+              {"lbwarp", MorphMethod::Lbwarp},
+              {"simplex-linear", MorphMethod::SimplexLinear}},
+             "how the volume nodes follow the surface (default: rbf)")
+      ->group(group);
+  add_choice(app, "--kernel", raw.kernel,
+             {{"triharmonic", KernelName::Triharmonic},
+              {"biharmonic", KernelName::Biharmonic},
+              {"quadharmonic", KernelName::Quadharmonic},
+              {"gaussian", KernelName::Gaussian},
+              {"multiquadric", KernelName::Multiquadric},
+              {"inverse-multiquadric", KernelName::InverseMultiquadric},
+              {"wendland-c2", KernelName::WendlandC2},
+              {"wendland-c4", KernelName::WendlandC4}},
+             "radial function of the volume morph (default: triharmonic)")
+      ->group(group);
+  app.add_option(
+         "--shape", raw.shape,
+         "epsilon of the Gaussian and the multiquadrics, 1 / support of Wendland's functions; "
+         "1 / mesh unit")
+      ->check(CLI::PositiveNumber)
+      ->group(group);
+  add_choice(app, "--solver", volume.rbf.solver,
+             {{"auto", SolverKind::Auto},
+              {"lu", SolverKind::Lu},
+              {"ldlt", SolverKind::Ldlt},
+              {"cholesky", SolverKind::Cholesky},
+              {"iqr", SolverKind::Iqr},
+              {"fast", SolverKind::Fast}},
+             "linear solver of the volume morph (default: auto)")
+      ->group(group);
+  app.add_option("--tolerance", volume.rbf.tolerance,
+                 "residual of the fast and the iqr solver, in local edge lengths")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--memory", raw.memory,
+                 "most that a solver may take: bytes, or with a suffix as in 16GB (default: 8GB)")
+      ->transform(CLI::AsSizeValue(true))
+      ->check(CLI::PositiveNumber)
+      ->type_name("SIZE")
+      ->group(group);
+  app.add_option("--steps", raw.steps, "auto: one step, more while elements are inverted; or N")
+      ->type_name("auto|N")
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--max-steps", stepping.max_steps, "most steps of --steps auto")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str()
+      ->group(group);
+  add_choice(app, "--untangle", raw.pipeline.untangle,
+             {{"auto", UntangleMode::Auto},
+              {"never", UntangleMode::Never},
+              {"always", UntangleMode::Always}},
+             "repair inverted elements by optimisation: auto when steps did not help, always at "
+             "once instead of steps (default: auto)")
+      ->group(group);
+  app.add_option("--improve", raw.pipeline.improve_below,
+                 "raise elements with a scaled Jacobian below by optimisation")
+      ->check(CLI::Range(0.0, 1.0))
+      ->group(group);
+  app.add_option("--min-scaled-jacobian", raw.pipeline.min_scaled_jacobian,
+                 "refuse a result with an element below")
+      ->check(CLI::Range(-1.0, 1.0))
+      ->group(group);
+}
+
+void add_mesh_options(CLI::App& app, MorphOptions& raw) {
+  const auto group = "Mesh and CAD";
+  SurfaceMorphOptions& surface = raw.pipeline.surface;
+  app.add_flag("--snap", surface.snap,
+               "put nodes exactly on the CAD instead of keeping their offset")
+      ->group(group);
+  add_choice(app, "--unmatched", surface.unmatched,
+             {{"auto", UnmatchedPolicy::Auto},
+              {"error", UnmatchedPolicy::Error},
+              {"fix", UnmatchedPolicy::Fix},
+              {"slide", UnmatchedPolicy::Slide}},
+             "what mesh surface on no CAD face does (default: auto)")
+      ->group(group);
+  app.add_option("--mesh-unit", raw.mesh_unit, "length unit of the mesh (default: detected)")
+      ->type_name("mm|cm|m|inch|foot|NUMBER")
+      ->group(group);
+  add_face_map_option(app, raw.face_map)->group(group);
+  app.add_option("--association-tolerance", surface.association.tolerance,
+                 "largest distance of a surface node from the CAD, in local edge lengths")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str()
+      ->group(group);
+}
+
+}  // namespace
+
+void add_morph_options(CLI::App& app, MorphOptions& options) {
+  add_method_options(app, options);
+  add_mesh_options(app, options);
+}
+
+void add_json_option(CLI::App& app, std::string& json) {
+  app.add_option("--json", json, "write all figures to a file; - for stdout, and nothing else")
+      ->type_name("FILE|-");
+}
+
+void add_threads_option(CLI::App& app, int& threads) {
+  app.add_option("--threads", threads, "number of threads (default: all processors)")
+      ->check(CLI::PositiveNumber);
+}
+
+CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map) {
+  return app
+      .add_option("--map", face_map, "pairs of base and variant face numbers, as match prints")
+      ->type_name("FILE.csv");
+}
+
+PipelineOptions resolve(const MorphOptions& options) {
+  PipelineOptions result = options.pipeline;
+  check_method(options);
+  if (!options.mesh_unit.empty())
+    result.surface.association.mesh_unit_mm = parse_unit(options.mesh_unit);
+  result.stepping.steps = parse_steps(options.steps);
+  result.volume.kernel = make_kernel(options.kernel, options.shape);
+  if (options.memory) result.volume.rbf.memory_limit = static_cast<double>(*options.memory);
+  if (!options.face_map.empty()) result.face_map = read_face_map(options.face_map);
+  return result;
+}
+
+bool is_dense(const PipelineOptions& options) {
+  const VolumeMorphOptions& volume = options.volume;
+  if (volume.method != MorphMethod::Rbf) return false;
+  const bool is_triharmonic =
+      volume.kernel.order == 3 && volume.kernel.kind == KernelKind::Polyharmonic;
+  return volume.rbf.solver != SolverKind::Fast &&
+         !(volume.rbf.solver == SolverKind::Auto && is_triharmonic);
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/pipeline/pipeline.h"
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
+namespace cadmorph {
+
+enum class KernelName {
+  Triharmonic,
+  Biharmonic,
+  Quadharmonic,
+  Gaussian,
+  Multiquadric,
+  InverseMultiquadric,
+  WendlandC2,
+  WendlandC4,
+};
+
+/// The options of a morph as the command line gives them.
+struct MorphOptions {
+  PipelineOptions pipeline;  ///< what needs no second look
+  std::string mesh_unit, steps = "auto", face_map;
+  KernelName kernel = KernelName::Triharmonic;
+  std::optional<double> shape;
+  std::optional<std::uint64_t> memory;  ///< bytes
+};
+
+/// Adds the groups of options that every command that morphs has.
+void add_morph_options(CLI::App& app, MorphOptions& options);
+void add_json_option(CLI::App& app, std::string& json);
+void add_threads_option(CLI::App& app, int& threads);
+CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map);
+
+/// What the options come to. Throws UsageError; what read_face_map throws.
+PipelineOptions resolve(const MorphOptions& options);
+
+/// Whether the volume morph solves dense systems, which need a fast BLAS.
+bool is_dense(const PipelineOptions& options);
+
+}  // namespace cadmorph

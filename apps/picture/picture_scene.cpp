@@ -1,0 +1,197 @@
+#include "apps/picture/picture_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "apps/picture/visible_surface.h"
+#include "apps/pipeline/output_file.h"
+#include "core/mesh_file.h"
+
+namespace cadmorph {
+
+NLOHMANN_JSON_SERIALIZE_ENUM(Colouring, {{Colouring::Plain, "plain"},
+                                         {Colouring::Scale, "scale"},
+                                         {Colouring::ReversedScale, "reversed scale"},
+                                         {Colouring::Marks, "marks"}})
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Panel, surface, is_moved, colouring, array, title, subtitle,
+                                   is_cut)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Picture, output, width, height, columns, is_transparent,
+                                   bar_title, low, high, panels)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Scene, cut_axis, pictures)
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kWorstShare = 0.05;
+constexpr const char* kSurface = "surface.vtu";
+constexpr const char* kScene = "scene.json";
+constexpr const char* kCut = "cut.vtu";
+
+// 1 for each of the worst cells of those measured, else 0.
+std::vector<char> mark_worst(const std::vector<double>& quality) {
+  std::vector<Index> measured;
+  for (Index c = 0; c < static_cast<Index>(quality.size()); ++c)
+    if (!std::isnan(quality[c])) measured.push_back(c);
+  const auto count = std::ceil(kWorstShare * static_cast<double>(measured.size()));
+  const auto end = measured.begin() + static_cast<std::ptrdiff_t>(count);
+  std::partial_sort(measured.begin(), end, measured.end(), [&](Index a, Index b) {
+    return std::pair(quality[a], a) < std::pair(quality[b], b);
+  });
+  std::vector<char> marks(quality.size(), 0);
+  std::for_each(measured.begin(), end, [&](Index c) { marks[c] = 1; });
+  return marks;
+}
+
+template <class Values>
+RowMatrix pick(const Values& values, const std::vector<Index>& cells) {
+  RowMatrix result(cells.size(), 1);
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    result(static_cast<Index>(i), 0) = static_cast<double>(values[cells[i]]);
+  return result;
+}
+
+void write_surface(const fs::path& path, const DrawnMesh& drawn, const std::vector<char>& is_shown,
+                   const std::vector<char>& worst_before, const std::vector<char>& worst_after) {
+  VisibleSurface surface = visible_surface(drawn.mesh, drawn.neighbours, is_shown);
+  ExtraArrays extra;
+  extra.cell_arrays["quality_before"] = pick(drawn.before.values, surface.cells);
+  extra.cell_arrays["worst_before"] = pick(worst_before, surface.cells);
+  if (drawn.moved) {
+    const Points moved = (*drawn.moved)(surface.nodes, Eigen::all);
+    extra.point_arrays["displacement"] = moved - surface.mesh.points;
+    extra.cell_arrays["quality_after"] = pick(drawn.after->values, surface.cells);
+    extra.cell_arrays["worst_after"] = pick(worst_after, surface.cells);
+  }
+  write_mesh(path, surface.mesh, extra);
+}
+
+double largest_displacement(const DrawnMesh& drawn) {
+  return (*drawn.moved - drawn.mesh.points).rowwise().norm().maxCoeff();
+}
+
+double least_quality(const DrawnMesh& drawn) {
+  return std::min({0.0, drawn.before.min, drawn.after ? drawn.after->min : 0.0});
+}
+
+std::string size_text(const Mesh& mesh) {
+  return std::to_string(mesh.node_count()) + " nodes, " + std::to_string(mesh.cell_count()) +
+         " elements";
+}
+
+std::string quality_text(const QualityReport& quality) {
+  char text[160];
+  std::snprintf(text, sizeof text, "scaled Jacobian: min %.3f, mean %.3f; inverted: %lld",
+                quality.min, quality.mean, static_cast<long long>(quality.inverted));
+  return text;
+}
+
+Panel surface_panel(bool is_moved, Colouring colouring, const std::string& array) {
+  Panel panel;
+  panel.surface = kSurface;
+  panel.is_moved = is_moved;
+  panel.colouring = colouring;
+  panel.array = array;
+  return panel;
+}
+
+Panel cut_panel(bool is_moved) {
+  Panel panel =
+      surface_panel(is_moved, Colouring::Marks, is_moved ? "worst_after" : "worst_before");
+  panel.surface = kCut;
+  panel.is_cut = true;
+  return panel;
+}
+
+Panel titled(Panel panel, const std::string& title, const std::string& subtitle) {
+  panel.title = title;
+  panel.subtitle = subtitle;
+  return panel;
+}
+
+Picture overview_of_mesh(const DrawnMesh& drawn) {
+  Picture picture;
+  picture.height = 700;
+  picture.columns = 2;
+  picture.bar_title = "Scaled\nJacobian";
+  picture.low = least_quality(drawn);
+  picture.panels = {titled(surface_panel(false, Colouring::ReversedScale, "quality_before"),
+                           "Surface", size_text(drawn.mesh)),
+                    titled(cut_panel(false), "Cut open: worst 5 % of the elements in red",
+                           quality_text(drawn.before))};
+  return picture;
+}
+
+Picture overview_of_morph(const DrawnMesh& drawn, bool is_quality) {
+  Picture picture;
+  picture.columns = 2;
+  picture.bar_title = is_quality ? "Scaled\nJacobian" : "Displacement\n[" + drawn.unit + "]";
+  picture.low = is_quality ? least_quality(drawn) : 0;
+  picture.high = is_quality ? 1 : largest_displacement(drawn);
+  const Panel before = is_quality ? surface_panel(false, Colouring::ReversedScale, "quality_before")
+                                  : surface_panel(false, Colouring::Plain, "");
+  const Panel after = is_quality ? surface_panel(true, Colouring::ReversedScale, "quality_after")
+                                 : surface_panel(true, Colouring::Scale, "displacement");
+  picture.panels = {titled(before, "Before", size_text(drawn.mesh)),
+                    titled(after, "After", size_text(drawn.mesh)),
+                    titled(cut_panel(false), "Before, cut open: worst 5 % of the elements in red",
+                           quality_text(drawn.before)),
+                    titled(cut_panel(true), "After, cut open: worst 5 % of the elements in red",
+                           quality_text(*drawn.after))};
+  return picture;
+}
+
+}  // namespace
+
+void write_surfaces(const DrawnMesh& drawn, const fs::path& folder) {
+  const std::vector<char> worst_before = mark_worst(drawn.before.values);
+  const std::vector<char> worst_after =
+      drawn.after ? mark_worst(drawn.after->values) : std::vector<char>();
+  write_surface(folder / kSurface, drawn, std::vector<char>(drawn.mesh.cell_count(), 1),
+                worst_before, worst_after);
+  write_surface(folder / kCut, drawn, cells_above_middle(drawn.mesh, drawn.cut_axis), worst_before,
+                worst_after);
+}
+
+Picture overview(const DrawnMesh& drawn, bool is_quality) {
+  Picture picture = drawn.moved ? overview_of_morph(drawn, is_quality) : overview_of_mesh(drawn);
+  picture.output = "overview.png";
+  return picture;
+}
+
+std::vector<Picture> separate_pictures(const DrawnMesh& drawn) {
+  const auto picture = [](const char* output, const Panel& panel, double high) {
+    Picture result;
+    result.output = output;
+    result.width = 640;
+    result.height = 480;
+    result.is_transparent = true;
+    result.high = high;
+    result.panels = {panel};
+    return result;
+  };
+  return {picture("base.png", surface_panel(false, Colouring::Plain, ""), 1),
+          picture("variant.png", surface_panel(true, Colouring::Plain, ""), 1),
+          picture("displacement.png", surface_panel(true, Colouring::Scale, "displacement"),
+                  largest_displacement(drawn)),
+          picture("cut.png", cut_panel(true), 1)};
+}
+
+void write_scene(const fs::path& folder, const Scene& scene) {
+  write_text(folder / kScene, nlohmann::json(scene).dump());
+}
+
+Scene read_scene(const fs::path& folder) {
+  const fs::path path = folder / kScene;
+  std::ifstream file(path);
+  if (!file) throw IoError("can't read " + path.string());
+  try {
+    return nlohmann::json::parse(file).get<Scene>();
+  } catch (const nlohmann::json::exception& error) {
+    throw InvalidInputError(path.string() + " is no scene: " + error.what());
+  }
+}
+
+}  // namespace cadmorph

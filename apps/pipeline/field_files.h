@@ -1,0 +1,46 @@
+#pragma once
+
+#include "apps/pipeline/pipeline.h"
+
+namespace cadmorph {
+
+/// What a field file holds.
+struct FieldFigures {
+  std::filesystem::path file;
+  std::string base_cad, variant_cad, mesh;  ///< as named when it was made
+  double mesh_unit_mm = 1;                  ///< millimetres per unit of its coordinates
+  Index centres = 0;                        ///< of one step
+  int steps = 0;
+};
+
+struct FieldReport {
+  PipelineReport morph;  ///< `written` is the field file; empty when the result was refused
+  FieldFigures field;
+};
+
+/// Morphs as morph_files does, without repair by optimisation, and writes the deformation field to
+/// `files.output`, or nothing when elements stay inverted or poor: the outcome and diagnosis tell.
+/// Throws as morph_files does; InvalidInputError for models on the way and for what
+/// record_deformation refuses.
+FieldReport field_files(const MorphFiles& files, const PipelineOptions& options = {});
+
+struct ApplyReport {
+  FieldFigures field;
+  std::filesystem::path mesh, written;  ///< written: the output, or the failed mesh
+  Index nodes = 0, cells = 0;
+  Index at_nodes = 0;           ///< at the place of a node whose position the CAD gave
+  Index outside = 0;            ///< outside the box of the mesh the field was made for
+  double max_displacement = 0;  ///< in the mesh's unit
+  QualityReport quality_before, quality_after;
+  ValidityReport validity_before, validity_after;
+  std::vector<Index> bad_cells;  ///< inverted ones: the result is refused when there are any
+  double seconds = 0;
+};
+
+/// Moves the points of a mesh file by a field file and writes it to `output`; with inverted cells
+/// to `<stem>.failed.<ext>` beside, the cells marked in cadmorph_bad. Throws IoError or
+/// InvalidInputError for an input, OutputError for the output.
+ApplyReport apply_files(const std::filesystem::path& field, const std::filesystem::path& mesh,
+                        const std::filesystem::path& output);
+
+}  // namespace cadmorph

@@ -1,0 +1,162 @@
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <future>
+#include <numeric>
+
+#include "apps/pipeline/pipeline.h"
+#include "cad/step_reader.h"
+
+namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Adds times to those of phases of the same names.
+void add_phases(std::vector<PhaseTime>& all, const std::vector<PhaseTime>& more) {
+  for (const PhaseTime& phase : more) {
+    const auto known = std::ranges::find(all, phase.name, &PhaseTime::name);
+    if (known == all.end())
+      all.push_back(phase);
+    else
+      known->seconds += phase.seconds;
+  }
+}
+
+double sum(const std::vector<PhaseTime>& phases) {
+  return std::accumulate(phases.begin(), phases.end(), 0.0,
+                         [](double total, const PhaseTime& p) { return total + p.seconds; });
+}
+
+// The morphs of one trip, one after the other.
+class Trip {
+ public:
+  Trip(const MorphFiles& files, const PipelineOptions& options)
+      : files_(files), options_(options), targets_(files.via) {
+    targets_.push_back(files.variant_cad);
+  }
+
+  PipelineReport run() {
+    read();
+    for (leg_ = 0; leg_ < targets_.size(); ++leg_) {
+      run_leg();
+      if (result_.report.outcome != Outcome::Done) break;
+    }
+    return write();
+  }
+
+ private:
+  bool is_series() const { return targets_.size() > 1; }
+
+  // STEP is read by one thread at a time; the mesh is read beside the base, each variant while the
+  // side before it is at work.
+  void read() {
+    PhaseClock clock(options_.progress);
+    clock.start("reading");
+    for (const fs::path& target : targets_) check_step_file(target);
+    auto mesh = std::async(std::launch::async,
+                           [&] { return std::make_shared<const MeshFile>(files_.mesh); });
+    base_ = std::make_shared<const CadModel>(read_step(files_.base_cad));
+    read_ahead(0);
+    mesh_ = mesh.get();
+    phases_ = clock.phases();
+  }
+
+  void read_ahead(std::size_t leg) {
+    if (leg < targets_.size())
+      variant_ = std::async(std::launch::async, [path = targets_[leg]] { return read_step(path); });
+  }
+
+  PipelineOptions leg_options() const {
+    PipelineOptions options = options_;
+    if (leg_ > 0) options.surface.association.mesh_unit_mm = whole_.mesh_unit_mm;
+    if (leg_ + 1 < targets_.size()) options.min_scaled_jacobian.reset();
+    return options;
+  }
+
+  void run_leg() {
+    job_.emplace(base_, mesh_, leg_options(), std::move(result_.positions));
+    base_ = std::make_shared<const CadModel>(variant_.get());
+    read_ahead(leg_ + 1);
+    result_ = job_->morph(*base_);
+    const PipelineReport& report = result_.report;
+    if (leg_ == 0) whole_ = report;
+    if (is_series()) add_leg(report);
+    add_phases(phases_, report.phases);
+  }
+
+  void add_leg(const PipelineReport& report) {
+    legs_.push_back({report.variant_cad, report.matched_by, report.after, report.stepping,
+                     report.untangling, sum(report.phases)});
+    const std::string name = "on the way to " + targets_[leg_].string() + ": ";
+    for (const std::string& warning : report.warnings) warnings_.push_back(name + warning);
+  }
+
+  PipelineReport write() {
+    PhaseClock clock(options_.progress);
+    if (files_.on_result) {
+      clock.start("report");
+      files_.on_result(*job_, *base_, result_);
+    }
+    clock.start("writing");
+    const fs::path written = job_->write(result_, files_.output, files_.has_diagnostics);
+    add_phases(phases_, clock.phases());
+    PipelineReport report = is_series() ? series_report() : result_.report;
+    report.written = written;
+    report.phases = phases_;
+    report.seconds = sum(phases_);
+    report.peak_memory = peak_memory();
+    return report;
+  }
+
+  PipelineReport series_report() {
+    PipelineReport report = result_.report;
+    report.base_cad = whole_.base_cad;
+    report.before = whole_.before;
+    report.is_unit_detected = whole_.is_unit_detected;
+    report.warnings = std::move(warnings_);
+    report.max_displacement =
+        report.mesh_unit_mm *
+        (result_.positions - mesh_->mesh().points).rowwise().norm().maxCoeff();
+    report.legs = std::move(legs_);
+    return report;
+  }
+
+  const MorphFiles& files_;
+  const PipelineOptions& options_;
+  std::vector<fs::path> targets_;  ///< a leg each
+  std::size_t leg_ = 0;
+  std::shared_ptr<const CadModel> base_;
+  std::shared_ptr<const MeshFile> mesh_;
+  std::future<CadModel> variant_;
+  std::optional<MorphJob> job_;
+  MorphResult result_;
+  PipelineReport whole_;  ///< of the first leg
+  std::vector<LegReport> legs_;
+  std::vector<std::string> warnings_;
+  std::vector<PhaseTime> phases_;
+};
+
+}  // namespace
+
+std::vector<fs::path> MorphFiles::inputs() const {
+  std::vector<fs::path> all = {base_cad, variant_cad, mesh};
+  all.insert(all.end(), via.begin(), via.end());
+  return all;
+}
+
+double peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return 1024.0 * static_cast<double>(usage.ru_maxrss);
+}
+
+PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& options) {
+  if (!files.via.empty() && !options.face_map.empty())
+    throw InvalidInputError(
+        "a face map names faces of two CAD models and can't be used with models on the way");
+  check_output(files.output, files.inputs());
+  return Trip(files, options).run();
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,66 @@
+#include "apps/pipeline/output_file.h"
+
+#include <unistd.h>
+
+#include <fstream>
+#include <iterator>
+#include <system_error>
+
+#include "core/temporary_file.h"
+
+namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path folder_of(const fs::path& file) {
+  return file.has_parent_path() ? file.parent_path() : fs::path(".");
+}
+
+[[noreturn]] void refuse(const fs::path& output, const std::string& why) {
+  throw OutputError("can't write " + output.string() + ": " + why);
+}
+
+}  // namespace
+
+void check_output(const fs::path& output, const std::vector<fs::path>& inputs) {
+  std::error_code error;
+  for (const fs::path& input : inputs)
+    if (fs::equivalent(output, input, error))
+      throw InvalidInputError("the output " + output.string() +
+                              " is one of the inputs; name another file with -o");
+  const fs::path folder = folder_of(output);
+  if (!fs::exists(folder, error)) refuse(output, "there is no folder " + folder.string());
+  if (!fs::is_directory(folder, error)) refuse(output, folder.string() + " is no folder");
+  if (access(folder.c_str(), W_OK | X_OK) != 0)
+    refuse(output, "no permission to write in the folder " + folder.string());
+  if (fs::exists(output, error) && !fs::is_regular_file(output, error))
+    refuse(output, "it exists and is no regular file");
+}
+
+fs::path default_output(const fs::path& mesh) {
+  return mesh.parent_path() / (mesh.stem().string() + ".morphed" + mesh.extension().string());
+}
+
+fs::path failed_path(const fs::path& output) {
+  return folder_of(output) / (output.stem().string() + ".failed" + output.extension().string());
+}
+
+std::string read_bytes(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  if (!file) throw IoError("can't read " + path.string());
+  return bytes;
+}
+
+void write_text(const fs::path& path, const std::string& text) {
+  try {
+    TemporaryFile file(path);
+    file.write(text.data(), text.size(), 0);
+    file.commit();
+  } catch (const IoError& error) {
+    throw OutputError(error.what());
+  }
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/picture/picture_process.h"
+#include "apps/report/report_page.h"
+
+namespace cadmorph {
+
+/// What shows a morph to people; empty paths are left out.
+struct ShowFiles {
+  std::filesystem::path report;   ///< .html
+  std::filesystem::path picture;  ///< .png
+
+  bool is_empty() const { return report.empty() && picture.empty(); }
+};
+
+/// The report page and the picture of one morph, in the making.
+class MorphShowing {
+ public:
+  explicit MorphShowing(ShowFiles files) : files_(std::move(files)) {}
+
+  /// Takes what is to be shown from the result and starts to draw. Call before the job is gone.
+  void collect(const MorphJob& job, const CadModel& variant, const MorphResult& result);
+
+  /// Waits for the pictures and writes the files. What can't be drawn is left out and told in the
+  /// warnings returned. Throws OutputError.
+  std::vector<std::string> write(const PipelineReport& report, int exit_code);
+
+ private:
+  ShowFiles files_;
+  std::vector<std::string> names_;  ///< of the pictures, the overview first
+  std::optional<PictureProcess> drawing_;
+  PageContents contents_;
+};
+
+}  // namespace cadmorph

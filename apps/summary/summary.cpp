@@ -1,0 +1,328 @@
+#include "apps/summary/summary.h"
+
+#include <cmath>
+#include <utility>
+
+#include "apps/summary/text_table.h"
+
+namespace cadmorph {
+namespace {
+
+constexpr int kLabelWidth = 14;
+
+std::string labelled(std::string label, const std::string& text) {
+  label.resize(kLabelWidth, ' ');
+  return label + text + "\n";
+}
+
+std::string cad_line(const CadFigures& cad) {
+  return cad.file.string() + format(" (%s faces, %s edges, %s vertices; unit %s; diagonal %.4g mm)",
+                                    with_commas(cad.faces).c_str(), with_commas(cad.edges).c_str(),
+                                    with_commas(cad.vertices).c_str(), cad.unit.c_str(),
+                                    cad.diagonal);
+}
+
+std::string mesh_line(const PipelineReport& report) {
+  return report.mesh_file.string() +
+         format(" (%s nodes, %s cells; unit %s, %s)", with_commas(report.nodes).c_str(),
+                with_commas(report.cells).c_str(), unit_name(report.mesh_unit_mm).c_str(),
+                report.is_unit_detected ? "detected" : "given");
+}
+
+std::string node_line(const PipelineReport& report) {
+  std::string text =
+      format("%s vertex, %s edge, %s face, %s interior", with_commas(report.vertex_nodes).c_str(),
+             with_commas(report.edge_nodes).c_str(), with_commas(report.face_nodes).c_str(),
+             with_commas(report.interior_nodes).c_str());
+  if (report.unmatched_nodes > 0)
+    text += ", " + with_commas(report.unmatched_nodes) + " on no CAD face";
+  return text;
+}
+
+std::string distance(double length, double diagonal) {
+  if (length == 0 || diagonal == 0) return millimetres(length);
+  return millimetres(length) + format(" (%.1e)", length / diagonal);
+}
+
+using Row = std::vector<std::string>;
+
+std::string before_after_table(const PipelineReport& report) {
+  std::vector<Row> rows = {{"", "before", "after"}};
+  for (Row& row : distance_rows(report)) rows.push_back(std::move(row));
+  for (Row& row : quality_rows(report.before, report.after)) rows.push_back(std::move(row));
+  return align(rows);
+}
+
+std::string solver_line(const PipelineReport& report) {
+  const RbfReport& solver = report.solver;
+  const int steps = report.stepping.steps;
+  const std::string steps_text = format("; %d step%s", steps, steps == 1 ? "" : "s");
+  if (report.method != MorphMethod::Rbf)
+    return to_string(report.method) + ", " + with_commas(solver.centres) + " surface nodes" +
+           steps_text;
+  std::string text = to_string(report.kernel) + ", " + with_commas(solver.centres) + " centres, " +
+                     to_string(solver.solver);
+  if (!solver.reason.empty()) text += " (" + solver.reason + ")";
+  if (solver.reciprocal_condition > 0) text += format(", rcond %.1e", solver.reciprocal_condition);
+  if (solver.iterations > 0 && solver.solver == SolverKind::Fast)
+    text += format(", %d iterations", solver.iterations);
+  return text + steps_text;
+}
+
+std::string attempts_line(const SteppingReport& stepping) {
+  std::string text;
+  for (const SteppingAttempt& attempt : stepping.attempts)
+    text += format("%s%d: %s", text.empty() ? "" : ", ", attempt.steps,
+                   with_commas(attempt.inverted).c_str());
+  return text;
+}
+
+std::string time_line(const PipelineReport& report) {
+  std::string text = format("%.2f s:", report.seconds);
+  const char* separator = " ";
+  for (const PhaseTime& phase : report.phases) {
+    if (phase.seconds < 0.005) continue;
+    text += separator + phase.name + format(" %.2f", phase.seconds);
+    separator = ", ";
+  }
+  return text;
+}
+
+std::string machine_line(const PipelineReport& report) {
+  return format("%.0f MiB peak memory, %d thread%s, BLAS kernel %s",
+                report.peak_memory / (1024.0 * 1024.0), report.threads,
+                report.threads == 1 ? "" : "s",
+                report.blas_kernel.empty() ? "unknown" : report.blas_kernel.c_str());
+}
+
+std::string untangle_line(const UntangleReport& report) {
+  return format("%s inverted elements left of %s; %s nodes free, moved at most %.3g mesh units",
+                with_commas(report.after).c_str(), with_commas(report.before).c_str(),
+                with_commas(report.moved_nodes).c_str(), report.max_move);
+}
+
+std::string improve_line(const ImproveReport& report) {
+  return format("%s elements below %g, %s before; smallest scaled Jacobian from %.4f to %.4f",
+                with_commas(report.poor_after).c_str(), report.below,
+                with_commas(report.poor_before).c_str(), report.min_before, report.min_after);
+}
+
+std::string leg_text(const LegReport& leg) {
+  const int steps = leg.stepping.steps;
+  return leg.cad.file.filename().string() +
+         format(": %d step%s, smallest scaled Jacobian %.4f, %s invalid, %.2f s", steps,
+                steps == 1 ? "" : "s", leg.after.min_scaled_jacobian,
+                with_commas(leg.after.invalid).c_str(), leg.seconds);
+}
+
+// The physical edges and vertices, numbered from 1.
+std::string edge_table(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  std::vector<Row> rows = {{"base edge", "length", "variant edge", "length", "confidence"}};
+  for (std::size_t c = 0; c < match.curves.size(); ++c)
+    rows.push_back({std::to_string(c + 1), millimetres(base.skeleton().curves[c].length),
+                    std::to_string(match.curves[c] + 1),
+                    millimetres(variant.skeleton().curves[match.curves[c]].length),
+                    format("%.2f", match.curve_confidence[c])});
+  std::string text("\n");
+  text += align(rows);
+  if (match.corners.empty()) return text;
+  const auto place = [](const CadModel& model, std::size_t corner) {
+    const Eigen::Vector3d& p = model.vertices()[model.skeleton().corners[corner]].point;
+    return format("%.6g %.6g %.6g", p.x(), p.y(), p.z());
+  };
+  rows = {{"base vertex", "at (mm)", "variant vertex", "at (mm)", "confidence"}};
+  for (std::size_t c = 0; c < match.corners.size(); ++c)
+    rows.push_back({std::to_string(c + 1), place(base, c), std::to_string(match.corners[c] + 1),
+                    place(variant, match.corners[c]), format("%.2f", match.corner_confidence[c])});
+  return text.append("\n").append(align(rows));
+}
+
+}  // namespace
+
+std::string to_string(const Kernel& kernel) {
+  switch (kernel.kind) {
+    case KernelKind::Gaussian:
+      return "Gaussian";
+    case KernelKind::Multiquadric:
+      return "multiquadric";
+    case KernelKind::InverseMultiquadric:
+      return "inverse multiquadric";
+    case KernelKind::WendlandC2:
+      return "Wendland C2";
+    case KernelKind::WendlandC4:
+      return "Wendland C4";
+    case KernelKind::Polyharmonic:
+      break;
+  }
+  switch (kernel.order) {
+    case 2:
+      return "biharmonic";
+    case 3:
+      return "triharmonic";
+    case 4:
+      return "quadharmonic";
+    default:
+      return format("polyharmonic of order %d", kernel.order);
+  }
+}
+
+std::string to_string(SolverKind solver) {
+  switch (solver) {
+    case SolverKind::Lu:
+      return "LU";
+    case SolverKind::Ldlt:
+      return "LDLT";
+    case SolverKind::Cholesky:
+      return "Cholesky";
+    case SolverKind::Iqr:
+      return "incremental QR";
+    case SolverKind::Fast:
+      return "fast";
+    case SolverKind::Auto:
+      break;
+  }
+  return "none needed";
+}
+
+std::string unit_name(double millimetres) {
+  for (const auto& [length, name] :
+       {std::pair{1.0, "mm"}, {10.0, "cm"}, {1000.0, "m"}, {25.4, "inch"}, {304.8, "foot"}})
+    if (std::abs(millimetres - length) < 1e-9 * length) return name;
+  return format("%.6g mm", millimetres);
+}
+
+std::vector<Row> distance_rows(const PipelineReport& report) {
+  return {{"Distance to CAD, max", distance(report.before.max_distance, report.base_cad.diagonal),
+           distance(report.after.max_distance, report.variant_cad.diagonal)},
+          {"Distance to CAD, mean", distance(report.before.mean_distance, report.base_cad.diagonal),
+           distance(report.after.mean_distance, report.variant_cad.diagonal)}};
+}
+
+std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& after) {
+  const auto row = [](const char* name, const char* pattern, double a, double b) {
+    return Row{name, format(pattern, a), format(pattern, b)};
+  };
+  const auto counts = [](const char* name, Index a, Index b) {
+    return Row{name, with_commas(a), with_commas(b)};
+  };
+  const QualityChecks &a = before.checks, &b = after.checks;
+  return {
+      row("Scaled Jacobian, min", "%.4f", before.min_scaled_jacobian, after.min_scaled_jacobian),
+      row("Scaled Jacobian, mean", "%.4f", before.mean_scaled_jacobian, after.mean_scaled_jacobian),
+      counts("Inverted elements (corner Jacobians)", before.inverted, after.inverted),
+      counts("Invalid elements (exact test)", before.invalid, after.invalid),
+      row("Non-orthogonality, max (deg)", "%.1f", a.max_non_orthogonality_deg,
+          b.max_non_orthogonality_deg),
+      row("Skewness, max", "%.2f", a.max_skewness, b.max_skewness),
+      row("Aspect ratio, max", "%.1f", a.max_aspect_ratio, b.max_aspect_ratio),
+  };
+}
+
+std::string summary_text(const PipelineReport& report) {
+  std::string text;
+  text += labelled("Base CAD", cad_line(report.base_cad));
+  text += labelled("Variant CAD", cad_line(report.variant_cad));
+  text += labelled("Mesh", mesh_line(report));
+  text += labelled("Matched by",
+                   report.matched_by + format(" (least confidence %.2f)", report.least_confidence));
+  text += labelled("Nodes", node_line(report));
+  text += labelled("Volume morph", solver_line(report));
+  if (report.stepping.attempts.size() > 1)
+    text += labelled("Steps tried", attempts_line(report.stepping) + " inverted");
+  if (report.improving) text += labelled("Improving", improve_line(*report.improving));
+  if (report.untangling) text += labelled("Untangling", untangle_line(*report.untangling));
+  for (std::size_t i = 0; i < report.legs.size(); ++i)
+    text += labelled(format("Leg %zu", i + 1), leg_text(report.legs[i]));
+  text += labelled("Largest move", millimetres(report.max_displacement));
+  text.append("\n").append(before_after_table(report)).append("\n");
+  text += labelled("Time", time_line(report));
+  text += labelled("Machine", machine_line(report));
+  text +=
+      labelled(report.outcome == Outcome::Done ? "Written" : "Refused", report.written.string());
+  return text;
+}
+
+std::string refusal_text(const PipelineReport& report, const PipelineOptions& options) {
+  const Index bad = report.diagnosis->bad_cells;
+  std::string what = with_commas(bad) + (bad == 1 ? " element" : " elements");
+  if (report.outcome == Outcome::Inverted)
+    what += bad == 1 ? " is inverted" : " are inverted";
+  else
+    what +=
+        format(bad == 1 ? " has a scaled Jacobian below %g" : " have a scaled Jacobian below %g",
+               *options.min_scaled_jacobian);
+  return what + "; the refused mesh is " + report.written.string() + " (cell array cadmorph_bad)";
+}
+
+std::string diagnosis_text(const Diagnosis& diagnosis) {
+  std::string text = "  the worst is cell " + std::to_string(diagnosis.worst_cell) +
+                     format(" at (%.6g, %.6g, %.6g)", diagnosis.location[0], diagnosis.location[1],
+                            diagnosis.location[2]);
+  if (diagnosis.regions.size() > 1 || diagnosis.regions.front().first != 0)
+    text += format(", most in region %d (%s)", diagnosis.regions.front().first,
+                   with_commas(diagnosis.regions.front().second).c_str());
+  text += "\n";
+  if (diagnosis.face >= 0) {
+    text += format("  nearest CAD face: %d (%s", diagnosis.face + 1, diagnosis.face_type.c_str());
+    text += (diagnosis.face_name.empty() ? "" : ", " + diagnosis.face_name) + ")\n";
+  }
+  if (diagnosis.first_inversion < 1)
+    text += format("  the first inversion appears at %.0f %% of the change\n",
+                   100 * diagnosis.first_inversion);
+  for (const std::string& advice : diagnosis.advice) text += "  try: " + advice + "\n";
+  return text;
+}
+
+std::string quality_text(const std::filesystem::path& mesh, Index nodes,
+                         const QualityReport& quality, const ValidityReport& validity,
+                         const QualityChecks& checks) {
+  const auto cell = [](Index c) { return c < 0 ? std::string() : "cell " + std::to_string(c); };
+  std::string text = labelled("Mesh", mesh.string());
+  text += labelled("Nodes", with_commas(nodes));
+  text += labelled("Cells", with_commas(static_cast<Index>(quality.values.size())) + ", measured " +
+                                with_commas(quality.cells));
+  std::vector<Row> rows = {
+      {"", "value", "worst", "above the limit"},
+      {"Scaled Jacobian, min", format("%.4f", quality.min), cell(quality.worst_cell)},
+      {"Scaled Jacobian, mean", format("%.4f", quality.mean)},
+      {"Inverted elements (corner Jacobians)", with_commas(quality.inverted),
+       quality.inverted ? cell(quality.inverted_cells.front()) : ""},
+      {"Invalid elements (exact test)", with_commas(validity.invalid),
+       validity.invalid ? cell(validity.invalid_cells.front()) : ""}};
+  if (validity.cells > 0) {
+    rows.push_back({"Non-orthogonality, max (deg)",
+                    format("%.1f", checks.max_non_orthogonality_deg),
+                    cell(checks.worst_non_orthogonal_cell),
+                    with_commas(checks.severely_non_orthogonal) + " faces > 70"});
+    rows.push_back(
+        {"Non-orthogonality, mean (deg)", format("%.1f", checks.mean_non_orthogonality_deg)});
+    rows.push_back({"Skewness, max", format("%.2f", checks.max_skewness),
+                    cell(checks.worst_skew_cell), with_commas(checks.highly_skew) + " faces > 4"});
+    rows.push_back({"Aspect ratio, max", format("%.1f", checks.max_aspect_ratio),
+                    cell(checks.worst_aspect_cell),
+                    with_commas(checks.high_aspect) + " cells > 1000"});
+    rows.push_back({"Smallest volume", format("%.3e", checks.min_volume)});
+  }
+  return text.append("\n").append(align(rows));
+}
+
+std::string match_text(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  std::string text = labelled("Base CAD", base.file_name() + " (unit " + base.file_unit() + ")");
+  text += labelled("Variant CAD", variant.file_name() + " (unit " + variant.file_unit() + ")");
+  text += labelled("Matched by", match.how);
+  text += labelled("Counts", format("%zu faces, %zu edges, %zu vertices (seams not counted)",
+                                    match.faces.size(), match.curves.size(), match.corners.size()));
+  std::vector<Row> rows = {{"base face", "type", "variant face", "type", "confidence", "name"}};
+  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+    const CadFace& from = base.faces()[f];
+    const CadFace& to = variant.faces()[match.faces[f]];
+    rows.push_back({std::to_string(f + 1), to_string(from.type), std::to_string(match.faces[f] + 1),
+                    to_string(to.type), format("%.2f", match.face_confidence[f]), from.name});
+  }
+  text.append("\n").append(align(rows));
+  if (match.joins_edges)
+    return text + edge_table(base.with_joined_edges(), variant.with_joined_edges(), match);
+  return text + edge_table(base, variant, match);
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <string>
+
+#include "apps/pipeline/pipeline.h"
+
+namespace cadmorph {
+
+/// The report as a page of aligned text with units, for people.
+std::string summary_text(const PipelineReport& report);
+
+/// What changed, in rows of name, before and after.
+std::vector<std::vector<std::string>> distance_rows(const PipelineReport& report);
+std::vector<std::vector<std::string>> quality_rows(const MeshFigures& before,
+                                                   const MeshFigures& after);
+
+/// Why a result was refused and where its mesh is, in one line.
+std::string refusal_text(const PipelineReport& report, const PipelineOptions& options);
+
+/// The diagnosis of a refused result in a few lines.
+std::string diagnosis_text(const Diagnosis& diagnosis);
+
+/// The figures of `cadmorph quality`.
+std::string quality_text(const std::filesystem::path& mesh, Index nodes,
+                         const QualityReport& quality, const ValidityReport& validity,
+                         const QualityChecks& checks);
+
+/// The table of `cadmorph match`.
+std::string match_text(const CadModel& base, const CadModel& variant, const TopologyMatch& match);
+
+/// Names as in messages and options.
+std::string to_string(const Kernel& kernel);
+std::string to_string(SolverKind solver);
+std::string unit_name(double millimetres);
+
+}  // namespace cadmorph
