@@ -134,6 +134,8 @@ struct MorphAttempt {
   std::exception_ptr error;
 };
 
+struct MorphBase;
+
 /// The old side of a morph: everything that depends on the base CAD and the base mesh alone, to be
 /// used for any number of variants.
 class MorphJob {
@@ -180,8 +182,7 @@ class MorphJob {
   const QualityReport& base_quality() const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::unique_ptr<const MorphBase> base_;
 };
 
 /// Largest memory of this process so far, bytes.

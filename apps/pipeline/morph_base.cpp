@@ -1,0 +1,143 @@
+#include "apps/pipeline/morph_base.h"
+
+#include "core/blas.h"
+#include "core/parallel.h"
+#include "surface/motion_path.h"
+
+namespace cadmorph {
+namespace {
+
+PipelineOptions with_progress_everywhere(PipelineOptions options) {
+  if (!options.surface.association.progress)
+    options.surface.association.progress = options.progress;
+  if (!options.volume.rbf.progress) options.volume.rbf.progress = options.progress;
+  return options;
+}
+
+// Rows of Boundary::nodes whose positions the surface morph prescribes.
+std::vector<Index> prescribed_rows(const Association& association) {
+  std::vector<Index> rows;
+  for (Index i = 0; i < static_cast<Index>(association.is_free.size()); ++i)
+    if (!association.is_free[i]) rows.push_back(i);
+  return rows;
+}
+
+}  // namespace
+
+MorphBase::MorphBase(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<const MeshFile> file,
+                     PipelineOptions job_options, Points start)
+    : options(with_progress_everywhere(std::move(job_options))),
+      cad(std::move(base_cad)),
+      mesh_file(std::move(file)) {
+  if (start.size() > 0) set_start(std::move(start));
+  PhaseClock clock(options.progress);
+  clock.start("boundary");
+  boundary = about_file(mesh_file->path(), [&] { return extract_boundary(mesh()); });
+  clock.start("association");
+  surface.emplace(cad, mesh(), boundary, options.surface);
+  clock.start("volume set-up");
+  set_up_volume();
+  clock.start("quality before");
+  measure();
+  fill_report();
+  report.phases = clock.phases();
+}
+
+void MorphBase::set_start(Points start) {
+  if (start.rows() != mesh_file->mesh().node_count())
+    throw InvalidInputError("a morph needs a start for each of the mesh's " +
+                            std::to_string(mesh_file->mesh().node_count()) + " nodes");
+  moved = mesh_file->mesh();
+  moved->points = std::move(start);
+}
+
+void MorphBase::set_up_volume() {
+  rows = prescribed_rows(surface->association());
+  std::vector<Index> nodes;
+  for (const Index row : rows) nodes.push_back(boundary.nodes[row]);
+  volume.emplace(mesh(), std::move(nodes), options.volume);
+}
+
+void MorphBase::measure() {
+  orientation = detect_orientation(mesh());
+  neighbours = find_cell_neighbours(mesh());
+  quality = measure_quality(mesh(), mesh().points, orientation);
+  validity = check_validity(mesh(), mesh().points, orientation);
+  set_quality(report.before, quality, validity,
+              check_quality(mesh(), mesh().points, neighbours, orientation));
+}
+
+void MorphBase::fill_report() {
+  const Association& association = surface->association();
+  report.base_cad = figures_of(*cad);
+  report.mesh_file = mesh_file->path();
+  report.nodes = mesh().node_count();
+  report.cells = mesh().cell_count();
+  report.vertex_nodes = association.vertex_nodes;
+  report.edge_nodes = association.edge_nodes;
+  report.face_nodes = association.face_nodes;
+  report.unmatched_nodes = association.unmatched_nodes;
+  report.interior_nodes = report.nodes - report.vertex_nodes - report.edge_nodes -
+                          report.face_nodes - report.unmatched_nodes;
+  report.mesh_unit_mm = association.mesh_unit_mm;
+  report.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
+  report.before.max_distance = association.max_distance;
+  report.before.mean_distance = association.mean_distance;
+  report.method = options.volume.method;
+  report.kernel = options.volume.kernel;
+  report.threads = thread_count();
+  report.blas_kernel = blas_info().kernel;
+  if (validity.invalid > 0)
+    report.warnings.push_back("the input mesh has " + std::to_string(validity.invalid) +
+                              " inverted cells already, the first is cell " +
+                              std::to_string(validity.invalid_cells.front()));
+}
+
+CadFigures figures_of(const CadModel& cad) {
+  return {.file = cad.file_name(),
+          .unit = cad.file_unit(),
+          .faces = static_cast<Index>(cad.faces().size()),
+          .edges = static_cast<Index>(cad.edges().size()),
+          .vertices = static_cast<Index>(cad.vertices().size()),
+          .solids = cad.solid_count(),
+          .diagonal = cad.diagonal()};
+}
+
+void set_quality(MeshFigures& figures, const QualityReport& quality, const ValidityReport& validity,
+                 const QualityChecks& checks) {
+  figures.min_scaled_jacobian = quality.min;
+  figures.mean_scaled_jacobian = quality.mean;
+  figures.worst_cell = quality.worst_cell;
+  figures.inverted = quality.inverted;
+  figures.invalid = validity.invalid;
+  figures.checks = checks;
+}
+
+// New positions of the prescribed nodes alone.
+Points MorphBase::prescribed(const Points& surface_positions) const {
+  Points result(rows.size(), 3);
+  for (std::size_t i = 0; i < rows.size(); ++i) result.row(i) = surface_positions.row(rows[i]);
+  return result;
+}
+
+std::vector<char> MorphBase::fixed_nodes() const {
+  std::vector<char> is_fixed(mesh().node_count(), 0);
+  for (const Index row : rows) is_fixed[boundary.nodes[row]] = 1;
+  return is_fixed;
+}
+
+// Where faces turn, the surface follows them on the way; found out when it is first asked for.
+SurfacePath MorphBase::path(const Points& prescribed_positions) const {
+  const auto turning = std::make_shared<std::optional<MotionPath>>();
+  return [this, turning, &prescribed_positions](double s) -> Points {
+    if (!*turning) {
+      const Points start = mesh().points(boundary.nodes, Eigen::all);
+      Points end = start;
+      end(rows, Eigen::all) = prescribed_positions;
+      turning->emplace(boundary, start, end, surface->association().facet_face);
+    }
+    return prescribed((**turning)(s));
+  };
+}
+
+}  // namespace cadmorph

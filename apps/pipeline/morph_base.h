@@ -1,0 +1,61 @@
+#pragma once
+
+#include "apps/pipeline/pipeline.h"
+
+namespace cadmorph {
+
+/// What a MorphJob keeps: all that depends on the base CAD and the base mesh alone.
+struct MorphBase {
+  /// See MorphJob.
+  MorphBase(std::shared_ptr<const CadModel> cad, std::shared_ptr<const MeshFile> file,
+            PipelineOptions options, Points start);
+
+  const Mesh& mesh() const { return moved ? *moved : mesh_file->mesh(); }
+
+  /// Of a position for each boundary node: those of the prescribed nodes alone.
+  Points prescribed(const Points& surface_positions) const;
+
+  /// A flag a mesh node: prescribed.
+  std::vector<char> fixed_nodes() const;
+
+  /// The way of the prescribed nodes to `prescribed_positions`, which must outlive it: where faces
+  /// turn, the surface follows them.
+  SurfacePath path(const Points& prescribed_positions) const;
+
+  PipelineOptions options;
+  std::shared_ptr<const CadModel> cad;
+  std::shared_ptr<const MeshFile> mesh_file;
+  std::optional<Mesh> moved;  ///< the file's mesh where the job starts elsewhere
+  Boundary boundary;
+  Orientation orientation;
+  CellNeighbours neighbours;
+  QualityReport quality;
+  ValidityReport validity;
+  std::optional<SurfaceMorph> surface;
+  std::optional<VolumeMorph> volume;
+  std::vector<Index> rows;  ///< of Boundary::nodes, prescribed
+  PipelineReport report;    ///< of the base side
+
+ private:
+  void set_start(Points start);
+  void set_up_volume();
+  void measure();
+  void fill_report();
+};
+
+CadFigures figures_of(const CadModel& cad);
+
+void set_quality(MeshFigures& figures, const QualityReport& quality, const ValidityReport& validity,
+                 const QualityChecks& checks);
+
+/// Names the file in an error about the mesh, which knows no file.
+template <class Call>
+auto about_file(const std::filesystem::path& file, Call&& call) {
+  try {
+    return call();
+  } catch (const InvalidInputError& error) {
+    throw InvalidInputError(file.string() + ": " + error.what());
+  }
+}
+
+}  // namespace cadmorph

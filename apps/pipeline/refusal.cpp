@@ -1,0 +1,111 @@
+#include "apps/pipeline/refusal.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+namespace cadmorph {
+namespace {
+
+std::vector<Index> sorted_union(const std::vector<Index>& a, const std::vector<Index>& b) {
+  std::vector<Index> result;
+  std::ranges::set_union(a, b, std::back_inserter(result));
+  return result;
+}
+
+std::vector<Index> sorted_difference(const std::vector<Index>& a, const std::vector<Index>& b) {
+  std::vector<Index> result;
+  std::ranges::set_difference(a, b, std::back_inserter(result));
+  return result;
+}
+
+std::string short_number(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
+std::string percent(double share) {
+  return std::to_string(static_cast<int>(std::floor(100 * share))) + " %";
+}
+
+// Cells the result is refused for: invalid ones, and those whose corners inverted on the way.
+std::vector<Index> inverted_cells(const MorphBase& base, const MorphResult& result) {
+  return sorted_union(
+      result.validity.invalid_cells,
+      sorted_difference(result.quality.inverted_cells, base.quality.inverted_cells));
+}
+
+std::vector<Index> poor_cells(const MorphBase& base, const MorphResult& result) {
+  if (!base.options.min_scaled_jacobian) return {};
+  return cells_below(*base.options.min_scaled_jacobian, result.quality);
+}
+
+Index worst_of(const std::vector<Index>& cells, const QualityReport& quality) {
+  return *std::ranges::min_element(
+      cells, {}, [&](Index c) { return std::isnan(quality.values[c]) ? 1.0 : quality.values[c]; });
+}
+
+Eigen::Vector3d centre_of(const Mesh& mesh, Index cell, const Points& positions) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Index node : mesh.cell(cell)) sum += positions.row(node).transpose();
+  return sum / static_cast<double>(mesh.cell(cell).size());
+}
+
+std::vector<std::string> advice(const PipelineOptions& options, const PipelineReport& figures) {
+  std::vector<std::string> lines;
+  if (figures.diagnosis->bad_in_base > 0)
+    lines.push_back("repair the input mesh: " + std::to_string(figures.diagnosis->bad_in_base) +
+                    " of these cells are inverted in it already");
+  if (figures.diagnosis->held_cells > 0)
+    lines.push_back(
+        "refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
+        " of these cells are held inverted by their surface nodes alone (all nodes lie on "
+        "the surface, or a facet on it turns a corner inwards)");
+  if (figures.outcome == Outcome::PoorQuality && !options.improve_below)
+    lines.push_back("raise the poor cells: --improve " +
+                    short_number(*options.min_scaled_jacobian));
+  if (figures.outcome == Outcome::Inverted && options.untangle == UntangleMode::Never)
+    lines.push_back("let the inverted cells be repaired: --untangle auto");
+  if (figures.outcome == Outcome::Inverted && options.stepping.steps > 0)
+    lines.push_back("let the number of steps grow: --steps auto");
+  const double share = figures.diagnosis->first_inversion;
+  if (share > 0 && share < 1)
+    lines.push_back(
+        "morph to a smaller change (below " + percent(share) +
+        " of this one), go there by CAD models between (--via), or remesh there with more "
+        "elements across the moved gap");
+  return lines;
+}
+
+}  // namespace
+
+std::vector<Index> cells_below(double limit, const QualityReport& quality) {
+  std::vector<Index> result;
+  for (Index c = 0; c < static_cast<Index>(quality.values.size()); ++c)
+    if (quality.values[c] < limit) result.push_back(c);
+  return result;
+}
+
+std::vector<Index> bad_cells(const MorphBase& base, const MorphResult& result) {
+  return sorted_union(inverted_cells(base, result), poor_cells(base, result));
+}
+
+void judge(const MorphBase& base, MorphResult& result) {
+  const auto bad = bad_cells(base, result);
+  if (bad.empty()) return;
+  PipelineReport& figures = result.report;
+  figures.outcome = inverted_cells(base, result).empty() ? Outcome::PoorQuality : Outcome::Inverted;
+  const Points full = base.volume->morph(result.surface_positions);
+  const auto positions_at = [&](double share) -> Points {
+    return base.mesh().points + share * (full - base.mesh().points);
+  };
+  figures.diagnosis = diagnose(*base.cad, base.mesh(), base.boundary, base.surface->association(),
+                               bad, base.orientation, base.fixed_nodes(), positions_at);
+  figures.diagnosis->worst_cell = worst_of(bad, result.quality);
+  figures.diagnosis->location =
+      centre_of(base.mesh(), figures.diagnosis->worst_cell, result.positions);
+  figures.diagnosis->advice = advice(base.options, figures);
+}
+
+}  // namespace cadmorph
