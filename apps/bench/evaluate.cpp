@@ -5,11 +5,11 @@
 
 #include "apps/bench/measure.h"
 #include "apps/bench/results_file.h"
+#include "apps/pipeline/pipeline.h"
 #include "apps/summary/text_table.h"
 #include "core/errors.h"
+#include "core/validity.h"
 #include "volume/baselines/simplex_linear.h"
-#include "volume/stepping.h"
-#include "volume/untangle.h"
 
 namespace cadmorph::bench {
 namespace {
@@ -75,7 +75,7 @@ class Run {
         take(step);
       } catch (const Error& error) {
         note_ = field(error.what());
-        add_row(step, {});
+        add_row(step, {}, {});
       }
     }
     for (Row& row : rows_) row[kFirstInvertedColumn] = std::to_string(first_inverted_);
@@ -86,34 +86,63 @@ class Run {
   static constexpr std::size_t kFirstInvertedColumn = 15;
 
   void take(int step) {
-    set_up_seconds_ = cpu_seconds_ = 0;
+    Warped moved = move(step);
+    const Figures figures = measure(series_, moved.positions);
+    if (figures.inverted > 0 && first_inverted_ == 0) first_inverted_ = step;
+    add_row(step, figures, moved);
+    if (task_.route.mode == Mode::Relative) mesh_.points = std::move(moved.positions);
+  }
+
+  Warped move(int step) {
+    switch (task_.contender) {
+      case Contender::Rbf:
+        return series_.warped(task_.route, step);
+      case Contender::Default:
+        return move_by_default(step);
+      default:
+        return move_by_method(step);
+    }
+  }
+
+  Warped move_by_method(int step) {
+    Warped result;
+    const Stopwatch whole;
     if (!morph_ || task_.route.mode == Mode::Relative) {
-      const Stopwatch watch;
       morph_.emplace(mesh_, series_.surface_nodes, options_of(task_.contender));
-      set_up_seconds_ = watch.seconds();
-      cpu_seconds_ = watch.cpu();
+      result.set_up_seconds = whole.seconds();
     }
     const Stopwatch watch;
-    Points positions = move(series_.path(task_.route)[step - 1]);
-    seconds_ = watch.seconds();
-    cpu_seconds_ += watch.cpu();
-    const Figures figures = measure(series_, positions);
-    if (figures.inverted > 0 && first_inverted_ == 0) first_inverted_ = step;
-    add_row(step, figures);
-    if (task_.route.mode == Mode::Relative) mesh_.points = std::move(positions);
+    result.positions = morph_->morph(series_.path(task_.route)[step - 1]);
+    result.seconds = watch.seconds();
+    result.cpu_seconds = whole.cpu();
+    return result;
   }
 
-  // The default method: steps where elements invert, then untangling.
-  Points move(const Points& surface) const {
-    if (task_.contender != Contender::Default) return morph_->morph(surface);
-    SteppingResult result = morph_in_steps(mesh_, *morph_, surface, series_.orientation);
-    if (result.report.validity.invalid == 0) return std::move(result.positions);
-    std::vector<char> is_fixed(mesh_.node_count(), 0);
-    for (const Index node : series_.surface_nodes) is_fixed[node] = 1;
-    return untangle(mesh_, result.positions, is_fixed, series_.orientation).positions;
+  // The whole pipeline. Where RBF-S inverts nothing it comes to the same positions, which are not
+  // made twice.
+  Warped move_by_default(int step) {
+    const Stopwatch watch;
+    if (!has_left_warp_) {
+      Warped result = series_.warped(task_.route, step);
+      const bool is_valid =
+          check_validity(series_.mesh, result.positions, series_.orientation).invalid == 0;
+      result.seconds += watch.seconds();
+      result.cpu_seconds += watch.cpu();
+      if (is_valid) return result;
+      has_left_warp_ = task_.route.mode == Mode::Relative;
+    }
+    const Stopwatch again;
+    const bool is_relative = task_.route.mode == Mode::Relative;
+    const MorphJob job(series_.cads[is_relative ? step - 1 : 0], series_.mesh_file, {},
+                       is_relative ? mesh_.points : Points());
+    Warped result{.set_up_seconds = again.seconds()};
+    result.positions = job.morph(*series_.cads[step]).positions;
+    result.seconds = again.seconds() - result.set_up_seconds;
+    result.cpu_seconds = again.cpu();
+    return result;
   }
 
-  void add_row(int step, const std::optional<Figures>& figures) {
+  void add_row(int step, const std::optional<Figures>& figures, const Warped& moved) {
     const auto number = [&](double Figures::*value) {
       return figures ? format("%.6g", (*figures).*value) : "";
     };
@@ -136,9 +165,9 @@ class Run {
                      count(&Figures::inverted),
                      count(&Figures::invalid),
                      "",
-                     format("%.4g", set_up_seconds_),
-                     format("%.4g", seconds_),
-                     format("%.4g", cpu_seconds_),
+                     format("%.4g", moved.set_up_seconds),
+                     format("%.4g", moved.seconds),
+                     format("%.4g", moved.cpu_seconds),
                      note_});
   }
 
@@ -147,7 +176,7 @@ class Run {
   int stride_;
   Mesh mesh_;  // that the next step starts from
   std::optional<VolumeMorph> morph_;
-  double set_up_seconds_ = 0, seconds_ = 0, cpu_seconds_ = 0;  // cpu: both
+  bool has_left_warp_ = false;  // relative: mended earlier, so that the mesh is not RBF-S's
   int first_inverted_ = 0;
   std::string note_;  // why the series ended
   std::vector<Row> rows_;
@@ -185,6 +214,13 @@ std::set<Route> routes_of(const std::vector<Task>& tasks) {
   std::set<Route> routes;
   for (const Task& task : tasks) routes.insert(task.route);
   return routes;
+}
+
+void add_warps(const std::vector<Task>& tasks, Series& series) {
+  for (const Task& task : tasks)
+    if (task.route.mode == Mode::Absolute &&
+        (task.contender == Contender::Rbf || task.contender == Contender::Default))
+      warp_absolutely(series, task.route.surface);
 }
 
 }  // namespace
@@ -228,7 +264,8 @@ void evaluate(const EvaluateOptions& options) {
     if (tasks.empty()) continue;
     const std::string name = subject.family + " " + subject.mesh;
     options.tell(name + ": surface at all steps");
-    const Series series = make_series(subject, routes_of(tasks), options.stride);
+    Series series = make_series(subject, routes_of(tasks), options.stride);
+    add_warps(tasks, series);
     for (const Task& task : tasks) {
       const Stopwatch watch;
       const int stride = task.route.mode == Mode::Absolute ? options.stride : 1;

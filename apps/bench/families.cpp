@@ -1,18 +1,16 @@
 #include "apps/bench/families.h"
 
 #include <algorithm>
-#include <memory>
-#include <optional>
-#include <set>
+#include <array>
+#include <utility>
 
 #include "apps/bench/given_surface.h"
+#include "apps/bench/measure.h"
 #include "apps/summary/text_table.h"
 #include "cad/step_reader.h"
 #include "core/boundary.h"
 #include "core/errors.h"
-#include "core/mesh_file.h"
 #include "surface/surface_morph.h"
-#include "volume/volume_morph.h"
 
 namespace cadmorph::bench {
 namespace {
@@ -27,12 +25,17 @@ std::set<fs::path> entries(const fs::path& folder) {
   return result;
 }
 
-std::shared_ptr<const CadModel> read_cad(const fs::path& path) {
-  return std::make_shared<const CadModel>(read_step(path));
-}
+// Steps whose warps share the evaluations of the kernel.
+constexpr std::size_t kBlock = 4;
 
 fs::path step_file(const Subject& subject, int step) {
-  return subject.folder / format("step%02d.step", step);
+  return subject.folder / (step == 0 ? "base.step" : format("step%02d.step", step));
+}
+
+std::shared_ptr<const CadModel> cad_at(Series& series, int step) {
+  auto& cad = series.cads[step];
+  if (!cad) cad = std::make_shared<const CadModel>(read_step(step_file(series.subject, step)));
+  return cad;
 }
 
 // Rows of Boundary::nodes whose positions are prescribed.
@@ -61,12 +64,17 @@ class Stage {
 
   const std::vector<Index>& rows() const { return rows_; }
 
-  Points positions_on(const CadModel& variant, Surface kind) const {
+  /// By Surface, those asked for.
+  std::array<Points, 2> positions_on(const CadModel& variant,
+                                     const std::set<Surface>& kinds) const {
     const TopologyMatch match = match_topology(*cad_, variant);
-    Points all = surface_.morph(variant, match).positions;
-    if (kind == Surface::Harmonic)
-      all = harmonic_surface(start_, boundary_, surface_.association(), variant, match, all);
-    return rows_of(all, rows_);
+    const Points own = surface_.morph(variant, match).positions;
+    std::array<Points, 2> result;
+    if (kinds.contains(Surface::RbfS)) result[0] = rows_of(own, rows_);
+    if (kinds.contains(Surface::Harmonic))
+      result[1] = rows_of(
+          harmonic_surface(start_, boundary_, surface_.association(), variant, match, own), rows_);
+    return result;
   }
 
  private:
@@ -77,30 +85,59 @@ class Stage {
   std::vector<Index> rows_;
 };
 
-Path absolute_path(const Subject& subject, Surface kind, const Stage& base, int stride) {
-  Path result(kSteps);
-  for (int step = stride; step <= kSteps; step += stride)
-    result[step - 1] = base.positions_on(*read_cad(step_file(subject, step)), kind);
+void set_absolute_paths(Series& series, const std::set<Surface>& kinds, const Stage& base,
+                        int stride) {
+  for (const Surface kind : kinds) series.absolute[static_cast<int>(kind)].resize(kSteps);
+  for (int step = stride; step <= kSteps; step += stride) {
+    std::array<Points, 2> positions = base.positions_on(*cad_at(series, step), kinds);
+    for (const Surface kind : kinds) {
+      const int place = static_cast<int>(kind);
+      series.absolute[place][step - 1] = std::move(positions[place]);
+    }
+  }
+}
+
+void require_warp(Series& series) {
+  if (series.warp) return;
+  const Stopwatch watch;
+  series.warp.emplace(series.mesh, series.surface_nodes);
+  series.warp_set_up = {.set_up_seconds = watch.seconds(), .cpu_seconds = watch.cpu()};
+}
+
+// From where the mesh is before that step.
+Warped warp_once(Series& series, const Mesh& mesh, int step, const Points& target) {
+  if (step == 1) require_warp(series);
+  const Stopwatch watch;
+  std::optional<VolumeMorph> own;
+  if (step > 1) own.emplace(mesh, series.surface_nodes);
+  Warped result = step == 1 ? series.warp_set_up : Warped();
+  result.set_up_seconds += own ? watch.seconds() : 0;
+  const Stopwatch morphing;
+  result.positions = (own ? *own : *series.warp).morph(target);
+  result.seconds = morphing.seconds();
+  result.cpu_seconds += watch.cpu();
   return result;
 }
 
 // The mesh inside follows, so that the next association sees its local edges.
-Path relative_path(const Subject& subject, Surface kind, const Stage& base, const Series& series,
-                   const Boundary& boundary) {
-  Path result;
+void set_relative_path(Series& series, Surface kind, const Stage& base, const Boundary& boundary) {
+  const int place = static_cast<int>(kind);
   Mesh mesh = series.mesh;
   std::optional<Stage> stage;
   for (int step = 1; step <= kSteps; ++step) {
-    const auto variant = read_cad(step_file(subject, step));
-    result.push_back((stage ? *stage : base).positions_on(*variant, kind));
-    if (step == kSteps) break;
-    mesh.points = VolumeMorph(mesh, series.surface_nodes).morph(result.back());
-    stage.emplace(variant, mesh, boundary);
-    if (stage->rows() != base.rows())
-      throw AssociationError(step_file(subject, step).string() +
-                             ": the morphed surface lies on other CAD entities than the base's");
+    const auto variant = cad_at(series, step);
+    if (step > 1) {
+      stage.emplace(series.cads[step - 1], mesh, boundary);
+      if (stage->rows() != base.rows())
+        throw AssociationError(step_file(series.subject, step - 1).string() +
+                               ": the morphed surface lies on other CAD entities than the base's");
+    }
+    Points target = std::move((stage ? *stage : base).positions_on(*variant, {kind})[place]);
+    Warped warped = warp_once(series, mesh, step, target);
+    mesh.points = warped.positions;
+    series.relative[place].push_back(std::move(target));
+    series.relative_warps[place].push_back(std::move(warped));
   }
-  return result;
 }
 
 }  // namespace
@@ -123,19 +160,50 @@ std::vector<Subject> find_subjects(const fs::path& models) {
 Series make_series(const Subject& subject, const std::set<Route>& routes, int stride) {
   Series series;
   series.subject = subject;
-  series.mesh = MeshFile(subject.folder / (subject.mesh + ".vtu")).mesh();
+  series.cads.resize(kSteps + 1);
+  series.mesh_file = std::make_shared<const MeshFile>(subject.folder / (subject.mesh + ".vtu"));
+  series.mesh = series.mesh_file->mesh();
   series.orientation = detect_orientation(series.mesh);
   const Boundary boundary = extract_boundary(series.mesh);
-  const Stage base(read_cad(subject.folder / "base.step"), series.mesh, boundary);
+  const Stage base(cad_at(series, 0), series.mesh, boundary);
   for (const Index row : base.rows()) series.surface_nodes.push_back(boundary.nodes[row]);
+  std::set<Surface> absolute;
   for (const Route& route : routes) {
-    const int place = static_cast<int>(route.surface);
     if (route.mode == Mode::Relative)
-      series.relative[place] = relative_path(subject, route.surface, base, series, boundary);
+      set_relative_path(series, route.surface, base, boundary);
     else
-      series.absolute[place] = absolute_path(subject, route.surface, base, stride);
+      absolute.insert(route.surface);
   }
+  set_absolute_paths(series, absolute, base, stride);
   return series;
+}
+
+void warp_absolutely(Series& series, Surface surface) {
+  const Path& path = series.absolute[static_cast<int>(surface)];
+  auto& warps = series.absolute_warps[static_cast<int>(surface)];
+  if (!warps.empty()) return;
+  require_warp(series);
+  warps.resize(path.size());
+  std::vector<std::size_t> steps;
+  for (std::size_t step = 0; step < path.size(); ++step)
+    if (path[step].rows() > 0) steps.push_back(step);
+  for (std::size_t begin = 0; begin < steps.size(); begin += kBlock) {
+    const std::size_t count = std::min(kBlock, steps.size() - begin);
+    std::vector<Points> targets;
+    for (std::size_t i = 0; i < count; ++i) targets.push_back(path[steps[begin + i]]);
+    const Stopwatch watch;
+    std::vector<VolumeMorphResult> results = series.warp->morph_each(targets);
+    const double seconds = watch.seconds() / static_cast<double>(count);
+    const double cpu = watch.cpu() / static_cast<double>(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (results[i].error) std::rethrow_exception(results[i].error);
+      warps[steps[begin + i]] = {
+          .positions = std::move(results[i].positions), .seconds = seconds, .cpu_seconds = cpu};
+    }
+  }
+  Warped& first = warps[steps.front()];
+  first.set_up_seconds = series.warp_set_up.set_up_seconds;
+  first.cpu_seconds += series.warp_set_up.cpu_seconds;
 }
 
 }  // namespace cadmorph::bench
