@@ -4,6 +4,7 @@ namespace {
 
 constexpr int kWidth = 2;
 constexpr int kUnroll = 2;
+constexpr int kTurn = 1;
 typedef double Vec __attribute__((vector_size(16)));
 typedef std::uint64_t Int __attribute__((vector_size(16)));
 
