@@ -20,19 +20,15 @@ std::uint64_t mix(std::uint64_t x) {  // splitmix64 finaliser
 
 class GraphBuilder {
  public:
-  GraphBuilder(const CadModel& model, bool is_oriented)
-      : model_(model), is_oriented_(is_oriented) {}
+  GraphBuilder(const CadModel& model, const GraphOptions& options)
+      : model_(model), options_(options) {}
 
   EntityGraph build() {
     const CadSkeleton& skeleton = model_.skeleton();
     graph_.faces = add_nodes(kFace, model_.faces().size());
     graph_.curves = add_nodes(kCurve, skeleton.curves.size());
     graph_.corners = add_nodes(kCorner, skeleton.corners.size());
-    const int first_solid = graph_.size();
-    add_nodes(kSolid, static_cast<std::size_t>(model_.solid_count()));
-    for (int f = 0; f < graph_.faces; ++f)
-      if (model_.faces()[f].solid >= 0)
-        connect(first_solid + model_.faces()[f].solid, f, kSolidFace);
+    if (options_.has_solids) add_solids();
     for (int c = 0; c < graph_.curves; ++c) add_uses(c, skeleton.curves[c]);
     return std::move(graph_);
   }
@@ -47,6 +43,13 @@ class GraphBuilder {
   void connect(int from, int to, int label) {
     graph_.arcs[from].push_back({label, to});
     graph_.arcs[to].push_back({label + kReverse, from});
+  }
+
+  void add_solids() {
+    const int first = graph_.size();
+    add_nodes(kSolid, static_cast<std::size_t>(model_.solid_count()));
+    for (int f = 0; f < graph_.faces; ++f)
+      if (model_.faces()[f].solid >= 0) connect(first + model_.faces()[f].solid, f, kSolidFace);
   }
 
   // All links of a chain have the same faces: the first one stands for them.
@@ -64,19 +67,19 @@ class GraphBuilder {
       const int tail = runs_back ? curve.end : curve.start;
       const int head = runs_back ? curve.start : curve.end;
       connect(use, graph_.corner_node(tail), kUseTail);
-      connect(use, graph_.corner_node(head), is_oriented_ ? kUseHead : kUseTail);
+      connect(use, graph_.corner_node(head), options_.is_oriented ? kUseHead : kUseTail);
     }
   }
 
   const CadModel& model_;
-  bool is_oriented_;
+  GraphOptions options_;
   EntityGraph graph_;
 };
 
 }  // namespace
 
-EntityGraph build_graph(const CadModel& model, bool is_oriented) {
-  return GraphBuilder(model, is_oriented).build();
+EntityGraph build_graph(const CadModel& model, const GraphOptions& options) {
+  return GraphBuilder(model, options).build();
 }
 
 ColourRefinement::ColourRefinement(const EntityGraph& base, const EntityGraph& variant)

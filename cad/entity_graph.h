@@ -27,9 +27,14 @@ struct EntityGraph {
   int entity_count() const { return faces + curves + corners; }
 };
 
-/// Builds the graph. With `is_oriented`, the uses tell a curve's first corner from its last one as
-/// seen with the face to the left from outside: a mirrored copy then has another graph.
-EntityGraph build_graph(const CadModel& model, bool is_oriented);
+struct GraphOptions {
+  /// The uses tell a curve's first corner from its last one as seen with the face to the left from
+  /// outside: a mirrored copy then has another graph.
+  bool is_oriented = true;
+  bool has_solids = true;  ///< the solids are nodes; else a solid is no more than its faces
+};
+
+EntityGraph build_graph(const CadModel& model, const GraphOptions& options);
 
 /// Joint colours of two graphs' nodes, refined until stable (Weisfeiler and Leman 1968): nodes of
 /// different colours can't correspond.

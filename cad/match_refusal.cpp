@@ -49,6 +49,24 @@ void leftovers(const MatchSide& base, const MatchSide& variant, const Similarity
     if (!is_paired_variant[j]) unpaired_variant.push_back("variant " + describe(variant, j));
 }
 
+// Physical edges with a face on one side alone.
+int open_edges(const CadModel& model) {
+  const auto& curves = model.skeleton().curves;
+  return static_cast<int>(std::count_if(
+      curves.begin(), curves.end(), [](const CadCurve& curve) { return curve.faces.size() == 1; }));
+}
+
+// What to do about it.
+std::string remedy(const MatchSide& base, const MatchSide& variant) {
+  const int b = open_edges(base.model), v = open_edges(variant.model);
+  if ((b == 0) == (v == 0))
+    return "A feature was added, removed or split; use a variant with the same topology.";
+  const bool is_base = b > 0;
+  return std::string("The faces of the ") + (is_base ? "base" : "variant") +
+         " are not joined along " + std::to_string(is_base ? b : v) +
+         " edges: sew them, or export a solid.";
+}
+
 }  // namespace
 
 void refuse_match(const MatchSide& base, const MatchSide& variant) {
@@ -74,7 +92,7 @@ void refuse_match(const MatchSide& base, const MatchSide& variant) {
        << " (seams not counted). "
        << (lost.empty() ? "The counts agree but the faces are connected differently"
                         : "Without a partner: " + list(lost))
-       << ". A feature was added, removed or split; use a variant with the same topology.";
+       << ". " << remedy(base, variant);
   throw TopologyError(text.str());
 }
 

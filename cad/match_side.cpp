@@ -72,8 +72,8 @@ std::vector<std::uint64_t> entity_forms(const CadModel& model, const EntityGraph
   return forms;
 }
 
-MatchSide make_match_side(const CadModel& model, bool is_oriented) {
-  MatchSide side{model, build_graph(model, is_oriented), entity_features(model), {}};
+MatchSide make_match_side(const CadModel& model, const GraphOptions& options) {
+  MatchSide side{model, build_graph(model, options), entity_features(model), {}};
   side.forms = entity_forms(model, side.graph);
   return side;
 }

@@ -18,7 +18,7 @@ struct MatchSide {
 };
 
 /// Builds graph (see build_graph), features and forms of a model.
-MatchSide make_match_side(const CadModel& model, bool is_oriented);
+MatchSide make_match_side(const CadModel& model, const GraphOptions& options);
 
 /// Hash of what re-exports, NURBS conversions and moved poles often keep, whatever the position: of
 /// the use of a curve by a face, the place of its pcurve in the parameters of the surface (planes

@@ -113,12 +113,14 @@ std::optional<TopologyMatch> best_match(const MatchSide& base, const MatchSide& 
   return by_position;
 }
 
-// Oriented first; shells that are no solids may be turned over.
+// Oriented first; shells that are no solids may be turned over. One exporter writes solids, another
+// their shells alone: solids count where both models have as many.
 std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadModel& variant,
                                              const MatchOptions& options) {
+  const bool has_solids = base.solid_count() == variant.solid_count();
   for (const bool is_oriented : {true, false}) {
-    const MatchSide b = make_match_side(base, is_oriented),
-                    v = make_match_side(variant, is_oriented);
+    const GraphOptions graph{.is_oriented = is_oriented, .has_solids = has_solids};
+    const MatchSide b = make_match_side(base, graph), v = make_match_side(variant, graph);
     if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||
         b.graph.corners != v.graph.corners)
       return std::nullopt;
@@ -137,7 +139,7 @@ TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
     match->joins_edges = true;
     return std::move(*match);
   }
-  refuse_match(make_match_side(base, true), make_match_side(variant, true));
+  refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
 }
 
 std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path) {

@@ -78,68 +78,80 @@ int table_corners(std::span<const Edge> edges) {
   return corners;
 }
 
-class ShortestEdges {
+struct Extremes {
+  Eigen::VectorXd shortest, longest;
+};
+
+class EdgeLengths {
  public:
-  explicit ShortestEdges(const Mesh& mesh)
+  explicit EdgeLengths(const Mesh& mesh)
       : points_(mesh.points),
-        lengths_(Eigen::VectorXd::Constant(mesh.node_count(),
-                                           std::numeric_limits<double>::infinity())) {}
+        lengths_{
+            Eigen::VectorXd::Constant(mesh.node_count(), std::numeric_limits<double>::infinity()),
+            Eigen::VectorXd::Zero(mesh.node_count())} {}
 
   void add(Index a, Index b) {
     if (a == b) return;
     const double length = (points_.row(a) - points_.row(b)).norm();
-    lengths_[a] = std::min(lengths_[a], length);
-    lengths_[b] = std::min(lengths_[b], length);
+    for (const Index n : {a, b}) {
+      lengths_.shortest[n] = std::min(lengths_.shortest[n], length);
+      lengths_.longest[n] = std::max(lengths_.longest[n], length);
+    }
   }
 
   void add_loop(std::span<const Index> nodes) {
     for (std::size_t i = 0; i < nodes.size(); ++i) add(nodes[i], nodes[(i + 1) % nodes.size()]);
   }
 
-  Eigen::VectorXd take() {
-    return lengths_.unaryExpr([](double l) { return std::isfinite(l) ? l : 0.0; });
-  }
+  Extremes take() { return std::move(lengths_); }
 
  private:
   const Points& points_;
-  Eigen::VectorXd lengths_;
+  Extremes lengths_;
 };
 
-void add_polyhedron(const Mesh& mesh, Index c, ShortestEdges& shortest) {
+void add_polyhedron(const Mesh& mesh, Index c, EdgeLengths& lengths) {
   const std::span<const Index> faces(mesh.polyhedron_faces);
   for (Index i = mesh.polyhedron_offsets[c]; i < mesh.polyhedron_offsets[c + 1];) {
     const Index count = faces[i];
-    shortest.add_loop(faces.subspan(i + 1, count));
+    lengths.add_loop(faces.subspan(i + 1, count));
     i += count + 1;
   }
 }
 
-void add_cell(std::span<const Index> nodes, const EdgeTable& table, ShortestEdges& shortest) {
+void add_cell(std::span<const Index> nodes, const EdgeTable& table, EdgeLengths& lengths) {
   const int corners = table_corners(table.edges);
   for (std::size_t e = 0; e < table.edges.size(); ++e) {
     const auto& [a, b] = table.edges[e];
     if (table.is_quadratic) {
-      shortest.add(nodes[a], nodes[corners + e]);
-      shortest.add(nodes[corners + e], nodes[b]);
+      lengths.add(nodes[a], nodes[corners + e]);
+      lengths.add(nodes[corners + e], nodes[b]);
     } else {
-      shortest.add(nodes[a], nodes[b]);
+      lengths.add(nodes[a], nodes[b]);
     }
   }
+}
+
+Extremes edge_extremes(const Mesh& mesh) {
+  EdgeLengths lengths(mesh);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (mesh.types[c] == CellType::Polyhedron)
+      add_polyhedron(mesh, c, lengths);
+    else if (mesh.types[c] == CellType::Polygon)
+      lengths.add_loop(mesh.cell(c));
+    else
+      add_cell(mesh.cell(c), edge_table(mesh.types[c]), lengths);
+  }
+  return lengths.take();
 }
 
 }  // namespace
 
 Eigen::VectorXd shortest_incident_edges(const Mesh& mesh) {
-  ShortestEdges shortest(mesh);
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    if (mesh.types[c] == CellType::Polyhedron)
-      add_polyhedron(mesh, c, shortest);
-    else if (mesh.types[c] == CellType::Polygon)
-      shortest.add_loop(mesh.cell(c));
-    else
-      add_cell(mesh.cell(c), edge_table(mesh.types[c]), shortest);
-  }
-  return shortest.take();
+  return edge_extremes(mesh).shortest.unaryExpr(
+      [](double l) { return std::isfinite(l) ? l : 0.0; });
 }
+
+Eigen::VectorXd longest_incident_edges(const Mesh& mesh) { return edge_extremes(mesh).longest; }
 
 }  // namespace cadmorph

@@ -9,4 +9,7 @@ namespace cadmorph {
 /// mid-side node. O(cells).
 Eigen::VectorXd shortest_incident_edges(const Mesh& mesh);
 
+/// The same for the longest edge.
+Eigen::VectorXd longest_incident_edges(const Mesh& mesh);
+
 }  // namespace cadmorph

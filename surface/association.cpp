@@ -1,20 +1,14 @@
 #include "surface/association.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 #include <map>
-#include <optional>
-#include <sstream>
 
-#include "cad/face_sampler.h"
-#include "cad/projector.h"
 #include "core/errors.h"
-#include "core/kd_tree.h"
 #include "core/parallel.h"
 #include "surface/free_patches.h"
 #include "surface/mesh_unit.h"
+#include "surface/node_feet.h"
 #include "surface/surface_mesh.h"
 
 namespace cadmorph {
@@ -23,53 +17,37 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode = 4;
 // A node belongs to a corner or curve when it is nearer than this part of its shortest mesh edge:
 // far above the digits that exchange formats cut, far below any mesh size.
 constexpr double kOnEntity = 1e-3;
-// A node off the CAD goes to the curve between the faces its facets vote for within this distance.
-constexpr double kVotedCurve = 0.5;
 // Where a face of a touching solid holds the node, only within this multiple of its distance from
 // the voted faces: the curve is as near where they meet at 30 degrees or more.
 constexpr double kMeetingFaces = 2;
-// A point on a face has a sample within this many spacings, uneven parametrisations included.
-constexpr double kFar = 4;
+// Decides between faces that fit equally, far below what a worse fit costs.
+constexpr double kOtherSide = 1e-2;
 constexpr Index kGrain = 512;
-
-struct Candidate {
-  int face;
-  Vector2d uv;
-  double distance;  // to the surface, which may reach beyond the wires
-  double gap;       // to the trimmed face
-};
-
-struct NodeFeet {
-  std::vector<Candidate> faces;  // nearest first
-  std::vector<EdgeFoot> edges;   // physical edges, nearest first
-};
 
 class Associator {
  public:
-  Associator(const CadModel& model, const SurfaceMesh& surface, const AssociationOptions& options)
+  // `body`: the body of the mesh that each facet bounds.
+  Associator(const CadModel& model, const SurfaceMesh& surface, std::vector<int> body,
+             const AssociationOptions& options)
       : model_(model),
         surface_(surface),
-        tolerance_(options.tolerance),
-        faces_(sample_faces(
-            model, std::clamp(kSamplesPerNode * surface.points.rows(), kMinSamples, kMaxSamples))),
-        face_tree_(faces_.points) {
-    sample_edges();
-  }
+        body_(std::move(body)),
+        finder_(model, surface, options.tolerance) {}
 
   Association run() {
     const Index nodes = surface_.points.rows();
     feet_.resize(static_cast<std::size_t>(nodes));
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
-      for (Index n = begin; n < end; ++n) find_feet(n);
+      for (Index n = begin; n < end; ++n) feet_[n] = finder_.find(n);
     });
     prepare(nodes);
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
       for (Index n = begin; n < end; ++n) classify_by_distance(n);
     });
+    find_senses();
     const auto facets = static_cast<Index>(surface_.facets.size());
     parallel_for(facets, kGrain, [&](Index begin, Index end) {
       for (Index f = begin; f < end; ++f) result_.facet_face[f] = vote(f);
@@ -81,26 +59,6 @@ class Associator {
   }
 
  private:
-  void sample_edges() {
-    std::vector<Vector3d> points;
-    for (int e = 0; e < static_cast<int>(model_.edges().size()); ++e) {
-      const CadEdge& edge = model_.edges()[e];
-      if (!edge.is_physical()) continue;
-      const int n = std::clamp(static_cast<int>(edge.length / faces_.spacing), 8, 20'000);
-      for (int i = 0; i <= n; ++i) {
-        const double t = edge.first + (edge.last - edge.first) * i / n;
-        points.push_back(model_.evaluate_edge(e, t).point);
-        edge_seeds_.push_back({e, t});
-        if (i > 0)
-          edge_spacing_ = std::max(edge_spacing_, (points.back() - points.rbegin()[1]).norm());
-      }
-    }
-    if (points.empty()) return;
-    RowMatrix rows(static_cast<Index>(points.size()), 3);
-    for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Index>(i)) = points[i];
-    edge_tree_.emplace(rows);
-  }
-
   void prepare(Index nodes) {
     result_.dimension.assign(static_cast<std::size_t>(nodes), CadDimension::None);
     result_.entity.assign(static_cast<std::size_t>(nodes), -1);
@@ -111,73 +69,6 @@ class Associator {
   }
 
   Vector3d point(Index n) const { return surface_.points.row(n); }
-  double reach(Index n) const { return tolerance_ * surface_.local_length[n]; }
-
-  void find_feet(Index n) {
-    const Vector3d x = point(n);
-    NodeFeet& feet = feet_[n];
-    find_edge_feet(n, x, feet);
-    const double nearest = std::sqrt(face_tree_.nearest(x.data(), 1)[0].squared_distance);
-    if (nearest > kFar * faces_.spacing + reach(n)) return;
-    std::vector<int> seen;
-    for (const Neighbour& near :
-         face_tree_.within(x.data(), 1.5 * std::max(nearest, faces_.spacing))) {
-      const int face = faces_.face[near.index];
-      if (std::find(seen.begin(), seen.end(), face) != seen.end()) continue;
-      seen.push_back(face);
-      const FaceFoot foot = project_on_face(model_, face, x, faces_.uv[near.index]);
-      if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
-        feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
-    }
-    if (feet.faces.empty() && !seen.empty()) retry_globally(n, x, seen.front(), feet);
-    std::sort(feet.faces.begin(), feet.faces.end(),
-              [](const Candidate& a, const Candidate& b) { return a.distance < b.distance; });
-    drop_outside(n, feet);
-  }
-
-  // The local iteration may have left the basin; the nearest face deserves a global search.
-  void retry_globally(Index n, const Vector3d& x, int face, NodeFeet& feet) {
-    const double nearest = std::sqrt(face_tree_.nearest(x.data(), 1)[0].squared_distance);
-    if (nearest > faces_.spacing + reach(n)) return;
-    const FaceFoot foot = project_globally(model_, face, x);
-    if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
-      feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
-  }
-
-  void find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) const {
-    if (!edge_tree_) return;
-    const double radius =
-        edge_spacing_ + std::max(reach(n), kVotedCurve * surface_.local_length[n]);
-    std::vector<int> seen;
-    for (const Neighbour& near : edge_tree_->within(x.data(), radius)) {
-      const auto [edge, t] = edge_seeds_[near.index];
-      if (std::find(seen.begin(), seen.end(), edge) != seen.end()) continue;
-      seen.push_back(edge);
-      feet.edges.push_back(project_on_edge(model_, edge, x, t));
-    }
-    std::sort(feet.edges.begin(), feet.edges.end(),
-              [](const EdgeFoot& a, const EdgeFoot& b) { return a.distance < b.distance; });
-  }
-
-  // The nearest near edge of a face; null without one.
-  const EdgeFoot* near_wire(Index n, int face, const NodeFeet& feet) const {
-    for (const EdgeFoot& foot : feet.edges)
-      if (foot.distance <=
-          kVotedCurve * surface_.local_length[n] + model_.edges()[foot.edge].tolerance)
-        for (const int c : model_.edges()[foot.edge].coedges)
-          if (model_.coedges()[c].face == face) return &foot;
-    return nullptr;
-  }
-
-  // A foot on the carrier surface outside the wires belongs to another face, or to none.
-  void drop_outside(Index n, NodeFeet& feet) const {
-    for (Candidate& c : feet.faces) {
-      if (model_.is_inside(c.face, c.uv)) continue;
-      const EdgeFoot* foot = near_wire(n, c.face, feet);
-      c.gap = foot ? foot->distance : std::numeric_limits<double>::infinity();
-    }
-    std::erase_if(feet.faces, [](const Candidate& c) { return std::isinf(c.gap); });
-  }
 
   double on_entity(Index n, double tolerance) const {
     return tolerance + kOnEntity * surface_.local_length[n];
@@ -217,7 +108,7 @@ class Associator {
       }
     }
     if (!feet.faces.empty()) {
-      const Candidate& c = feet.faces.front();
+      const FaceCandidate& c = feet.faces.front();
       assign(n, CadDimension::Face, c.face, c.uv, c.distance);
     }
   }
@@ -244,7 +135,7 @@ class Associator {
     std::vector<int> faces;
     if (result_.dimension[n] == CadDimension::Edge) faces = faces_of(result_.entity[n]);
     if (result_.dimension[n] == CadDimension::Vertex) faces = faces_at(n, result_.entity[n]);
-    for (const Candidate& c : feet_[n].faces) faces.push_back(c.face);
+    for (const FaceCandidate& c : feet_[n].faces) faces.push_back(c.face);
     std::sort(faces.begin(), faces.end());
     faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
     return faces;
@@ -270,13 +161,33 @@ class Associator {
   double corner_gap(Index f, int face) const {
     double gap = 0;
     for (int i = 0; i < surface_.corners[f]; ++i)
-      for (const Candidate& c : feet_[surface_.facets[f][i]].faces)
+      for (const FaceCandidate& c : feet_[surface_.facets[f][i]].faces)
         if (c.face == face) gap = std::max(gap, c.gap);
     return gap;
   }
 
+  // Cosine between a facet's normal and the outward one of a solid's face; 0 for other faces.
+  double facing(const Vector3d& normal, int face, const Vector2d& uv) const {
+    return model_.faces()[face].solid < 0 ? 0 : normal.dot(model_.normal(face, uv));
+  }
+
+  // Whether each body's facets look out of the solids, +1, or into them, as those of a fluid do.
+  void find_senses() {
+    std::vector<double> sums;
+    for (std::size_t f = 0; f < body_.size(); ++f) {
+      sums.resize(std::max(sums.size(), static_cast<std::size_t>(body_[f]) + 1), 0.0);
+      const NodeFeet& feet = feet_[surface_.facets[f][0]];
+      if (feet.faces.size() != 1 || result_.dimension[surface_.facets[f][0]] != CadDimension::Face)
+        continue;
+      const FaceCandidate& c = feet.faces.front();
+      const Vector3d area = area_vector(surface_, surface_.points, static_cast<Index>(f));
+      sums[body_[f]] += facing(area, c.face, c.uv);
+    }
+    for (const double sum : sums) senses_.push_back(sum > 0 ? 1.0 : sum < 0 ? -1.0 : 0.0);
+  }
+
   // CAD face of a facet: common to its corners; of several, the one that its corners, centroid and
-  // normal fit.
+  // normal fit; of the coincident faces of two touching solids, the one of the facet's own side.
   int vote(Index f) const {
     const auto common = common_faces(f);
     if (common.empty()) return -1;
@@ -291,7 +202,9 @@ class Associator {
       const FaceFoot foot = project_on_face(model_, face, x, seed(f, face, x));
       const double tilt = 1 - std::abs(normal.dot(model_.normal(face, foot.uv)));
       const double outside = model_.is_inside(face, foot.uv) ? 0 : 1;
-      const double cost = (foot.distance + corner_gap(f, face)) / size + tilt + outside;
+      const bool is_other_side = senses_[body_[f]] * facing(normal, face, foot.uv) < -0.5;
+      const double cost = (foot.distance + corner_gap(f, face)) / size + tilt + outside +
+                          (is_other_side ? kOtherSide : 0);
       if (cost < least) {
         least = cost;
         best = face;
@@ -302,35 +215,68 @@ class Associator {
 
   Vector2d seed(Index f, int face, const Vector3d& x) const {
     for (const int n : surface_.facets[f])
-      for (const Candidate& c : feet_[n].faces)
+      for (const FaceCandidate& c : feet_[n].faces)
         if (c.face == face && result_.dimension[n] == CadDimension::Face) return c.uv;
-    for (const Neighbour& near : face_tree_.within(
-             x.data(), 2 * faces_.spacing + surface_.local_length[surface_.facets[f][0]]))
-      if (faces_.face[near.index] == face) return faces_.uv[near.index];
-    return project_globally(model_, face, x).uv;
+    return finder_.seed(face, x, surface_.local_length[surface_.facets[f][0]]);
   }
 
   void classify_by_vote(Index n) {
-    if (result_.dimension[n] != CadDimension::Face) return;
     std::map<int, int> votes;
     for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
       ++votes[result_.facet_face[surface_.incident_facets[i]]];
     votes.erase(-1);
-    if (votes.empty()) return;
+    if (votes.empty() || result_.dimension[n] == CadDimension::None) return;
+    if (result_.dimension[n] == CadDimension::Vertex) return take_voted_corner(n, votes);
+    if (result_.dimension[n] == CadDimension::Edge) return take_voted_edge(n, votes);
     if (votes.size() > 1 && is_off_any(n, votes) && take_voted_entity(n, votes)) return;
     const auto most =
         std::max_element(votes.begin(), votes.end(),
                          [](const auto& a, const auto& b) { return a.second < b.second; });
-    for (const Candidate& c : feet_[n].faces)
+    for (const FaceCandidate& c : feet_[n].faces)
       if (c.face == most->first) assign(n, CadDimension::Face, c.face, c.uv, c.distance);
+  }
+
+  static int count_voted(const std::vector<int>& faces, const std::map<int, int>& votes) {
+    return static_cast<int>(std::count_if(votes.begin(), votes.end(), [&](const auto& vote) {
+      return std::find(faces.begin(), faces.end(), vote.first) != faces.end();
+    }));
+  }
+
+  // Of the coincident corners of touching solids, the one between the voted faces.
+  void take_voted_corner(Index n, const std::map<int, int>& votes) {
+    int most = count_voted(faces_at(n, result_.entity[n]), votes);
+    for (const EdgeFoot& foot : feet_[n].edges)
+      for (const int v : {model_.edges()[foot.edge].start, model_.edges()[foot.edge].end}) {
+        if (v < 0 || model_.skeleton().corner_of_vertex[v] < 0) continue;
+        const double distance = (model_.vertices()[v].point - point(n)).norm();
+        if (distance > on_entity(n, model_.vertices()[v].tolerance)) continue;
+        const int voted = count_voted(faces_at(n, v), votes);
+        if (voted <= most) continue;
+        most = voted;
+        assign(n, CadDimension::Vertex, v, Vector2d::Zero(), distance);
+      }
+  }
+
+  // The same for edges.
+  void take_voted_edge(Index n, const std::map<int, int>& votes) {
+    int most = count_voted(faces_of(result_.entity[n]), votes);
+    for (const EdgeFoot& foot : feet_[n].edges) {
+      if (foot.distance > on_entity(n, model_.edges()[foot.edge].tolerance)) continue;
+      const int voted = count_voted(faces_of(foot.edge), votes);
+      if (voted <= most) continue;
+      most = voted;
+      assign(n, CadDimension::Edge, foot.edge, {foot.t, 0}, foot.distance);
+    }
   }
 
   // Whether the node lies off one of the faces that its facets voted for.
   bool is_off_any(Index n, const std::map<int, int>& votes) const {
     return std::any_of(votes.begin(), votes.end(), [&](const auto& vote) {
-      return std::none_of(feet_[n].faces.begin(), feet_[n].faces.end(), [&](const Candidate& c) {
-        return c.face == vote.first && c.distance <= on_entity(n, model_.faces()[c.face].tolerance);
-      });
+      return std::none_of(feet_[n].faces.begin(), feet_[n].faces.end(),
+                          [&](const FaceCandidate& c) {
+                            return c.face == vote.first &&
+                                   c.distance <= on_entity(n, model_.faces()[c.face].tolerance);
+                          });
     });
   }
 
@@ -340,7 +286,7 @@ class Associator {
                 double distance) const {
     double off = 0;
     bool is_held = false;
-    for (const Candidate& c : feet_[n].faces) {
+    for (const FaceCandidate& c : feet_[n].faces) {
       if (votes.contains(c.face)) off = std::max(off, c.distance);
       is_held |= c.gap <= on_entity(n, model_.faces()[c.face].tolerance) &&
                  std::find(faces.begin(), faces.end(), c.face) == faces.end();
@@ -361,10 +307,7 @@ class Associator {
     for (const EdgeFoot& foot : feet_[n].edges) {
       if (foot.distance > limit) break;
       const std::vector<int> faces = faces_of(foot.edge);
-      const auto shared = std::count_if(votes.begin(), votes.end(), [&](const auto& vote) {
-        return std::find(faces.begin(), faces.end(), vote.first) != faces.end();
-      });
-      if (shared < 2 || !may_meet(n, votes, faces, foot.distance)) continue;
+      if (count_voted(faces, votes) < 2 || !may_meet(n, votes, faces, foot.distance)) continue;
       assign(n, CadDimension::Edge, foot.edge, {foot.t, 0}, foot.distance);
       return true;
     }
@@ -373,12 +316,9 @@ class Associator {
 
   const CadModel& model_;
   const SurfaceMesh& surface_;
-  double tolerance_;
-  FaceSamples faces_;
-  KdTree face_tree_;
-  std::optional<KdTree> edge_tree_;
-  std::vector<std::pair<int, double>> edge_seeds_;
-  double edge_spacing_ = 0;
+  std::vector<int> body_;
+  std::vector<double> senses_;
+  FootFinder finder_;
   std::vector<NodeFeet> feet_;
   Association result_;
 };
@@ -409,6 +349,16 @@ void count(Association& a) {
   a.mean_distance = matched > 0 ? sum / static_cast<double>(matched) : 0;
 }
 
+// Bodies, numbered from 0: the regions of the mesh.
+std::vector<int> bodies_of(const Mesh& mesh, const Boundary& boundary) {
+  std::map<int, int> number;
+  std::vector<int> bodies;
+  for (const Index cell : boundary.cell)
+    bodies.push_back(
+        number.emplace(mesh.region(cell), static_cast<int>(number.size())).first->second);
+  return bodies;
+}
+
 }  // namespace
 
 Association associate(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
@@ -417,7 +367,7 @@ Association associate(const CadModel& base, const Mesh& mesh, const Boundary& bo
       options.mesh_unit_mm > 0 ? options.mesh_unit_mm : detect_mesh_unit(base, mesh, boundary);
   const SurfaceMesh surface = make_surface_mesh(mesh, boundary, unit);
   if (options.progress) options.progress("associating", 0);
-  Association result = Associator(base, surface, options).run();
+  Association result = Associator(base, surface, bodies_of(mesh, boundary), options).run();
   result.mesh_unit_mm = unit;
   check_unmatched(base, boundary, surface, result);
   count(result);

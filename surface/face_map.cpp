@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "cad/face_sampler.h"
+#include "core/kd_tree.h"
 
 namespace cadmorph {
 namespace {
@@ -18,6 +19,7 @@ constexpr Index kMaxSamples = 1500;
 constexpr int kMinSamplesPerCurve = 6;
 constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
 constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave at a vertex
+constexpr double kSameSample = 1e-6;  // of the size of the domain
 constexpr double kSame = 1e-7;        // of the diagonal: one surface, whatever its parameters
 constexpr double kDifferent = 1e-6;   // of the diagonal: not the same point
 constexpr double kEqualPhase = 1e-6;  // of a period
@@ -58,6 +60,16 @@ int occurrence_of(const CadModel& model, int coedge) {
     count += model.coedges()[other].face == c.face;
   }
   return count;
+}
+
+// Whether a degenerate edge is no pole: exporters close the gap between two pcurves by one.
+bool fills_gap(const CadModel& model, int coedge) {
+  const CadCoedge& c = model.coedges()[coedge];
+  const CadEdge& edge = model.edges()[c.edge];
+  const CadFace& face = model.faces()[c.face];
+  const Vector2d span = model.pcurve(coedge, edge.last) - model.pcurve(coedge, edge.first);
+  return edge.is_degenerate &&
+         (span.array().abs() < kSameJoint * (face.upper - face.lower).array()).all();
 }
 
 class ParameterWarp {
@@ -114,7 +126,7 @@ class ParameterWarp {
     for (const auto& wire : variant_.wires)
       for (const int c : wire) {
         const CadEdge& e = pair_.variant.edges()[pair_.variant.coedges()[c].edge];
-        if (!e.is_degenerate) continue;
+        if (!e.is_degenerate || fills_gap(pair_.variant, c)) continue;
         const Vector2d uv = pair_.variant.pcurve(c, e.first + s * (e.last - e.first));
         const double d = (pair_.variant.evaluate(variant_id_, uv).point - at).squaredNorm();
         if (d < least) {
@@ -350,7 +362,7 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
   for (const auto& wire : f.wires)
     for (const int c : wire) {
       const CadEdge& edge = base.edges()[base.coedges()[c].edge];
-      if (edge.is_seam) continue;
+      if (edge.is_seam || fills_gap(base, c)) continue;
       for (int i = 0; i <= count; ++i) {
         const double t = edge.first + (edge.last - edge.first) * i / count;
         const Vector2d uv = base.pcurve(c, t);
@@ -359,9 +371,32 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
           samples_.push_back({c, t, uv, edge.tolerance});
       }
     }
+  thin_out();
   sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
   for (std::size_t i = 0; i < samples_.size(); ++i)
     sample_uv_.row(static_cast<Index>(i)) = samples_[i].uv;
+}
+
+// Samples that nearly coincide, of edges far shorter than the face or on both sides of a slit,
+// would make the system singular to rounding.
+void FaceDomain::thin_out() {
+  if (samples_.empty()) return;
+  Parameters uv(static_cast<Index>(samples_.size()), 2);
+  for (Index i = 0; i < uv.rows(); ++i) uv.row(i) = samples_[static_cast<std::size_t>(i)].uv;
+  const RowMatrix at = embed(uv);
+  const KdTree tree(at);
+  const double reach = kSameSample * scale_.cwiseProduct(size_).norm();
+  std::vector<char> is_kept(samples_.size(), 1);
+  std::vector<Sample> kept;
+  for (Index i = 0; i < at.rows(); ++i) {
+    const auto near = tree.within(at.row(i).data(), reach);
+    const bool is_clear = std::none_of(near.begin(), near.end(), [&](const Neighbour& other) {
+      return other.index < i && is_kept[static_cast<std::size_t>(other.index)];
+    });
+    is_kept[static_cast<std::size_t>(i)] = is_clear;
+    if (is_clear) kept.push_back(samples_[static_cast<std::size_t>(i)]);
+  }
+  samples_ = std::move(kept);
 }
 
 // Scaled coordinates; a closed direction becomes a circle of its own length.

@@ -44,6 +44,7 @@ class FaceDomain {
   bool is_closed() const { return period_[0] > 0 || period_[1] > 0; }
 
  private:
+  void thin_out();
   bool is_within_tolerance(const Parameters& misfit) const;
   Eigen::MatrixXd linear_basis(const Parameters& uv) const;
   Eigen::MatrixXd fit_linear(const Parameters& values) const;

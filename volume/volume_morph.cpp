@@ -9,12 +9,17 @@
 
 #include "core/edge_lengths.h"
 #include "core/errors.h"
+#include "core/kd_tree.h"
 #include "core/parallel.h"
 #include "volume/baselines/baseline.h"
 #include "volume/components.h"
 
 namespace cadmorph {
 namespace {
+
+// A slit in the part is narrower than these parts of a node's shortest and longest mesh edge: where
+// no edge spans it, and where one does.
+constexpr double kOpenSlit = 1e-4, kSpannedSlit = 3e-6;
 
 RowMatrix rows_of(const Points& points, const std::vector<Index>& rows) {
   RowMatrix result(rows.size(), 3);
@@ -43,8 +48,36 @@ Eigen::VectorXd local_lengths(const RbfOptions& options, const Mesh& mesh,
   return result;
 }
 
+// Nodes this near each other lie on the two sides of a slit.
+Eigen::VectorXd slit_widths(const Mesh& mesh, const std::vector<Index>& surface_nodes) {
+  const Eigen::VectorXd widths = (kOpenSlit * shortest_incident_edges(mesh))
+                                     .cwiseMax(kSpannedSlit * longest_incident_edges(mesh));
+  return widths(surface_nodes);
+}
+
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+// Positions of the surface nodes that serve as centres, of those within `reach` of each other one.
+// The two sides of a slit would make the system singular to rounding, and its field can't jump
+// between them: one side stands for both. Exact duplicates are left to the system.
+std::vector<Index> clear_of_each_other(const RowMatrix& points, const Eigen::VectorXd& reach) {
+  const KdTree tree(points);
+  const Index count = points.rows();
+  std::vector<std::vector<Index>> near(static_cast<std::size_t>(count));
+  parallel_for(count, 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      for (const Neighbour& other : tree.within(points.row(i).data(), reach[i]))
+        if (other.index < i && other.squared_distance > 0) near[i].push_back(other.index);
+  });
+  std::vector<char> is_kept(static_cast<std::size_t>(count), 1);
+  std::vector<Index> kept;
+  for (Index i = 0; i < count; ++i) {
+    is_kept[i] = std::none_of(near[i].begin(), near[i].end(), [&](Index j) { return is_kept[j]; });
+    if (is_kept[i]) kept.push_back(i);
+  }
+  return kept;
 }
 
 // One component with its system.
@@ -56,13 +89,24 @@ struct Part {
 };
 
 Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surface_nodes,
-               const Eigen::VectorXd& lengths, const VolumeMorphOptions& options) {
+               const Eigen::VectorXd& lengths, const Eigen::VectorXd& slits,
+               const VolumeMorphOptions& options) {
   Part part;
   part.nodes = std::move(nodes);
-  std::vector<Index> ids;
-  for (const Index i : part.nodes.surface) ids.push_back(surface_nodes[i]);
-  part.centres = rows_of(mesh.points, ids);
-  if (part.nodes.volume.empty() || ids.empty()) return part;
+  const auto set_centres = [&] {
+    std::vector<Index> ids;
+    for (const Index i : part.nodes.surface) ids.push_back(surface_nodes[i]);
+    part.centres = rows_of(mesh.points, ids);
+  };
+  set_centres();
+  if (part.nodes.volume.empty() || part.nodes.surface.empty()) return part;
+  const std::vector<Index> all = part.nodes.surface;
+  const auto clear = clear_of_each_other(part.centres, slits(all));
+  if (clear.size() < all.size()) {
+    part.nodes.surface.clear();
+    for (const Index i : clear) part.nodes.surface.push_back(all[i]);
+    set_centres();
+  }
   RbfOptions rbf = options.rbf;
   rbf.local_length = lengths(part.nodes.surface);
   // A node without an edge gives no scale of its own: leave the choice to the solver.
@@ -142,12 +186,13 @@ struct VolumeMorph::Impl {
 
 void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
   const Eigen::VectorXd lengths = local_lengths(options.rbf, mesh, surface_nodes);
+  const Eigen::VectorXd slits = slit_widths(mesh, surface_nodes);
   std::vector<Component> components = split_components(mesh, surface_nodes);
   parts.resize(components.size());
   const VolumeMorphOptions guarded = with_serial_progress(options);
   parallel_for(static_cast<Index>(parts.size()), 1, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
-      parts[i] = make_part(std::move(components[i]), mesh, surface_nodes, lengths, guarded);
+      parts[i] = make_part(std::move(components[i]), mesh, surface_nodes, lengths, slits, guarded);
   });
   std::vector<RbfReport> reports;
   for (const Part& part : parts)

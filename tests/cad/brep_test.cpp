@@ -3,7 +3,15 @@
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepClass3d_SolidClassifier.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRep_Builder.hxx>
+#include <BRep_Tool.hxx>
+#include <Geom2dAPI_PointsToBSpline.hxx>
+#include <Geom2d_BSplineCurve.hxx>
+#include <TColgp_Array1OfPnt2d.hxx>
 #include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Edge.hxx>
+#include <TopoDS_Face.hxx>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
@@ -288,6 +296,43 @@ TEST_CASE("is_inside agrees with OCCT's classifier", "[cad][brep]") {
       CHECK(compared > 50 * oracle.face_count());
     }
   }
+}
+
+TEST_CASE("a seam that wavers within its tolerance leaves no gap", "[cad][brep]") {
+  // As STEP reading leaves seams whose pcurves it has to find: here a wave of 1e-5 rad.
+  constexpr double kRadius = 10, kHeight = 20, kWave = 1e-5;
+  const TopoDS_Shape cylinder = BRepPrimAPI_MakeCylinder(kRadius, kHeight).Shape();
+  for (TopExp_Explorer faces(cylinder, TopAbs_FACE); faces.More(); faces.Next()) {
+    const TopoDS_Face face = TopoDS::Face(faces.Current());
+    for (TopExp_Explorer edges(face, TopAbs_EDGE); edges.More(); edges.Next()) {
+      const TopoDS_Edge edge = TopoDS::Edge(edges.Current());
+      if (!BRep_Tool::IsClosed(edge, face)) continue;
+      const auto waving = [&](double u) -> Handle(Geom2d_Curve) {
+        TColgp_Array1OfPnt2d poles(1, 81);
+        for (int i = 0; i <= 80; ++i)
+          poles.SetValue(i + 1, gp_Pnt2d(u + (i % 2 ? kWave : -kWave), kHeight * i / 80.0));
+        return Handle(Geom2d_Curve)(
+            Geom2dAPI_PointsToBSpline(poles, 1, 1, GeomAbs_C0, 1e-9).Curve());
+      };
+      BRep_Builder().UpdateEdge(edge, waving(2 * pi), waving(0), face, kRadius * kWave);
+      BRep_Builder().Range(edge, face, 0, 1);
+      break;
+    }
+  }
+  const CadModel model = to_model(cylinder);
+  int mantle = 0;
+  while (model.faces()[mantle].period.isZero(0)) ++mantle;
+  REQUIRE(model.faces()[mantle].upper[0] - model.faces()[mantle].lower[0] > 2 * pi + 1.5 * kWave);
+  int outside = 0, beyond = 0;
+  for (int i = 0; i < 1000; ++i)
+    for (const double u : {-1.7, -0.9, -0.3, 0.0, 0.2, 0.8, 1.9}) {
+      const double v = kHeight * (i + 0.5) / 1000;
+      for (const double turn : {0.0, 2 * pi})
+        outside += !model.is_inside(mantle, {turn + u * kWave, v});
+      beyond += model.is_inside(mantle, {u * kWave, v + kHeight});
+    }
+  CHECK(outside == 0);
+  CHECK(beyond == 0);
 }
 
 TEST_CASE("crossings bound the inside along lines of constant v", "[cad][brep]") {

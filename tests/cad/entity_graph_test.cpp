@@ -92,7 +92,7 @@ TEST_CASE("kinds and labels count", "[cad][colours]") {
 
 TEST_CASE("the graph of a box has 6 faces, 12 curves, 8 corners, all alike", "[cad][colours]") {
   const CadModel box = to_model(read_shape(model_file("shapes/box.step")));
-  const EntityGraph g = build_graph(box, true);
+  const EntityGraph g = build_graph(box, {});
   CHECK(g.faces == 6);
   CHECK(g.curves == 12);
   CHECK(g.corners == 8);
@@ -114,8 +114,9 @@ TEST_CASE("an oriented graph tells a chiral part from its mirror image", "[cad][
   mirror.SetMirror(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0)));
   const CadModel base = to_model(part);
   const CadModel mirrored = to_model(BRepBuilderAPI_Transform(part, mirror, true).Shape());
-  const EntityGraph unoriented = build_graph(base, false), other = build_graph(mirrored, false);
+  const EntityGraph unoriented = build_graph(base, {.is_oriented = false}),
+                    other = build_graph(mirrored, {.is_oriented = false});
   CHECK(ColourRefinement(unoriented, other).refine());
-  const EntityGraph itself = build_graph(base, true);
+  const EntityGraph itself = build_graph(base, {});
   CHECK(ColourRefinement(itself, itself).refine());
 }

@@ -1,11 +1,14 @@
 #include "cad/topology_match.h"
 
 #include <BRepAlgoAPI_Cut.hxx>
+#include <BRepBuilderAPI_Copy.hxx>
 #include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRep_Builder.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
+#include <TopoDS_Compound.hxx>
 #include <TopoDS_Edge.hxx>
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -51,6 +54,15 @@ bool is_permutation(std::vector<int> map, std::size_t size) {
   std::vector<int> all(size);
   std::iota(all.begin(), all.end(), 0);
   return map == all;
+}
+
+/// The solids, shells or faces of a shape, copied so that they share nothing.
+TopoDS_Shape parts(const TopoDS_Shape& shape, TopAbs_ShapeEnum kind) {
+  TopoDS_Compound all;
+  BRep_Builder().MakeCompound(all);
+  for (TopExp_Explorer it(shape, kind); it.More(); it.Next())
+    BRep_Builder().Add(all, BRepBuilderAPI_Copy(it.Current()).Shape());
+  return all;
 }
 
 /// Number of base entities whose counterpart is not at the image of their place.
@@ -394,6 +406,26 @@ TEST_CASE("a removed fillet is refused and named", "[cad][match][errors]") {
   CHECK_THROWS_AS(match_topology(base, variant), TopologyError);
   CHECK_THAT(refusal(base, variant), Contains("base face"));
   CHECK_THAT(refusal(base, variant), Contains("cylinder"));
+}
+
+TEST_CASE("the shells of solids match them", "[cad][match]") {
+  for (const std::string name : {"bracket", "two_blocks", "sphere_in_box"}) {
+    const TopoDS_Shape solids = read_shape(model_file("shapes/" + name + ".step"));
+    const TopoDS_Shape shells = parts(solids, TopAbs_SHELL);
+    INFO(name);
+    CHECK(match_topology(to_model(solids), through_step(shells)).faces ==
+          match_topology(to_model(solids), through_step(solids)).faces);
+    CHECK_NOTHROW(match_topology(to_model(shells), to_model(solids)));
+  }
+}
+
+TEST_CASE("faces that are not joined are refused with the remedy", "[cad][match][errors]") {
+  const TopoDS_Shape solid = read_shape(model_file("shapes/bracket.step"));
+  const CadModel base = to_model(solid), loose = to_model(parts(solid, TopAbs_FACE));
+  CHECK_THROWS_WITH(match_topology(base, through_step(parts(solid, TopAbs_FACE))),
+                    Contains("The faces of the variant are not joined along"));
+  CHECK_THROWS_WITH(match_topology(loose, base), Contains("The faces of the base are not joined"));
+  CHECK_NOTHROW(match_topology(loose, loose));
 }
 
 TEST_CASE("equal counts with another adjacency are refused", "[cad][match][errors]") {

@@ -25,13 +25,16 @@ TEST_CASE("Shortest edges agree with VTK's edges of every cell type", "[volume][
     // Sides of VTK's faces, corner to mid node to corner, are the edges.
     Eigen::VectorXd expected =
         Eigen::VectorXd::Constant(mesh.node_count(), std::numeric_limits<double>::infinity());
+    Eigen::VectorXd longest = Eigen::VectorXd::Zero(mesh.node_count());
     for (const auto& face : cell_facets(moved, 0)) {
       const int corners = corner_count(face.type, static_cast<Index>(face.nodes.size()));
       const bool has_mid = static_cast<int>(face.nodes.size()) >= 2 * corners;
       const auto visit = [&](Index a, Index b) {
         const double length = (moved.points.row(a) - moved.points.row(b)).norm();
-        expected[a] = std::min(expected[a], length);
-        expected[b] = std::min(expected[b], length);
+        for (const Index n : {a, b}) {
+          expected[n] = std::min(expected[n], length);
+          longest[n] = std::max(longest[n], length);
+        }
       };
       for (int i = 0; i < corners; ++i) {
         const Index a = face.nodes[i], b = face.nodes[(i + 1) % corners];
@@ -45,6 +48,7 @@ TEST_CASE("Shortest edges agree with VTK's edges of every cell type", "[volume][
     }
     if (type == CellType::QuadraticLinearWedge) continue;  // its straight sides are in no face list
     const Eigen::VectorXd found = shortest_incident_edges(moved);
+    CHECK((longest_incident_edges(moved) - longest).cwiseAbs().maxCoeff() < 1e-15);
     INFO("type " << static_cast<int>(type));
     for (Index n = 0; n < mesh.node_count(); ++n) {
       if (std::isfinite(expected[n]))

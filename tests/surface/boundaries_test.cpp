@@ -345,6 +345,50 @@ TEST_CASE("no node of a plate is drawn to the edges of blocks that stand on it",
   }
 }
 
+TEST_CASE("touching blocks with meshes of their own part where they touch",
+          "[surface][association][solids]") {
+  // Each face between them has a coincident copy, as have its edges and corners.
+  const auto first = [](const Vector3d& s) -> Vector3d {
+    return {30 * s.x(), 20 * s.y(), 20 * s.z()};
+  };
+  const auto second = [](const Vector3d& s) -> Vector3d {
+    return {30 + 20 * s.x(), 20 * s.y(), 20 * s.z()};
+  };
+  Mesh mesh = hex_grid({5, 4, 4}, first);
+  const Mesh other = hex_grid({4, 4, 4}, second);
+  const Index nodes = mesh.node_count(), cells = mesh.cell_count();
+  mesh.points.conservativeResize(nodes + other.node_count(), 3);
+  mesh.points.bottomRows(other.node_count()) = other.points;
+  for (const Index n : other.connectivity) mesh.connectivity.push_back(nodes + n);
+  for (Index c = 0; c < other.cell_count(); ++c) {
+    mesh.types.push_back(other.types[c]);
+    mesh.offsets.push_back(mesh.offsets.back() + 8);
+  }
+  mesh.regions.assign(static_cast<std::size_t>(mesh.cell_count()), 0);
+  for (Index c = cells; c < mesh.cell_count(); ++c) mesh.regions[c] = 1;
+  for (const bool has_regions : {true, false}) {
+    if (!has_regions) mesh.regions.clear();
+    const MorphCase c = mesh_case(to_model(two_blocks(30, 20)), mesh);
+    const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+    // The blocks part by 7 mm, the second grows across.
+    TopoDS_Compound apart;
+    BRep_Builder().MakeCompound(apart);
+    BRep_Builder().Add(apart, BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(30, 20, 20)).Solid());
+    BRep_Builder().Add(apart, BRepPrimAPI_MakeBox(gp_Pnt(37, 0, 0), gp_Pnt(57, 26, 20)).Solid());
+    const CadModel variant = to_model(apart);
+    const auto result = surface.morph(variant, match_topology(*c.base, variant));
+    double worst = 0;
+    for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+      const Index n = c.boundary.nodes[i];
+      Vector3d expected = mesh.points.row(n);
+      if (n >= nodes) expected += Vector3d(7, 0.3 * expected.y(), 0);
+      worst = std::max(worst, (result.positions.row(i).transpose() - expected).norm());
+    }
+    INFO("regions " << has_regions);
+    CHECK(worst < kKnown * c.diagonal);
+  }
+}
+
 TEST_CASE("an interface that is not in the CAD follows the volume", "[surface][solids]") {
   Mesh mesh = hex_grid({8, 6, 4}, [](const Vector3d& s) -> Vector3d {
     return {40 * s.x(), 30 * s.y(), 20 * s.z()};

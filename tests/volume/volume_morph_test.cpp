@@ -105,6 +105,44 @@ TEST_CASE("A mesh that is all surface needs no system", "[volume]") {
   CHECK(morph.report().centres == 0);
 }
 
+TEST_CASE("A slit narrower than rounding allows is morphed like its sides", "[volume]") {
+  // Half-way through the cube: cells above and below the slit have nodes of their own.
+  constexpr double kWidth = 1e-9;
+  Mesh mesh = cube(CellType::Hexahedron, 6);
+  std::vector<Index> surface = cube_surface(mesh);
+  const Index nodes = mesh.node_count();
+  std::vector<Index> copy(static_cast<std::size_t>(nodes), -1);
+  Points points = mesh.points;
+  for (Index n = 0; n < nodes; ++n) {
+    if (mesh.points(n, 2) != 0.5 || mesh.points(n, 0) > 0.6) continue;
+    const bool is_surface = std::find(surface.begin(), surface.end(), n) != surface.end();
+    copy[n] = points.rows();
+    points.conservativeResize(points.rows() + 1, 3);
+    points.row(copy[n]) = points.row(n) + Eigen::RowVector3d(0, 0, kWidth);
+    surface.push_back(copy[n]);
+    if (!is_surface) surface.push_back(n);
+  }
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    double height = 0;
+    for (const Index n : mesh.cell(c)) height += mesh.points(n, 2) / 8;
+    for (Index i = mesh.offsets[c]; height > 0.5 && i < mesh.offsets[c + 1]; ++i)
+      if (copy[mesh.connectivity[i]] >= 0) mesh.connectivity[i] = copy[mesh.connectivity[i]];
+  }
+  mesh.points = points;
+  const auto bend = [](const Vector3d& x) -> Vector3d {
+    return {1.2 * x[0] + 0.1 * x[2], 0.9 * x[1], 1.1 * x[2] - 0.2 * x[0]};
+  };
+  const Points all = mapped(points, bend);
+  for (const SolverKind solver : {SolverKind::Auto, SolverKind::Cholesky}) {
+    const VolumeMorph morph(mesh, surface, {.rbf = {.solver = solver}});
+    RbfReport report;
+    const Points result = morph.morph(rows_of(all, surface), &report);
+    CHECK((result - all).cwiseAbs().maxCoeff() < 1e-8);  // as without a slit
+    CHECK(rows_of(result, surface) == rows_of(all, surface));
+    CHECK(report.reciprocal_condition > 1e-10);
+  }
+}
+
 TEST_CASE("Wrong surface nodes and positions are refused", "[volume]") {
   const Mesh mesh = cube(CellType::Hexahedron, 2);
   const auto surface = cube_surface(mesh);

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <Geom2d_Curve.hxx>
+#include <Geom_Curve.hxx>
+#include <Geom_Surface.hxx>
+#include <gp_Pnt2d.hxx>
+#include <string>
+#include <vector>
+
+#include "cad/brep.h"
+
+namespace cadmorph {
+
+/// A pcurve, run through by the parameter of its edge.
+struct Pcurve {
+  Handle(Geom2d_Curve) curve;
+  double first, last;  // of the pcurve
+  double edge_first, edge_last;
+
+  Eigen::Vector2d operator()(double t) const {
+    const double span = edge_last - edge_first;
+    const bool same = first == edge_first && last == edge_last;
+    const double s = same || span == 0 ? t : first + (t - edge_first) / span * (last - first);
+    const gp_Pnt2d p = curve->Value(s);
+    return {p.X(), p.Y()};
+  }
+};
+
+/// A piece of a face's polygon in its parameter domain.
+struct Segment {
+  Eigen::Vector2d from, to;
+};
+
+/// What a CadModel holds; OCCT's geometry by entity.
+struct CadModel::Impl {
+  std::vector<CadFace> faces;
+  std::vector<CadEdge> edges;
+  std::vector<CadVertex> vertices;
+  std::vector<CadCoedge> coedges;
+  int solids = 0;
+  std::string file_name, file_unit;
+  Eigen::Vector3d lower = Eigen::Vector3d::Constant(1e300),
+                  upper = Eigen::Vector3d::Constant(-1e300);
+
+  std::vector<Handle(Geom_Surface)> surfaces;
+  std::vector<Handle(Geom_Curve)> curves;       // null for degenerate edges
+  std::vector<Pcurve> pcurves;                  // a coedge
+  std::vector<std::vector<Segment>> polygons;   // a face, oriented: material to the left
+  std::vector<Eigen::Vector2d> natural_period;  // of the untrimmed surface
+
+  void extend_bounds(const Eigen::Vector3d& p) {
+    lower = lower.cwiseMin(p);
+    upper = upper.cwiseMax(p);
+  }
+};
+
+/// Angle that the segments of a polygon wind round a point: 2 pi inside, 0 outside. Unlike ray
+/// crossings it bears the small gaps that pcurves leave at vertices.
+double winding_angle(const std::vector<Segment>& polygon, const Eigen::Vector2d& at);
+
+}  // namespace cadmorph

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "cad/brep.h"
+#include "cad/face_sampler.h"
+#include "cad/projector.h"
+#include "core/kd_tree.h"
+#include "surface/surface_mesh.h"
+
+namespace cadmorph {
+
+/// A node off the CAD may go to a curve within this distance, in units of its shortest mesh edge.
+inline constexpr double kVotedCurve = 0.5;
+
+/// A face that a node may lie on.
+struct FaceCandidate {
+  int face;
+  Eigen::Vector2d uv;
+  double distance;  ///< to the surface, which may reach beyond the wires; millimetres
+  double gap;       ///< to the trimmed face
+};
+
+/// What is near a node.
+struct NodeFeet {
+  std::vector<FaceCandidate> faces;  ///< nearest first
+  std::vector<EdgeFoot> edges;       ///< physical edges, nearest first
+};
+
+/// Projects the nodes of a surface mesh onto the faces and edges near them: dense samples in
+/// kd-trees give seeds, Newton steps the feet. Both model and mesh must outlive it.
+class FootFinder {
+ public:
+  /// `tolerance`: largest distance from a face, in units of a node's shortest mesh edge.
+  FootFinder(const CadModel& model, const SurfaceMesh& surface, double tolerance);
+
+  /// Faces and edges near a node. Thread-safe.
+  NodeFeet find(Index node) const;
+
+  /// Parameters on `face` of a point near x: of a sample within `radius` (and two spacings), else
+  /// by a global search. Thread-safe.
+  Eigen::Vector2d seed(int face, const Eigen::Vector3d& x, double radius) const;
+
+ private:
+  void sample_edges();
+  double reach(Index node) const { return tolerance_ * surface_.local_length[node]; }
+  void retry_globally(Index node, const Eigen::Vector3d& x, int face, NodeFeet& feet) const;
+  void find_edge_feet(Index node, const Eigen::Vector3d& x, NodeFeet& feet) const;
+  const EdgeFoot* near_wire(Index node, int face, const NodeFeet& feet) const;
+  void drop_outside(Index node, NodeFeet& feet) const;
+
+  const CadModel& model_;
+  const SurfaceMesh& surface_;
+  double tolerance_;
+  FaceSamples faces_;
+  KdTree face_tree_;
+  std::optional<KdTree> edge_tree_;
+  std::vector<std::pair<int, double>> edge_seeds_;
+  double edge_spacing_ = 0;
+};
+
+}  // namespace cadmorph
