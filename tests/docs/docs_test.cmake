@@ -7,10 +7,17 @@ foreach(page ${pages})
   if(NOT blocks)
     continue()
   endif()
+  list(APPEND pages_with_commands ${page})
   add_test(NAME docs.commands:${page}
     COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/run_commands.sh ${PROJECT_SOURCE_DIR}/${page}
       ${PROJECT_BINARY_DIR})
 endforeach()
+add_test(NAME docs.commands_are_run
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/page_commands.py check ${PROJECT_SOURCE_DIR}
+    ${pages_with_commands}
+  WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
+add_test(NAME docs.commands_of_nobody_are_noticed
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/page_commands_test.sh)
 add_test(NAME docs.links
   COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/check_links.sh ${PROJECT_SOURCE_DIR})
 add_test(NAME docs.site

@@ -32,6 +32,23 @@ write_manifest() {
   } >"$1"
 }
 
+# A folder with what the commands of a page name: base.step, mesh.vtu and the page's own files.
+enter_user_folder() {
+  mkdir "$1"
+  cd "$1"
+  cp "$root/models/bore/base.step" base.step
+  cp "$root/models/bore/hex.vtu" mesh.vtu
+  ln -s "$root/docs" docs
+}
+
+# run_shown_commands PAGE: those that PAGE marks as run by this test, as they stand, in one shell.
+run_shown_commands() {
+  local lines
+  lines=$("$root/tests/docs/page_commands.py" list "tests/schedulers/${0##*/}" "$root/$1")
+  [[ -n $lines ]] || fail "$1 shows nothing that this test runs"
+  bash -euo pipefail -c "$lines"
+}
+
 # The columns of results.csv that tell of the results; the seconds are the machine's.
 results_of() {
   awk -F, 'NR == 1 { for (i = 1; i <= NF; ++i) if ($i == "seconds") skip = i }

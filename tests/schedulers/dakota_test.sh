@@ -5,9 +5,7 @@ source "$(dirname "$0")/common.sh" "$1"
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-cd "$scratch"
-export CADMORPH_BASE=$root/models/bore/base.step CADMORPH_MESH=$root/models/bore/hex.vtu
-export MAKE_VARIANT="$scratch/make_variant" SOLVE="$scratch/solve"
+enter_user_folder "$scratch/user"
 
 # The "CAD system": the step nearest to the radius asked for, and nothing else.
 cat >make_variant <<END
@@ -62,11 +60,11 @@ END
 
 evaluate() {
   rm -f results.out
-  "$schedulers/dakota_driver" params.in results.out 2>driver.log || fail "the driver ends with $?"
+  run_shown_commands docs/schedulers.md 2>driver.log || fail "the driver ends with $?"
 }
 
 quality_of() { # STEP
-  cadmorph "$CADMORPH_BASE" "$root/models/bore/$1.step" "$CADMORPH_MESH" -o moved.vtu --quiet \
+  cadmorph base.step "$root/models/bore/$1.step" mesh.vtu -o moved.vtu --quiet \
     --json report.json
   ./solve moved.vtu report.json
 }
@@ -88,8 +86,10 @@ write_standard 7.0e+00
 expect_failure "no CAD variant"
 write_standard 5.0e+00
 CADMORPH_OPTIONS="--min-scaled-jacobian 0.99" expect_failure "elements below what was asked"
-SOLVE=false expect_failure "a solver that fails"
-SOLVE="echo 1" expect_failure "one response of two"
+printf '#!/bin/sh\nexit 1\n' >solve
+expect_failure "a solver that fails"
+printf '#!/bin/sh\necho 1\n' >solve
+expect_failure "one response of two"
 echo "not a parameters file" >params.in
 expect_failure "no parameters"
 [[ -z $(find . -name '*.failed.vtu') ]] || fail "files are left behind"

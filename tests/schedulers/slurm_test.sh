@@ -3,7 +3,7 @@
 # a scratch folder, on the loopback interface, and stops: slurm_test.sh PROGRAM_FOLDER
 #
 # A task is killed half-way; the array submitted again must complete the batch, and the union must be
-# that of a run without a scheduler.
+# that of a run without a scheduler. Then the commands of docs/schedulers.md are run as they stand.
 unset SLURM_CONF
 source "$(dirname "$0")/common.sh" "$1"
 PATH="$PATH:/usr/sbin"
@@ -113,6 +113,7 @@ CONF
 }
 
 is_idle() { [[ $(sinfo --noheader --format=%T) == idle* ]]; }
+is_all_over() { [[ -z $(squeue --noheader 2>/dev/null) ]]; }
 is_over() { [[ -z $(squeue --noheader --jobs="$1" 2>/dev/null) ]]; }
 row_count() { cat "$folder/results.1-of-2.jsonl" 2>/dev/null | wc -l; }
 has_begun() { (($(row_count) >= 2)); }
@@ -149,3 +150,10 @@ cadmorph batch --collect "$folder"
 cadmorph batch "$root/models/bore/base.step" "$root/models/bore/hex.vtu" --quiet \
   --manifest "$scratch/variants.csv" -o "$scratch/expected"
 require_same_results "$scratch/expected" "$folder"
+
+enter_user_folder "$scratch/user"
+cp "$scratch/variants.csv" .
+run_shown_commands docs/schedulers.md
+wait_until 120 is_all_over || fail "the shown commands do not end"
+require_same_results "$scratch/expected" out
+[[ -f out/results.8-of-8.csv ]] || fail "not eight shares"

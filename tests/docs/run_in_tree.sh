@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# Runs, as they stand and in this tree, the command lines that the pages mark as run by .ci/run: those
+# that build, test, package or make the models and references anew: run_in_tree.sh PAGE...
+#
+# They share the tree's build folder, and each runs once; lines that .ci/run has itself are not run
+# again. None may change a tracked file. apt-get installs to a scratch folder, and the references made
+# anew must be those in the repository but for rounding; these are then put back.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+
+fail() {
+  echo "FAILED: $*" >&2
+  exit 1
+}
+
+# An apt that takes this machine's packages for installed, and unpacks others below $scratch/root.
+make_scratch_apt() {
+  local root=$scratch/root
+  mkdir -p "$root/var/lib/dpkg/"{triggers,updates} "$root/"{cache/archives/partial,log}
+  cp -r /var/lib/dpkg/{status,info} "$root/var/lib/dpkg"
+  cat >"$scratch/apt.conf" <<CONF
+Dir::State::status "$root/var/lib/dpkg/status";
+Dir::Cache "$root/cache";
+Dir::Log "$root/log";
+Debug::NoLocking "true";
+APT::Sandbox::User "";
+DPkg::Options {
+  "--instdir=$root"; "--admindir=$root/var/lib/dpkg"; "--log=$root/log/dpkg.log";
+  "--force-not-root,script-chrootless";
+};
+CONF
+}
+
+install_to_scratch() {
+  make_scratch_apt
+  APT_CONFIG=$scratch/apt.conf bash -c "$1" </dev/null
+  "$scratch/root/usr/bin/cadmorph" --version
+}
+
+update_references() {
+  cp -r models/reference "$scratch/reference"
+  bash -c "$1"
+  local mesh
+  for mesh in "$scratch"/reference/*.vtu; do
+    build/apps/cadmorph compare "$mesh" "models/reference/${mesh##*/}" --quiet ||
+      fail "$1 makes another ${mesh##*/}"
+  done
+  cp -p "$scratch"/reference/* models/reference
+}
+
+run() {
+  case $1 in
+    apt-get\ *) install_to_scratch "$1" ;;
+    scripts/update-references) update_references "$1" ;;
+    *) bash -o pipefail -c "$1" </dev/null ;;
+  esac
+}
+
+before=$(git status --porcelain && git diff)
+lines=$(tests/docs/page_commands.py list .ci/run "$@" | sed 's/ *#.*//' | awk '!seen[$0]++')
+while IFS= read -r line; do
+  if grep --quiet --line-regexp --fixed-strings -- "$line" .ci/run; then continue; fi
+  echo "$ $line"
+  start=$SECONDS
+  run "$line" || fail "$line"
+  echo "($((SECONDS - start)) s)"
+done <<<"$lines"
+[[ $(git status --porcelain && git diff) == "$before" ]] || fail "the lines leave changed files"
