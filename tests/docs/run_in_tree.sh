@@ -3,7 +3,7 @@
 # that build, test, package or make the models and references anew: run_in_tree.sh PAGE...
 #
 # They share the tree's build folder, and each runs once; lines that .ci/run has itself are not run
-# again. None may change a tracked file. apt-get installs to a scratch folder, and the references made
+# again. None may change a file outside of build* and out. apt-get installs to a scratch folder, and the references made
 # anew must be those in the repository but for rounding; these are then put back.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -16,11 +16,13 @@ fail() {
   exit 1
 }
 
-# An apt that takes this machine's packages for installed, and unpacks others below $scratch/root.
+# An apt that takes this machine's packages for installed, runs no script or trigger of theirs, and
+# unpacks others below $scratch/root.
 make_scratch_apt() {
   local root=$scratch/root
-  mkdir -p "$root/var/lib/dpkg/"{triggers,updates} "$root/"{cache/archives/partial,log}
-  cp -r /var/lib/dpkg/{status,info} "$root/var/lib/dpkg"
+  mkdir -p "$root/var/lib/dpkg/"{info,triggers,updates} "$root/"{cache/archives/partial,log}
+  cp /var/lib/dpkg/status "$root/var/lib/dpkg"
+  cp /var/lib/dpkg/info/{*.list,format} "$root/var/lib/dpkg/info"
   cat >"$scratch/apt.conf" <<CONF
 Dir::State::status "$root/var/lib/dpkg/status";
 Dir::Cache "$root/cache";
@@ -51,6 +53,12 @@ update_references() {
   cp -p "$scratch"/reference/* models/reference
 }
 
+# The checksums of all files that are no build's or run's output.
+sum_tree() {
+  find . -path ./.git -prune -o -path './build*' -prune -o -path ./out -prune -o -type f -print0 |
+    sort --zero-terminated | xargs -0 sha256sum
+}
+
 run() {
   case $1 in
     apt-get\ *) install_to_scratch "$1" ;;
@@ -59,7 +67,7 @@ run() {
   esac
 }
 
-before=$(git status --porcelain && git diff)
+before=$(sum_tree)
 lines=$(tests/docs/page_commands.py list .ci/run "$@" | sed 's/ *#.*//' | awk '!seen[$0]++')
 while IFS= read -r line; do
   if grep --quiet --line-regexp --fixed-strings -- "$line" .ci/run; then continue; fi
@@ -68,4 +76,4 @@ while IFS= read -r line; do
   run "$line" || fail "$line"
   echo "($((SECONDS - start)) s)"
 done <<<"$lines"
-[[ $(git status --porcelain && git diff) == "$before" ]] || fail "the lines leave changed files"
+diff <(echo "$before") <(sum_tree) || fail "the lines leave changed files"
