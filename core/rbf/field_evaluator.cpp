@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "core/parallel.h"
+#include "core/rbf/simd.h"
 
 namespace cadmorph {
 namespace {
@@ -236,24 +237,17 @@ class Evaluation {
 
   void add_interpolated(const Grid& grid, const Eigen::Ref<const MatrixXd>& points,
                         Eigen::Ref<MatrixXd> out) const {
-    constexpr Index kBlock = 256;  // keeps the partly contracted values in the cache
-    const Index p = line_.order();
+    constexpr Index kBlock = 64;  // keeps the bases in the cache
+    const simd::Functions& simd = simd::functions(simd::best());
+    MatrixXd basis[3], sum(kBlock, out.cols());
+    for (MatrixXd& values : basis) values = MatrixXd::Zero(kBlock, line_.order());
     for (Index begin = 0; begin < points.rows(); begin += kBlock) {
       const Index n = std::min(kBlock, points.rows() - begin);
-      MatrixXd basis[3];
       for (int d = 0; d < 3; ++d)
-        basis[d] = line_basis(grid.box, d, points.col(d).segment(begin, n));
-      for (Index m = 0; m < out.cols(); ++m) {
-        const Eigen::Map<const MatrixXd> values(grid.values.col(m).data(), p, p * p);
-        const MatrixXd planes = basis[2] * values;  // n x (p * p), direction 1 fastest
-        VectorXd sum = VectorXd::Zero(n);
-        for (Index i = 0; i < p; ++i) {
-          VectorXd line = VectorXd::Zero(n);
-          for (Index j = 0; j < p; ++j) line += planes.col(i * p + j).cwiseProduct(basis[1].col(j));
-          sum += line.cwiseProduct(basis[0].col(i));
-        }
-        out.col(m).segment(begin, n) += sum;
-      }
+        basis[d].topRows(n) = line_basis(grid.box, d, points.col(d).segment(begin, n));
+      simd.contract(n, line_.order(), basis[0].data(), basis[1].data(), basis[2].data(), kBlock,
+                    out.cols(), grid.values.data(), grid.values.rows(), sum.data());
+      out.middleRows(begin, n) += sum.topRows(n);
     }
   }
 

@@ -83,6 +83,13 @@ struct Functions {
   void (*multiply_transposed)(std::int64_t rows, std::int64_t depth, const double* A,
                               std::int64_t stride, std::int64_t columns, const double* X,
                               std::int64_t x_stride, double* Y, std::int64_t y_stride);
+
+  /// out(i, c) = sum_abk x(i, a) y(i, b) z(i, k) T(k + p b + p^2 a, c) for n points whose bases x,
+  /// y, z (n x p) and sums have the same stride, each column computed the same whatever their
+  /// number.
+  void (*contract)(std::int64_t n, std::int64_t p, const double* x, const double* y,
+                   const double* z, std::int64_t stride, std::int64_t columns, const double* T,
+                   std::int64_t t_stride, double* out);
 };
 
 /// Best instruction set of this processor, or the one `limit_to` allows where that is lower.

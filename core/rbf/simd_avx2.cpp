@@ -24,9 +24,9 @@ inline Vec cube(Vec r2) { return r2 * square_root(r2); }
 
 namespace cadmorph::simd {
 
-const Functions kAvx2 = {sum,         cubic_matrix, add_outer_products,
-                         cubic_block, cholesky,     cholesky_solve,
-                         pivoted_qr,  multiply,     multiply_transposed};
+const Functions kAvx2 = {
+    sum,        cubic_matrix, add_outer_products,  cubic_block, cholesky, cholesky_solve,
+    pivoted_qr, multiply,     multiply_transposed, contract};
 
 }  // namespace cadmorph::simd
 

@@ -18,8 +18,8 @@ inline Vec cube(Vec r2) { return r2 * square_root(r2); }
 
 namespace cadmorph::simd {
 
-const Functions kBaseline = {sum,         cubic_matrix, add_outer_products,
-                             cubic_block, cholesky,     cholesky_solve,
-                             pivoted_qr,  multiply,     multiply_transposed};
+const Functions kBaseline = {
+    sum,        cubic_matrix, add_outer_products,  cubic_block, cholesky, cholesky_solve,
+    pivoted_qr, multiply,     multiply_transposed, contract};
 
 }  // namespace cadmorph::simd
