@@ -1,16 +1,17 @@
 #include "apps/bench/solvers.h"
 
 #include <dlfcn.h>
+#include <malloc.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 
 #include "apps/bench/measure.h"
 #include "apps/bench/results_file.h"
-#include "apps/pipeline/pipeline.h"
 #include "apps/summary/text_table.h"
 #include "core/errors.h"
 #include "volume/volume_morph.h"
@@ -27,22 +28,23 @@ const Row kHeader = {
     "set_up_seconds", "morph_seconds", "cpu_seconds", "memory_bytes",  "min_scaled_jacobian",
     "lapack",         "note"};
 
-/// A solver of the comparison, and the most centres it is run for: beyond it takes hours.
+/// A solver of the comparison.
 struct Solver {
   std::string name;
   SolverKind kind;
-  bool is_netlib;  ///< with the reference LAPACK and BLAS
-  std::size_t most_centres;
+  bool is_netlib;            ///< with the reference LAPACK and BLAS
+  std::size_t most_centres;  ///< run for: with more it takes too long
+  double matrices = 0;       ///< dense ones that it holds at once
   double tolerance = RbfOptions().tolerance;
 };
 
 const std::vector<Solver> kSolvers = {
-    {"netlib LU", SolverKind::Lu, true, 8000},
-    {"netlib LDL^T", SolverKind::Ldlt, true, 8000},
-    {"OpenBLAS LU", SolverKind::Lu, false, 20000},
-    {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 20000},
-    {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 20000},
-    {"IQR", SolverKind::Iqr, false, 20000, 1e-2},
+    {"netlib LU", SolverKind::Lu, true, 8000, 2},
+    {"netlib LDL^T", SolverKind::Ldlt, true, 8000, 2},
+    {"OpenBLAS LU", SolverKind::Lu, false, 20000, 2},
+    {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 20000, 2},
+    {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 20000, 1},
+    {"IQR", SolverKind::Iqr, false, 20000, 0, 1e-2},
     {"fast", SolverKind::Fast, false, 100000000},
 };
 
@@ -99,11 +101,57 @@ Row row_without_figures(const Subject& subject, const Series& series, const Solv
   return row;
 }
 
-const char* why_not(const Solver& solver, const Series& series) {
-  if (series.surface_nodes.size() > solver.most_centres) return "not run: too many centres";
+// Why a solver is not run; empty: it is.
+std::string why_not(const Solver& solver, const Series& series) {
+  constexpr double kGiB = 1 << 30;
+  const auto m = static_cast<double>(series.surface_nodes.size());
+  const double needed = solver.matrices * 8 * m * m / kGiB;
+  const double there = static_cast<double>(sysconf(_SC_PHYS_PAGES)) *
+                       static_cast<double>(sysconf(_SC_PAGE_SIZE)) / kGiB;
+  if (needed > there) return format("does not fit: needs %.0f GiB of %.0f", needed, there);
+  if (series.surface_nodes.size() > solver.most_centres) return "not run: takes too long";
   if (solver.is_netlib && !std::filesystem::exists(CADMORPH_NETLIB_LAPACK))
     return "not run: the reference LAPACK is not installed";
-  return nullptr;
+  return "";
+}
+
+// A line of this process's status, bytes. What getrusage tells begins with the parent's.
+double memory_line(const std::string& name) {
+  std::ifstream file("/proc/self/status");
+  for (std::string word; file >> word;)
+    if (double kib = 0; word == name && file >> kib) return 1024 * kib;
+  return 0;
+}
+
+// Memory that this process holds now; what it held at most before is forgotten.
+double memory_from_here() {
+  malloc_trim(0);
+  std::ofstream("/proc/self/clear_refs") << "5";
+  return memory_line("VmRSS:");
+}
+
+Row measured_row(const Subject& subject, const Series& series, const Solver& solver,
+                 const std::string& library) {
+  const double memory_before = memory_from_here();
+  const Stopwatch whole;
+  const VolumeMorph morph(series.mesh, series.surface_nodes,
+                          {.rbf = {.solver = solver.kind, .tolerance = solver.tolerance}});
+  const double set_up_seconds = whole.seconds();
+  const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
+  const double seconds = whole.seconds() - set_up_seconds, cpu = whole.cpu();
+  const double memory = memory_line("VmHWM:") - memory_before;
+  return {subject.family,
+          subject.mesh,
+          solver.name,
+          std::to_string(series.surface_nodes.size()),
+          std::to_string(series.mesh.node_count()),
+          format("%.4g", set_up_seconds),
+          format("%.4g", seconds),
+          format("%.4g", cpu),
+          format("%.4g", memory),
+          format("%.6g", measure(series, positions).min),
+          library,
+          ""};
 }
 
 }  // namespace
@@ -115,7 +163,7 @@ void compare_solvers(const EvaluateOptions& options, const std::string& program)
     for (const Solver& solver : kSolvers) {
       if (file.has({subject.family, subject.mesh, solver.name})) continue;
       options.tell(subject.family + " " + subject.mesh + ": " + solver.name);
-      if (const char* note = why_not(solver, series))
+      if (const std::string note = why_not(solver, series); !note.empty())
         file.append({row_without_figures(subject, series, solver, note)});
       else if (!run_child(program, options, subject, solver))
         file.append({row_without_figures(subject, series, solver, "failed")});
@@ -130,21 +178,12 @@ void run_solver(const EvaluateOptions& options, const std::string& name) {
     throw SolverError("the reference LAPACK was not loaded");
   const Subject subject = chosen_subjects(options).front();
   const Series series = make_series(subject, {Route()}, kSteps);
-  const double memory_before = peak_memory(), cpu_before = cpu_seconds();
-  const Stopwatch set_up;
-  const VolumeMorph morph(series.mesh, series.surface_nodes,
-                          {.rbf = {.solver = solver.kind, .tolerance = solver.tolerance}});
-  const double set_up_seconds = set_up.seconds();
-  const Stopwatch watch;
-  const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
-  const double seconds = watch.seconds();
-  const double cpu = cpu_seconds() - cpu_before, memory = peak_memory() - memory_before;
-  ResultsFile(options.output, kHeader)
-      .append(
-          {{subject.family, subject.mesh, solver.name, std::to_string(series.surface_nodes.size()),
-            std::to_string(series.mesh.node_count()), format("%.4g", set_up_seconds),
-            format("%.4g", seconds), format("%.4g", cpu), format("%.4g", memory),
-            format("%.6g", measure(series, positions).min), library, ""}});
+  ResultsFile file(options.output, kHeader);
+  try {
+    file.append({measured_row(subject, series, solver, library)});
+  } catch (const SolverError& error) {
+    file.append({row_without_figures(subject, series, solver, field(error.what()))});
+  }
 }
 
 }  // namespace cadmorph::bench

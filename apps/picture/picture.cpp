@@ -3,11 +3,13 @@
 #include <vtkObject.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 
 #include "apps/picture/picture_display.h"
 #include "apps/picture/picture_renderer.h"
 #include "apps/picture/scratch_folder.h"
+#include "apps/picture/visible_surface.h"
 #include "apps/pipeline/output_file.h"
 #include "core/mesh_file.h"
 
@@ -21,12 +23,19 @@ struct PictureOptions {
   bool is_quality = false;
   int cut_axis = 1;
   std::string unit = "mm";
-  fs::path scene;  ///< folder of a prepared scene, drawn instead
+  std::vector<double> box;  ///< opposite corners
+  fs::path scene;           ///< folder of a prepared scene, drawn instead
 };
 
 void draw_on_private_display(const Scene& scene, const fs::path& folder) {
   const PrivateDisplay display;
   draw(scene, folder);
+}
+
+std::optional<Eigen::AlignedBox3d> box_of(const std::vector<double>& corners) {
+  if (corners.empty()) return std::nullopt;
+  const Eigen::Vector3d a(corners.data()), b(corners.data() + 3);
+  return Eigen::AlignedBox3d(a.cwiseMin(b), a.cwiseMax(b));
 }
 
 void draw_meshes(const PictureOptions& options) {
@@ -46,7 +55,11 @@ void draw_meshes(const PictureOptions& options) {
                         .moved = &after.points,
                         .after = &quality_after,
                         .unit = options.unit,
-                        .cut_axis = options.cut_axis};
+                        .cut_axis = options.cut_axis,
+                        .box = box_of(options.box)};
+  if (drawn.box && std::ranges::count(cells_in_box(before, *drawn.box), 1) == 0)
+    throw InvalidInputError("no element of " + options.before.string() +
+                            " has its centre in the box: give two opposite corners in its unit");
   const ScratchFolder folder;
   write_surfaces(drawn, folder.path());
   const Picture picture = overview(drawn, options.is_quality);
@@ -67,6 +80,10 @@ PictureOptions parse(CLI::App& app, int argc, char** argv) {
   app.add_option("--cut", options.cut_axis, "Axis normal to the cut: x, y or z")
       ->transform(CLI::CheckedTransformer(axes))
       ->option_text("AXIS [y]");
+  app.add_option("--box", options.box, "Draw the elements in this box alone, before morphing")
+      ->expected(6)
+      ->delimiter(',')
+      ->type_name("X,Y,Z,X,Y,Z");
   app.add_option("--unit", options.unit, "Unit of the coordinates, for the labels")
       ->capture_default_str();
   app.add_option("--scene", options.scene,

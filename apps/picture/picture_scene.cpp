@@ -68,6 +68,18 @@ void write_surface(const fs::path& path, const DrawnMesh& drawn, const std::vect
   write_mesh(path, surface.mesh, extra);
 }
 
+std::vector<char> drawn_cells(const DrawnMesh& drawn) {
+  return drawn.box ? cells_in_box(drawn.mesh, *drawn.box)
+                   : std::vector<char>(drawn.mesh.cell_count(), 1);
+}
+
+std::vector<char> cut_cells(const DrawnMesh& drawn) {
+  if (!drawn.box) return cells_above_middle(drawn.mesh, drawn.cut_axis);
+  Eigen::AlignedBox3d half = *drawn.box;
+  half.min()[drawn.cut_axis] = half.center()[drawn.cut_axis];
+  return cells_in_box(drawn.mesh, half);
+}
+
 double largest_displacement(const DrawnMesh& drawn) {
   return (*drawn.moved - drawn.mesh.points).rowwise().norm().maxCoeff();
 }
@@ -149,10 +161,8 @@ void write_surfaces(const DrawnMesh& drawn, const fs::path& folder) {
   const std::vector<char> worst_before = mark_worst(drawn.before.values);
   const std::vector<char> worst_after =
       drawn.after ? mark_worst(drawn.after->values) : std::vector<char>();
-  write_surface(folder / kSurface, drawn, std::vector<char>(drawn.mesh.cell_count(), 1),
-                worst_before, worst_after);
-  write_surface(folder / kCut, drawn, cells_above_middle(drawn.mesh, drawn.cut_axis), worst_before,
-                worst_after);
+  write_surface(folder / kSurface, drawn, drawn_cells(drawn), worst_before, worst_after);
+  write_surface(folder / kCut, drawn, cut_cells(drawn), worst_before, worst_after);
 }
 
 Picture overview(const DrawnMesh& drawn, bool is_quality) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -48,10 +49,12 @@ struct DrawnMesh {
   const QualityReport* after = nullptr;  ///< goes with `moved`
   std::string unit = "mm";               ///< of the coordinates, for labels
   int cut_axis = 1;
+  /// Cells outside are not drawn; the worst 5 % and all figures are the whole mesh's.
+  std::optional<Eigen::AlignedBox3d> box = {};
 };
 
 /// Writes the surfaces a scene of `drawn` needs into `folder`: surface.vtu and cut.vtu, the cells
-/// above the middle of the cut axis.
+/// above the middle, of mesh or box, along the cut axis.
 void write_surfaces(const DrawnMesh& drawn, const std::filesystem::path& folder);
 
 /// One picture for a quick look. Of a morph: before and after, the surface coloured by displacement

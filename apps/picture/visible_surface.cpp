@@ -1,6 +1,7 @@
 #include "apps/picture/visible_surface.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace cadmorph {
 namespace {
@@ -56,18 +57,21 @@ VisibleSurface visible_surface(const Mesh& mesh, const CellNeighbours& neighbour
 }
 
 std::vector<char> cells_above_middle(const Mesh& mesh, int axis) {
-  const auto column = mesh.points.col(axis);
-  const double middle = (column.minCoeff() + column.maxCoeff()) / 2;
-  std::vector<char> is_above(mesh.cell_count(), 0);
+  Eigen::AlignedBox3d box(mesh.points.colwise().minCoeff().transpose(),
+                          mesh.points.colwise().maxCoeff().transpose());
+  // A centre in the middle itself is not above it.
+  box.min()[axis] = std::nextafter(box.center()[axis], std::numeric_limits<double>::max());
+  return cells_in_box(mesh, box);
+}
+
+std::vector<char> cells_in_box(const Mesh& mesh, const Eigen::AlignedBox3d& box) {
+  std::vector<char> is_inside(mesh.cell_count(), 0);
   for (Index c = 0; c < mesh.cell_count(); ++c) {
-    double low = std::numeric_limits<double>::max(), high = -low;
-    for (const Index node : mesh.cell(c)) {
-      low = std::min(low, column[node]);
-      high = std::max(high, column[node]);
-    }
-    is_above[c] = (low + high) / 2 > middle;
+    Eigen::AlignedBox3d around;
+    for (const Index node : mesh.cell(c)) around.extend(mesh.points.row(node).transpose());
+    is_inside[c] = box.contains(around.center());
   }
-  return is_above;
+  return is_inside;
 }
 
 }  // namespace cadmorph

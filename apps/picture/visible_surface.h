@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <vector>
 
 #include "core/quality_checks.h"
@@ -18,7 +19,11 @@ struct VisibleSurface {
 VisibleSurface visible_surface(const Mesh& mesh, const CellNeighbours& neighbours,
                                const std::vector<char>& is_shown);
 
-/// 1 for each cell of `mesh` whose centre lies above the middle of its bounding box along `axis`.
+/// 1 for each cell of `mesh` whose centre, that of its bounding box, lies above the middle of the
+/// mesh's bounding box along `axis`.
 std::vector<char> cells_above_middle(const Mesh& mesh, int axis);
+
+/// 1 for each cell whose centre lies in a box.
+std::vector<char> cells_in_box(const Mesh& mesh, const Eigen::AlignedBox3d& box);
 
 }  // namespace cadmorph

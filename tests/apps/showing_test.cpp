@@ -161,6 +161,27 @@ TEST_CASE("A large surface is simplified between nodes of the mesh, and says so"
   }
 }
 
+TEST_CASE("The cells in a box are those whose centres are", "[apps][picture]") {
+  const Mesh mesh = MeshFile(source_file("models/bore/hex.vtu")).mesh();
+  const Eigen::Vector3d low = mesh.points.colwise().minCoeff(),
+                        high = mesh.points.colwise().maxCoeff();
+  const Eigen::AlignedBox3d box(low + 0.2 * (high - low), low + 0.7 * (high - low));
+  const std::vector<char> is_inside = cells_in_box(mesh, box);
+  Index count = 0;
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    Points corners(mesh.cell(c).size(), 3);
+    for (Index i = 0; i < corners.rows(); ++i) corners.row(i) = mesh.points.row(mesh.cell(c)[i]);
+    const Eigen::Vector3d centre =
+        (corners.colwise().minCoeff() + corners.colwise().maxCoeff()).transpose() / 2;
+    const bool is_expected =
+        ((centre - box.min()).array() >= 0).all() && ((box.max() - centre).array() >= 0).all();
+    REQUIRE(static_cast<bool>(is_inside[c]) == is_expected);
+    count += is_expected;
+  }
+  CHECK(count > 0);
+  CHECK(count < mesh.cell_count() / 4);
+}
+
 TEST_CASE("The faces around a part of a mesh enclose the volume of its cells", "[apps][picture]") {
   const Mesh mesh = MeshFile(source_file("models/bore/tet.vtu")).mesh();
   const CellNeighbours neighbours = find_cell_neighbours(mesh);
