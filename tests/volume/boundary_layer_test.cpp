@@ -13,22 +13,6 @@ namespace {
 using namespace testing;
 using Eigen::Vector3d;
 
-// The unit cube in wedges with layers that thin out towards the floor.
-Mesh graded_layers(int n, double first) {
-  Mesh mesh = cube(CellType::Wedge, n);
-  for (Index i = 0; i < mesh.node_count(); ++i) {
-    const double level = mesh.points(i, 2);
-    mesh.points(i, 2) = level == 0 ? 0 : first * std::pow(1 / first, (n * level - 1) / (n - 1));
-  }
-  return mesh;
-}
-
-// A wavy floor; everything above follows less and less.
-Vector3d wave(const Vector3d& x) {
-  const double height = 0.08 * std::sin(5 * x[0]) * std::cos(4 * x[1]);
-  return x + Vector3d(0, 0, height * (1 - x[2]));
-}
-
 }  // namespace
 
 TEST_CASE("Layers of 1e-6 of the part survive a move by the iterative solver", "[volume][layers]") {

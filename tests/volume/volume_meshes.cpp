@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "../core/sample_meshes.h"
+
 namespace cadmorph::testing {
 
 std::vector<Index> cube_surface(const Mesh& mesh) {
@@ -27,6 +29,20 @@ Points mapped(const Points& points,
   for (Index i = 0; i < points.rows(); ++i)
     result.row(i) = map(points.row(i).transpose()).transpose();
   return result;
+}
+
+Mesh graded_layers(int n, double first) {
+  Mesh mesh = cube(CellType::Wedge, n);
+  for (Index i = 0; i < mesh.node_count(); ++i) {
+    const double level = mesh.points(i, 2);
+    mesh.points(i, 2) = level == 0 ? 0 : first * std::pow(1 / first, (n * level - 1) / (n - 1));
+  }
+  return mesh;
+}
+
+Eigen::Vector3d wave(const Eigen::Vector3d& x) {
+  const double height = 0.08 * std::sin(5 * x[0]) * std::cos(4 * x[1]);
+  return x + Eigen::Vector3d(0, 0, height * (1 - x[2]));
 }
 
 }  // namespace cadmorph::testing

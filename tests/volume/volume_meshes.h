@@ -17,4 +17,10 @@ Points rows_of(const Points& points, const std::vector<Index>& rows);
 Points mapped(const Points& points,
               const std::function<Eigen::Vector3d(const Eigen::Vector3d&)>& map);
 
+/// The unit cube in n^3 pairs of wedges, in layers that thin out towards the floor to `first`.
+Mesh graded_layers(int n, double first);
+
+/// Bends the cube's floor into waves; everything above follows less and less.
+Eigen::Vector3d wave(const Eigen::Vector3d& x);
+
 }  // namespace cadmorph::testing
