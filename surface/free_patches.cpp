@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <sstream>
 
@@ -57,6 +58,19 @@ std::vector<char> bent_facets(const SurfaceMesh& surface, const std::vector<char
       }
   }
   return bends;
+}
+
+// Open facets, the largest first: their planes are the surest.
+std::vector<int> seeds(const SurfaceMesh& surface, const std::vector<char>& is_open) {
+  std::vector<int> result;
+  std::vector<double> area(surface.facets.size(), 0);
+  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) {
+    if (!is_open[f]) continue;
+    area[f] = area_vector(surface, surface.points, f).norm();
+    result.push_back(f);
+  }
+  std::ranges::stable_sort(result, std::greater<>(), [&](int f) { return area[f]; });
+  return result;
 }
 
 // Grows a patch from `seed`, over facets of its plane if is_planar, else over all that are left.
@@ -152,9 +166,10 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
   const auto bends = bent_facets(surface, is_open);
   std::vector<int> patch_of(surface.facets.size(), kNoPatch);
   std::vector<FreePatch> patches;
+  const std::vector<int> order = seeds(surface, is_open);
   for (const bool is_planar : {true, false})
-    for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) {
-      if (!is_open[f] || patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
+    for (const int f : order) {
+      if (patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
       const int id = static_cast<int>(patches.size());
       FreePatch patch = grow(surface, f, is_planar, is_open, patch_of, id);
       const bool is_bent = std::any_of(patch.facets.begin(), patch.facets.end(),

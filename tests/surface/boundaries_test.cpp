@@ -205,6 +205,52 @@ TEST_CASE("symmetry planes slide with the body they touch", "[surface][far-field
   }
 }
 
+namespace {
+
+Mesh cells_from_axis_outwards(const Mesh& mesh) {
+  std::vector<std::pair<double, Index>> order;
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    double radius = 0;
+    for (const Index node : mesh.cell(c)) radius += mesh.points.row(node).head<2>().norm();
+    order.emplace_back(radius, c);
+  }
+  std::ranges::sort(order);
+  Mesh result;
+  result.points = mesh.points;
+  result.offsets = {0};
+  for (const auto& [radius, c] : order) {
+    const auto nodes = mesh.cell(c);
+    result.types.push_back(mesh.types[c]);
+    result.connectivity.insert(result.connectivity.end(), nodes.begin(), nodes.end());
+    result.offsets.push_back(static_cast<Index>(result.connectivity.size()));
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("thin layers whose wall is a little off the symmetry plane do not tilt it",
+          "[surface][far-field]") {
+  // A wall node 1e-7 off turns the facets of a layer of 1e-3 by 1e-4.
+  constexpr double kOff = 1e-7;
+  Mesh mesh = ring_around_cylinder();
+  for (Index n = 0; n < mesh.node_count(); ++n) {
+    const double r = mesh.points.row(n).head<2>().norm();
+    mesh.points.row(n).head<2>() *= (5 + 25 * std::pow(std::max(r - 5, 0.0) / 25, 2.4)) / r;
+    if (r < 5 + 1e-9) mesh.points(n, 2) += kOff;
+  }
+  mesh = cells_from_axis_outwards(mesh);  // the thin ones are met first
+  const MorphCase c = mesh_case(to_model(cylinder(5, 20)), mesh);
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  const auto result = morph_surface(c, to_model(cylinder(8, 20)));
+  Index slid = 0;
+  for (Index n = 0; n < old.rows(); ++n) {
+    slid += (result.positions.row(n) - old.row(n)).head<2>().norm() > 0.1;
+    CHECK(std::abs(result.positions(n, 2) - old(n, 2)) <= 2 * kOff);
+  }
+  CHECK(slid > 0);
+}
+
 TEST_CASE("sliding refuses unmatched boundaries that are not planar",
           "[surface][far-field][errors]") {
   const MorphCase c = mesh_case(to_model(cylinder(5, 20)), ring_around_cylinder());
