@@ -8,13 +8,12 @@
 
 #include "core/errors.h"
 #include "core/kd_tree.h"
-#include "core/parallel.h"
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/fast_solver.h"
 #include "core/rbf/incremental_qr.h"
-#include "core/rbf/kernel_sum.h"
-#include "core/rbf/unit_targets.h"
+#include "core/rbf/rbf_field_impl.h"
+#include "core/rbf/solver_choice.h"
 
 namespace cadmorph {
 namespace {
@@ -32,14 +31,8 @@ constexpr int kRefinements = 5;
 // The true residual of the incremental QR may be larger than the one it knows by this factor.
 constexpr double kQrRounding = 1.1;
 
-// Number of centres from which on the fast solver beats Cholesky (docs/fast-solver.md).
-constexpr Index kFastCentres = 2000;
-
 // Bytes a centre that the fast solver holds at its peak (measured: 2,500 to 3,000).
 constexpr double kFastBytes = 3000;
-
-// The fast solver needs enough centres for its stencils.
-constexpr Index kFewCentres = 100;
 
 // Values of merged centres may differ by this part of the largest value.
 constexpr double kDuplicateAgreement = 1e-9;
@@ -91,47 +84,6 @@ Eigen::VectorXd local_lengths(const RowMatrix& centres, const DistinctRows& dist
   return result;
 }
 
-// Distances count in units of `unit`: the function stays the same, its parameters change.
-Kernel in_units(Kernel kernel, double unit) {
-  kernel.shape *= unit;
-  return kernel;
-}
-
-// r^2 log r needs no shift for the unit: the change is a polynomial that the weights annihilate.
-// Higher even polyharmonics with linear polynomials alone do.
-double log_scale(const Kernel& kernel, double unit) {
-  const bool has_log = kernel.kind == KernelKind::Polyharmonic && kernel.dimension % 2 == 0;
-  return has_log && kernel.cpd_order() > 2 ? std::log(unit) : 0;
-}
-
-struct Choice {
-  SolverKind solver;
-  std::string reason;
-};
-
-Choice choose_automatically(const Kernel& kernel, bool is_triharmonic, Index centres) {
-  if (kernel.cpd_order() > 2)
-    return {SolverKind::Ldlt, "the kernel needs more than linear polynomials"};
-  if (is_triharmonic && centres >= kFastCentres)
-    return {SolverKind::Fast, "triharmonic in space, many centres"};
-  return {SolverKind::Cholesky, is_triharmonic ? "few centres" : "positive definite kernel"};
-}
-
-Choice choose_solver(SolverKind asked, const Kernel& kernel, Index dimension, Index centres) {
-  const bool is_triharmonic = dimension == 3 && kernel.kind == KernelKind::Polyharmonic &&
-                              kernel.dimension % 2 == 1 && 2 * kernel.order - kernel.dimension == 3;
-  if (asked == SolverKind::Auto) return choose_automatically(kernel, is_triharmonic, centres);
-  if (asked == SolverKind::Cholesky && kernel.cpd_order() > 2)
-    throw InvalidInputError(
-        "the Cholesky solver needs a kernel that is positive definite beside linear polynomials, "
-        "which this one is not; use LDL^T or LU");
-  if (asked == SolverKind::Fast && !is_triharmonic)
-    throw InvalidInputError("the fast solver serves the triharmonic kernel in 3D only");
-  if (asked == SolverKind::Fast && centres < kFewCentres)
-    return {SolverKind::Cholesky, "too few centres for the fast solver"};
-  return {asked, "as asked"};
-}
-
 Factorisation factorisation_of(SolverKind solver) {
   if (solver == SolverKind::Lu) return Factorisation::Lu;
   if (solver == SolverKind::Ldlt) return Factorisation::Ldlt;
@@ -141,18 +93,6 @@ Factorisation factorisation_of(SolverKind solver) {
 double largest(const MatrixXd& values) {
   return values.size() == 0 ? 0 : values.cwiseAbs().maxCoeff();
 }
-
-}  // namespace
-
-struct RbfField::Impl {
-  CentreFrame frame;
-  Kernel kernel;
-  KernelSum sum;
-  UnitField field;
-  RbfReport report;
-};
-
-namespace {
 
 // A value set on its way to a solution.
 struct Problem {
@@ -227,7 +167,7 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
   report.centres = centres->rows();
   report.merged = given.rows() - centres->rows();
   report.polynomial_terms = frame.terms();
-  const Choice choice = choose_solver(options.solver, kernel, given.cols(), centres->rows());
+  const SolverChoice choice = choose_solver(options.solver, kernel, given.cols(), centres->rows());
   report.solver = choice.solver;
   report.reason = choice.reason;
   if (report.solver == SolverKind::Fast) set_up_fast();
@@ -449,57 +389,11 @@ std::vector<RbfSolution> RbfSystem::solve_each(const std::vector<RowMatrix>& val
 
 const RbfReport& RbfSystem::report() const { return impl_->report; }
 
-namespace {
-
-UnitTargets unit_targets(const CentreFrame& frame, const KernelSum& sum, const RowMatrix& targets,
-                         const H2Matrix* far_field) {
-  if (targets.cols() != frame.dimension())
-    throw InvalidInputError("RBF field: targets of dimension " + std::to_string(targets.cols()) +
-                            " for centres of dimension " + std::to_string(frame.dimension()));
-  return {sum, frame.to_unit(targets), far_field};
-}
-
-}  // namespace
-
-RowMatrix RbfField::evaluate(const RowMatrix& targets) const {
-  return unit_targets(impl_->frame, impl_->sum, targets, impl_->field.far_field.get())
-      .evaluate({&impl_->field})
-      .front();
-}
-
-FieldTerms RbfField::terms() const {
-  const CentreFrame& frame = impl_->frame;
-  if (frame.dimension() != 3 || log_scale(impl_->kernel, 2) != 0)
-    throw InvalidInputError(
-        "RBF field: terms are given for fields in space and kernels without a "
-        "logarithm");
-  FieldTerms terms;
-  terms.origin = frame.centre();
-  terms.unit = frame.unit();
-  terms.kernel = in_units(impl_->kernel, frame.unit());
-  describe(impl_->field, terms);
-  return terms;
-}
-
-const RbfReport& RbfField::report() const { return impl_->report; }
-
-struct RbfTargets::Impl {
-  UnitTargets targets;
-};
-
 RbfTargets::RbfTargets(const RbfSystem& system, const RowMatrix& targets) {
   const RbfSystem::Impl& s = *system.impl_;
   const auto far_field = s.fast ? s.fast->far_field() : nullptr;
   impl_ =
       std::make_shared<const Impl>(Impl{unit_targets(s.frame, s.sum, targets, far_field.get())});
 }
-
-std::vector<RowMatrix> RbfTargets::evaluate(const std::vector<RbfField>& fields) const {
-  std::vector<const UnitField*> unit_fields;
-  for (const RbfField& field : fields) unit_fields.push_back(&field.impl_->field);
-  return impl_->targets.evaluate(unit_fields);
-}
-
-Index RbfTargets::size() const { return impl_->targets.size(); }
 
 }  // namespace cadmorph
