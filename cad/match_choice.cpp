@@ -348,20 +348,19 @@ void set_confidence(const MatchSide& base, const MatchSide& variant,
   std::vector<double> confidence(static_cast<std::size_t>(entities), 1.0);
   const EntityMotion motion = motion_of(base, variant, match, kFollowing);
   const double least = kSamePlace * variant.model.diagonal();
-  for (const ColourClass& members : open_classes(colours, entities))
+  const double scale = match.alignment.scale;
+  for (const ColourClass& members : open_classes(colours, entities)) {
+    const NearestMembers nearest(variant, members.variant);
     for (const int b : members.base) {
-      const Vector3d at = motion(base.features[b].centre, b);
-      double own = 0, other = std::numeric_limits<double>::infinity();
-      for (const int v : members.variant) {
-        const double d =
-            squared_distance(base.features[b], variant.features[v], at, match.alignment.scale);
-        if (v == nodes[b])
-          own = std::sqrt(d);
-        else
-          other = std::min(other, std::sqrt(d));
-      }
-      confidence[b] = std::isfinite(other) ? (other + least) / (own + other + 2 * least) : 1;
+      const EntityFeature& feature = base.features[b];
+      const Vector3d at = motion(feature.centre, b);
+      const auto two = nearest.find(feature, at, scale, 2);
+      const double other = std::sqrt((two[0].second == nodes[b] ? two[1] : two[0]).first);
+      const double own =
+          std::sqrt(squared_distance(feature, variant.features[nodes[b]], at, scale));
+      confidence[b] = (other + least) / (own + other + 2 * least);
     }
+  }
   const auto begin = confidence.begin();
   match.face_confidence.assign(begin, begin + base.graph.faces);
   match.curve_confidence.assign(begin + base.graph.faces,

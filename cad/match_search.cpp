@@ -16,6 +16,7 @@ constexpr double kDoubt = 0.15;
 constexpr int kMaxTries = 12;
 constexpr int kNeighbours = 12;
 constexpr std::size_t kFewKnown = 4;
+constexpr std::size_t kFewMembers = 48;  // looked through one by one
 
 struct Ranked {
   int base = -1;
@@ -74,19 +75,12 @@ class Search {
 
   RankedClass rank(const ColourClass& members, const EntityMotion& motion) const {
     RankedClass ranked;
+    const NearestMembers nearest(variant_, members.variant);
     for (const int b : members.base) {
       const EntityFeature& feature = base_.features[b];
       const Vector3d at = motion(feature.centre);
-      Ranked r{b, kDoubt * guess_.scale * motion.reach(feature.centre), {}};
-      for (const int v : members.variant)
-        r.candidates.emplace_back(squared_distance(feature, variant_.features[v], at, guess_.scale),
-                                  v);
-      const auto keep = std::min<std::size_t>(r.candidates.size(), kMaxTries);
-      std::partial_sort(r.candidates.begin(),
-                        r.candidates.begin() + static_cast<std::ptrdiff_t>(keep),
-                        r.candidates.end());
-      r.candidates.resize(keep);
-      ranked.push_back(std::move(r));
+      ranked.push_back({b, kDoubt * guess_.scale * motion.reach(feature.centre),
+                        nearest.find(feature, at, guess_.scale, kMaxTries)});
     }
     return ranked;
   }
@@ -193,6 +187,37 @@ double squared_distance(const EntityFeature& base, const EntityFeature& variant,
                         double scale) {
   const double size = scale * base.size - variant.size;
   return (at - variant.centre).squaredNorm() + size * size;
+}
+
+NearestMembers::NearestMembers(const MatchSide& variant, const std::vector<int>& members)
+    : variant_(variant), members_(members) {
+  if (members.size() <= kFewMembers) return;
+  RowMatrix rows(static_cast<Index>(members.size()), 4);
+  for (Index i = 0; i < rows.rows(); ++i) {
+    const EntityFeature& feature = variant.features[members[static_cast<std::size_t>(i)]];
+    rows.row(i) << feature.centre.transpose(), feature.size;
+  }
+  tree_.emplace(rows);
+}
+
+std::vector<std::pair<double, int>> NearestMembers::find(const EntityFeature& base,
+                                                         const Vector3d& at, double scale,
+                                                         int count) const {
+  std::vector<std::pair<double, int>> found;
+  const auto add = [&](int v) {
+    found.emplace_back(squared_distance(base, variant_.features[v], at, scale), v);
+  };
+  if (tree_) {
+    const Eigen::Vector4d query(at.x(), at.y(), at.z(), scale * base.size);
+    for (const Neighbour& near : tree_->nearest(query.data(), count))
+      add(members_[static_cast<std::size_t>(near.index)]);
+  } else {
+    std::for_each(members_.begin(), members_.end(), add);
+  }
+  const auto keep = std::min(found.size(), static_cast<std::size_t>(count));
+  std::partial_sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(keep), found.end());
+  found.resize(keep);
+  return found;
 }
 
 }  // namespace cadmorph

@@ -6,6 +6,7 @@
 
 #include "cad/entity_motion.h"
 #include "cad/match_side.h"
+#include "core/kd_tree.h"
 
 namespace cadmorph {
 
@@ -34,5 +35,21 @@ std::optional<ColourRefinement> decide_by_closeness(const MatchSide& base, const
 /// Distance of a base entity, predicted at `at` and of its size times `scale`, to a variant entity.
 double squared_distance(const EntityFeature& base, const EntityFeature& variant,
                         const Eigen::Vector3d& at, double scale);
+
+/// Finds the nearest of some variant entities.
+class NearestMembers {
+ public:
+  NearestMembers(const MatchSide& variant, const std::vector<int>& members);
+
+  /// The `count` nearest ones to a base entity predicted at `at`: squared_distance and node,
+  /// nearest first.
+  std::vector<std::pair<double, int>> find(const EntityFeature& base, const Eigen::Vector3d& at,
+                                           double scale, int count) const;
+
+ private:
+  const MatchSide& variant_;
+  const std::vector<int>& members_;
+  std::optional<KdTree> tree_;  // over centre and size, where there are many
+};
 
 }  // namespace cadmorph

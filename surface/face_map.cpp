@@ -1,9 +1,7 @@
 #include "surface/face_map.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "cad/face_sampler.h"
@@ -15,11 +13,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr Index kMaxSamples = 1500;
-constexpr int kMinSamplesPerCurve = 6;
-constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
-constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave at a vertex
-constexpr double kSameSample = 1e-6;  // of the size of the domain
 constexpr double kSame = 1e-7;        // of the diagonal: one surface, whatever its parameters
 constexpr double kDifferent = 1e-6;   // of the diagonal: not the same point
 constexpr double kEqualPhase = 1e-6;  // of a period
@@ -27,18 +20,6 @@ constexpr int kProbes = 24;
 // Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
 // correspond at all.
 constexpr double kLost = 0.5;
-
-Vector2d mean_derivatives(const CadModel& model, int face) {
-  auto uv = sample_domain(model, face, 6);
-  const CadFace& f = model.faces()[face];
-  if (uv.empty()) uv.push_back(0.5 * (f.lower + f.upper));
-  Vector2d sum = Vector2d::Zero();
-  for (const Vector2d& at : uv) {
-    const SurfacePoint s = model.evaluate(face, at);
-    sum += Vector2d(s.du.norm(), s.dv.norm());
-  }
-  return (sum / static_cast<double>(uv.size())).cwiseMax(1e-12);
-}
 
 // The variant's coedge that uses `edge` in `face`, the `occurrence`-th of them.
 int find_coedge(const CadModel& model, int face, int edge, int occurrence) {
@@ -60,16 +41,6 @@ int occurrence_of(const CadModel& model, int coedge) {
     count += model.coedges()[other].face == c.face;
   }
   return count;
-}
-
-// Whether a degenerate edge is no pole: exporters close the gap between two pcurves by one.
-bool fills_gap(const CadModel& model, int coedge) {
-  const CadCoedge& c = model.coedges()[coedge];
-  const CadEdge& edge = model.edges()[c.edge];
-  const CadFace& face = model.faces()[c.face];
-  const Vector2d span = model.pcurve(coedge, edge.last) - model.pcurve(coedge, edge.first);
-  return edge.is_degenerate &&
-         (span.array().abs() < kSameJoint * (face.upper - face.lower).array()).all();
 }
 
 class ParameterWarp {
@@ -337,135 +308,6 @@ FaceMapResult project_points(const ModelPair& pair, int variant, const Points& t
 }
 
 }  // namespace
-
-FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
-    : face_(face), scale_(mean_derivatives(base, face)), period_(base.faces()[face].period) {
-  const CadFace& f = base.faces()[face];
-  size_ = f.upper - f.lower;
-  Index coedges = 0;
-  for (const auto& wire : f.wires) coedges += static_cast<Index>(wire.size());
-  const int count =
-      std::max<int>(kMinSamplesPerCurve,
-                    std::min<int>(samples_per_curve,
-                                  static_cast<int>(kMaxSamples / std::max<Index>(coedges, 1))));
-  std::vector<std::pair<int, Vector2d>> ends;  // vertex and place of the wires' joints
-  const auto is_new_end = [&](int vertex, const Vector2d& uv) {
-    for (const auto& [other, at] : ends) {
-      Vector2d gap = at - uv;
-      for (int a = 0; a < 2; ++a)
-        if (period_[a] > 0) gap[a] -= period_[a] * std::round(gap[a] / period_[a]);
-      if (other == vertex && (gap.array().abs() <= kSameJoint * size_.array()).all()) return false;
-    }
-    ends.emplace_back(vertex, uv);
-    return true;
-  };
-  for (const auto& wire : f.wires)
-    for (const int c : wire) {
-      const CadEdge& edge = base.edges()[base.coedges()[c].edge];
-      if (edge.is_seam || fills_gap(base, c)) continue;
-      for (int i = 0; i <= count; ++i) {
-        const double t = edge.first + (edge.last - edge.first) * i / count;
-        const Vector2d uv = base.pcurve(c, t);
-        const bool is_end = i == 0 || i == count;
-        if (!is_end || is_new_end(i == 0 ? edge.start : edge.end, uv))
-          samples_.push_back({c, t, uv, edge.tolerance});
-      }
-    }
-  thin_out();
-  sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
-  for (std::size_t i = 0; i < samples_.size(); ++i)
-    sample_uv_.row(static_cast<Index>(i)) = samples_[i].uv;
-}
-
-// Samples that nearly coincide, of edges far shorter than the face or on both sides of a slit,
-// would make the system singular to rounding.
-void FaceDomain::thin_out() {
-  if (samples_.empty()) return;
-  Parameters uv(static_cast<Index>(samples_.size()), 2);
-  for (Index i = 0; i < uv.rows(); ++i) uv.row(i) = samples_[static_cast<std::size_t>(i)].uv;
-  const RowMatrix at = embed(uv);
-  const KdTree tree(at);
-  const double reach = kSameSample * scale_.cwiseProduct(size_).norm();
-  std::vector<char> is_kept(samples_.size(), 1);
-  std::vector<Sample> kept;
-  for (Index i = 0; i < at.rows(); ++i) {
-    const auto near = tree.within(at.row(i).data(), reach);
-    const bool is_clear = std::none_of(near.begin(), near.end(), [&](const Neighbour& other) {
-      return other.index < i && is_kept[static_cast<std::size_t>(other.index)];
-    });
-    is_kept[static_cast<std::size_t>(i)] = is_clear;
-    if (is_clear) kept.push_back(samples_[static_cast<std::size_t>(i)]);
-  }
-  samples_ = std::move(kept);
-}
-
-// Scaled coordinates; a closed direction becomes a circle of its own length.
-RowMatrix FaceDomain::embed(const Parameters& uv) const {
-  const int columns = 2 + (period_[0] > 0) + (period_[1] > 0);
-  RowMatrix x(uv.rows(), columns);
-  int column = 0;
-  for (int a = 0; a < 2; ++a) {
-    if (period_[a] <= 0) {
-      x.col(column++) = scale_[a] * uv.col(a);
-      continue;
-    }
-    const double turn = 2 * std::numbers::pi / period_[a], radius = scale_[a] / turn;
-    x.col(column++) = radius * (turn * uv.col(a)).array().cos();
-    x.col(column++) = radius * (turn * uv.col(a)).array().sin();
-  }
-  return x;
-}
-
-bool FaceDomain::is_within_tolerance(const Parameters& misfit) const {
-  for (Index i = 0; i < misfit.rows(); ++i)
-    for (int a = 0; a < 2; ++a)
-      if (std::abs(misfit(i, a)) > kLinear * size_[a] &&
-          scale_[a] * std::abs(misfit(i, a)) > samples_[static_cast<std::size_t>(i)].tolerance)
-        return false;
-  return true;
-}
-
-// Constant and, in directions that are not closed, linear functions.
-Eigen::MatrixXd FaceDomain::linear_basis(const Parameters& uv) const {
-  Eigen::MatrixXd p = Eigen::MatrixXd::Ones(uv.rows(), 3);
-  for (int a = 0; a < 2; ++a)
-    if (period_[a] > 0)
-      p.col(1 + a).setZero();
-    else
-      p.col(1 + a) = (uv.col(a).array() - sample_uv_(0, a)) / size_[a];
-  return p;
-}
-
-Eigen::MatrixXd FaceDomain::fit_linear(const Parameters& values) const {
-  return linear_basis(sample_uv_).colPivHouseholderQr().solve(values);
-}
-
-Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& at) const {
-  if (values.rows() == 0 || is_within_tolerance(values)) return Parameters::Zero(at.rows(), 2);
-  const Eigen::MatrixXd linear = fit_linear(values);
-  if (is_within_tolerance(values - linear_basis(sample_uv_) * linear))
-    return linear_basis(at) * linear;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());
-  }
-  return system_->solve(values).evaluate(embed(at));
-}
-
-// The linear part comes first, whole: half-way through a reversal the domain would be a point.
-Parameters FaceDomain::interpolate_in_steps(const Parameters& values, const Parameters& at,
-                                            int steps) const {
-  if (values.rows() == 0) return interpolate(values, at);
-  const Eigen::MatrixXd linear = fit_linear(values);
-  const Parameters carried = linear_basis(sample_uv_) * linear;
-  Parameters samples = sample_uv_ + carried, moved = at + linear_basis(at) * linear;
-  const Parameters step = (values - carried) / steps;
-  for (int k = 0; k < steps; ++k) {
-    moved += RbfSystem(embed(samples), Kernel::biharmonic_2d()).solve(step).evaluate(embed(moved));
-    samples += step;
-  }
-  return moved - at;
-}
 
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
                        const std::vector<CurveMap>& curve_maps, const Parameters& uv,

@@ -9,6 +9,7 @@
 
 #include "core/errors.h"
 #include "core/parallel.h"
+#include "surface/curve_maps.h"
 #include "surface/face_map.h"
 #include "surface/free_patches.h"
 #include "surface/surface_mesh.h"
@@ -20,7 +21,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kEqualTurn = 2e-3, kLeastTurn = 0.01;  // of a turn
 constexpr int kMostSteps = 8;
 constexpr int kMinSamples = 16, kMaxSamples = 200, kRefinement = 4;
 
@@ -41,51 +41,6 @@ bool is_at_pole(const CadModel& model, int face, const Vector2d& uv, double loca
   const SurfacePoint s = model.evaluate(face, uv);
   const Vector2d size = f.upper - f.lower;
   return std::min(s.du.norm() * size[0], s.dv.norm() * size[1]) < 0.1 * local_length;
-}
-
-// A seam that moved turns all closed curves of its face by one angle, to the digit; a twist of the
-// part turns them by different ones. Only the former is an artefact.
-void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
-  std::vector<char> has_moved(maps.size(), 0);
-  for (int f = 0; f < static_cast<int>(base.faces().size()); ++f) {
-    if (base.faces()[f].period.isZero(0)) continue;
-    std::vector<int> closed;
-    for (int c = 0; c < static_cast<int>(maps.size()); ++c) {
-      const auto& faces = base.skeleton().curves[c].faces;
-      if (maps[c].turn() && std::find(faces.begin(), faces.end(), f) != faces.end())
-        closed.push_back(c);
-    }
-    if (closed.size() < 2) continue;
-    const Vector3d turn = *maps[closed.front()].turn();
-    // Half a turn is one either way round.
-    const bool is_equal = std::all_of(closed.begin(), closed.end(), [&](int c) {
-      const double limit = kEqualTurn * turn.norm();
-      const Vector3d other = *maps[c].turn();
-      return (other - turn).norm() < limit ||
-             ((other + turn).norm() < limit && 0.5 - turn.norm() < limit);
-    });
-    if (is_equal && turn.norm() > kLeastTurn)
-      for (const int c : closed) has_moved[c] = 1;
-  }
-  for (std::size_t c = 0; c < maps.size(); ++c)
-    if (has_moved[c]) maps[c].take_least_motion();
-}
-
-// A vertex goes to its counterpart; one inside a chain of edges, along the chain.
-Vector3d map_vertex(const ModelPair& pair, const std::vector<CurveMap>& maps, int vertex) {
-  const CadSkeleton& skeleton = pair.base.skeleton();
-  const int corner = skeleton.corner_of_vertex[vertex];
-  if (corner >= 0)
-    return pair.variant.vertices()[pair.variant.skeleton().corners[pair.match.corners[corner]]]
-        .point;
-  const auto& edges = pair.base.edges();
-  const auto edge = std::find_if(edges.begin(), edges.end(), [&](const CadEdge& e) {
-    return e.is_physical() && (e.start == vertex || e.end == vertex);
-  });
-  const int id = static_cast<int>(edge - edges.begin());
-  const CurveLocation to =
-      maps[skeleton.curve_of_edge[id]]({id, edge->start == vertex ? edge->first : edge->last});
-  return pair.variant.evaluate_edge(to.edge, to.t).point;
 }
 
 // Surface nodes on the variant CAD, and what they keep of their offset from the base CAD, turned
@@ -119,7 +74,6 @@ struct SurfaceMorph::Impl {
   void find_feet();
   void check_policy() const;
 
-  std::vector<CurveMap> map_curves(const ModelPair& pair) const;
   void move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
                     Placement& placed) const;
   void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
@@ -206,19 +160,6 @@ void SurfaceMorph::Impl::check_policy() const {
        << (options.unmatched == UnmatchedPolicy::Slide ? "patches that are not planar" : "them")
        << "; --unmatched auto or fix keeps them.";
   throw AssociationError(text.str());
-}
-
-std::vector<CurveMap> SurfaceMorph::Impl::map_curves(const ModelPair& pair) const {
-  const auto count = static_cast<Index>(pair.base.skeleton().curves.size());
-  std::vector<std::unique_ptr<CurveMap>> made(static_cast<std::size_t>(count));
-  parallel_for(count, 1, [&](Index begin, Index end) {
-    for (Index c = begin; c < end; ++c)
-      made[c] = std::make_unique<CurveMap>(pair, static_cast<int>(c));
-  });
-  std::vector<CurveMap> maps;
-  for (auto& map : made) maps.push_back(std::move(*map));
-  undo_moved_seams(pair.base, maps);
-  return maps;
 }
 
 void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
@@ -407,7 +348,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   const CadModel joined = match.joins_edges ? variant.with_joined_edges() : variant;
   const MotionPrediction prediction(base, joined, match);
   const ModelPair pair{base, joined, match, prediction};
-  const std::vector<CurveMap> maps = self.map_curves(pair);
+  const std::vector<CurveMap> maps = map_curves(pair);
   Placement placed{self.feet, Points::Zero(self.feet.rows(), 3)};
   self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <vector>
+
+#include "surface/curve_map.h"
+
+namespace cadmorph {
+
+/// Maps all curves of the base, indexed as in its skeleton, to the variant; turns that a moved seam
+/// alone explains are taken out. Parallel.
+std::vector<CurveMap> map_curves(const ModelPair& pair);
+
+/// Where a base vertex goes: to its counterpart; one inside a chain of edges, along the chain.
+Eigen::Vector3d map_vertex(const ModelPair& pair, const std::vector<CurveMap>& maps, int vertex);
+
+}  // namespace cadmorph
