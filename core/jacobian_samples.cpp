@@ -7,6 +7,8 @@
 #include <map>
 #include <mutex>
 
+#include "core/bernstein.h"
+
 namespace cadmorph {
 namespace {
 
@@ -14,130 +16,9 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-enum class Shape { Cube, Prism, Simplex };
-
-// Polynomial degrees by direction; a prism has its triangle's in [0], a simplex its own in [0].
-using Degrees = std::array<int, 3>;
-
-double power(double x, int n) { return n == 0 ? 1.0 : x * power(x, n - 1); }
-
-double factorial(int n) { return n <= 1 ? 1.0 : n * factorial(n - 1); }
-
-double choose(int n, int k) { return factorial(n) / (factorial(k) * factorial(n - k)); }
-
-double line_bernstein(int n, int i, double t) {
-  return choose(n, i) * power(t, i) * power(1 - t, n - i);
-}
-
-double fraction_of(int i, int n) { return n == 0 ? 0.0 : static_cast<double>(i) / n; }
-
-// Multi-indices of the Bernstein polynomials, those of a triangle or simplex with their sum <= n.
-std::vector<std::array<int, 3>> indices(Shape shape, const Degrees& n) {
-  std::vector<std::array<int, 3>> result;
-  const bool is_cube = shape == Shape::Cube;
-  const int last = shape == Shape::Simplex ? n[0] : n[2];
-  for (int k = 0; k <= last; ++k) {
-    const int rest = shape == Shape::Simplex ? n[0] - k : n[0];
-    for (int j = 0; j <= (is_cube ? n[1] : rest); ++j)
-      for (int i = 0; i <= (is_cube ? n[0] : rest - j); ++i) result.push_back({i, j, k});
-  }
-  return result;
-}
-
-double bernstein(Shape shape, const Degrees& n, const std::array<int, 3>& m, const Vector3d& p) {
-  const auto& [i, j, k] = m;
-  if (shape == Shape::Cube)
-    return line_bernstein(n[0], i, p[0]) * line_bernstein(n[1], j, p[1]) *
-           line_bernstein(n[2], k, p[2]);
-  if (shape == Shape::Prism) {
-    const int l = n[0] - i - j;
-    return factorial(n[0]) / (factorial(i) * factorial(j) * factorial(l)) * power(p[0], i) *
-           power(p[1], j) * power(1 - p[0] - p[1], l) * line_bernstein(n[2], k, p[2]);
-  }
-  const int l = n[0] - i - j - k;
-  return factorial(n[0]) / (factorial(i) * factorial(j) * factorial(k) * factorial(l)) *
-         power(p[0], i) * power(p[1], j) * power(p[2], k) * power(1 - p.sum(), l);
-}
-
-Vector3d grid_point(Shape shape, const Degrees& n, const std::array<int, 3>& m) {
-  if (shape == Shape::Cube)
-    return {fraction_of(m[0], n[0]), fraction_of(m[1], n[1]), fraction_of(m[2], n[2])};
-  const int third = shape == Shape::Prism ? n[2] : n[0];
-  return {fraction_of(m[0], n[0]), fraction_of(m[1], n[0]), fraction_of(m[2], third)};
-}
-
-std::vector<Vector3d> grid(Shape shape, const Degrees& n) {
-  std::vector<Vector3d> points;
-  for (const auto& m : indices(shape, n)) points.push_back(grid_point(shape, n, m));
-  return points;
-}
-
-MatrixXd bernstein_matrix(Shape shape, const Degrees& n, const std::vector<Vector3d>& points) {
-  const auto all = indices(shape, n);
-  MatrixXd result(points.size(), all.size());
-  for (std::size_t p = 0; p < points.size(); ++p)
-    for (std::size_t m = 0; m < all.size(); ++m)
-      result(p, m) = bernstein(shape, n, all[m], points[p]);
-  return result;
-}
-
-struct Affine {
-  Eigen::Matrix3d linear;
-  Vector3d origin;
-};
-
-Affine simplex_map(const Vector3d& a, const Vector3d& b, const Vector3d& c, const Vector3d& d) {
-  Affine map;
-  map.linear << b - a, c - a, d - a;
-  map.origin = a;
-  return map;
-}
-
-std::vector<Affine> cube_parts() {
-  std::vector<Affine> parts;
-  for (int k = 0; k < 8; ++k)
-    parts.push_back({Eigen::Matrix3d::Identity() / 2, Vector3d(k & 1, k >> 1 & 1, k >> 2) / 2});
-  return parts;
-}
-
-std::vector<Affine> prism_parts() {
-  std::vector<Affine> parts;
-  for (const double z : {0.0, 0.5}) {
-    for (const Vector3d& corner : {Vector3d(0, 0, z), Vector3d(0.5, 0, z), Vector3d(0, 0.5, z)})
-      parts.push_back({Eigen::Matrix3d::Identity() / 2, corner});
-    const Vector3d centre(0.5, 0.5, z);
-    parts.push_back({Vector3d(-0.5, -0.5, 0.5).asDiagonal(), centre});
-  }
-  return parts;
-}
-
-std::vector<Affine> simplex_parts() {
-  const std::array<Vector3d, 4> v = {Vector3d::Zero(), Vector3d::UnitX(), Vector3d::UnitY(),
-                                     Vector3d::UnitZ()};
-  const auto mid = [&](int a, int b) -> Vector3d { return (v[a] + v[b]) / 2; };
-  return {simplex_map(v[0], mid(0, 1), mid(0, 2), mid(0, 3)),
-          simplex_map(mid(0, 1), v[1], mid(1, 2), mid(1, 3)),
-          simplex_map(mid(0, 2), mid(1, 2), v[2], mid(2, 3)),
-          simplex_map(mid(0, 3), mid(1, 3), mid(2, 3), v[3]),
-          simplex_map(mid(0, 1), mid(0, 2), mid(0, 3), mid(1, 3)),
-          simplex_map(mid(0, 1), mid(0, 2), mid(1, 2), mid(1, 3)),
-          simplex_map(mid(0, 2), mid(0, 3), mid(1, 3), mid(2, 3)),
-          simplex_map(mid(0, 2), mid(1, 2), mid(1, 3), mid(2, 3))};
-}
-
-std::vector<Affine> parts_of(Shape shape) {
-  if (shape == Shape::Cube) return cube_parts();
-  return shape == Shape::Prism ? prism_parts() : simplex_parts();
-}
-
-std::vector<Vector3d> corners_of(Shape shape) {
-  if (shape == Shape::Cube) return grid(Shape::Cube, {1, 1, 1});
-  return shape == Shape::Prism ? grid(Shape::Prism, {1, 0, 1}) : grid(Shape::Simplex, {1, 0, 0});
-}
-
 // The functions a cell's map is made of, at most quadratic in each coordinate, and its nodes.
 struct CellMap {
-  Shape shape;
+  ReferenceShape shape;
   Degrees determinant;  ///< degrees of det J
   int collapsed = 0;    ///< power of (1 - t) that divides det J
   std::function<VectorXd(const Vector3d&)> functions;
@@ -159,18 +40,8 @@ MatrixXd derivative_matrix(const CellMap& map, const std::vector<Vector3d>& poin
   return slopes * at_nodes.inverse();
 }
 
-// Bernstein coefficients of p with (1 - t)^c p given, from those of the product.
-MatrixXd divide_collapse(const MatrixXd& product, const Degrees& n, int c) {
-  const Index layer = static_cast<Index>(n[0] + 1) * (n[1] + 1);
-  const int last = n[2] - c;
-  MatrixXd result = product.topRows(layer * (last + 1));
-  for (int k = 0; k <= last; ++k)
-    result.middleRows(layer * k, layer) *= choose(n[2], k) / choose(last, k);
-  return result;
-}
-
 JacobianSamples make_samples(const CellMap& map) {
-  const auto points = grid(map.shape, map.determinant);
+  const auto points = bernstein_grid(map.shape, map.determinant);
   JacobianSamples result;
   result.nodes = static_cast<int>(map.nodes.size());
   result.samples = static_cast<int>(points.size());
@@ -181,9 +52,9 @@ JacobianSamples make_samples(const CellMap& map) {
     result.to_bernstein = divide_collapse(result.to_bernstein, n, map.collapsed);
     n[2] -= map.collapsed;
   }
-  const auto own = grid(map.shape, n);
+  const auto own = bernstein_grid(map.shape, n);
   const MatrixXd to_own = bernstein_matrix(map.shape, n, own).inverse();
-  for (const Affine& part : parts_of(map.shape)) {
+  for (const AffineMap& part : parts_of(map.shape)) {
     std::vector<Vector3d> images;
     for (const Vector3d& p : own) images.push_back(part.linear * p + part.origin);
     result.children.push_back(to_own * bernstein_matrix(map.shape, n, images));
@@ -208,8 +79,8 @@ std::function<VectorXd(const Vector3d&)> monomials(
   return [exponents](const Vector3d& p) {
     VectorXd values(exponents.size());
     for (std::size_t m = 0; m < exponents.size(); ++m)
-      values[m] = power(p[0], exponents[m][0]) * power(p[1], exponents[m][1]) *
-                  power(p[2], exponents[m][2]);
+      values[m] = integer_power(p[0], exponents[m][0]) * integer_power(p[1], exponents[m][1]) *
+                  integer_power(p[2], exponents[m][2]);
     return values;
   };
 }
@@ -278,7 +149,7 @@ VectorXd quadratic_pyramid_functions(const Vector3d& p) {
 int squares(int i, int j, int k) { return (i == 2) + (j == 2) + (k == 2); }
 
 CellMap tetra_map() {
-  return {Shape::Simplex,
+  return {ReferenceShape::Simplex,
           {0, 0, 0},
           0,
           monomials([](int i, int j, int k) { return i + j + k <= 1; }),
@@ -286,7 +157,7 @@ CellMap tetra_map() {
 }
 
 CellMap quadratic_tetra_map() {
-  return {Shape::Simplex,
+  return {ReferenceShape::Simplex,
           {3, 0, 0},
           0,
           monomials([](int i, int j, int k) { return i + j + k <= 2; }),
@@ -294,7 +165,7 @@ CellMap quadratic_tetra_map() {
 }
 
 CellMap hexahedron_map() {
-  return {Shape::Cube,
+  return {ReferenceShape::Cube,
           {2, 2, 2},
           0,
           monomials([](int i, int j, int k) { return squares(i, j, k) == 0; }),
@@ -310,7 +181,7 @@ CellMap voxel_map() {
 
 CellMap quadratic_hexahedron_map() {
   // Serendipity: at most one factor of a term is squared.
-  return {Shape::Cube,
+  return {ReferenceShape::Cube,
           {5, 5, 5},
           0,
           monomials([](int i, int j, int k) { return squares(i, j, k) <= 1; }),
@@ -321,7 +192,7 @@ CellMap biquadratic_hexahedron_map() {
   const auto is_in = [](int i, int j, int k) {
     return squares(i, j, k) <= 1 || (k == 2 && squares(i, j, k) == 2);
   };
-  return {Shape::Cube,
+  return {ReferenceShape::Cube,
           {5, 5, 5},
           0,
           monomials(is_in),
@@ -330,7 +201,7 @@ CellMap biquadratic_hexahedron_map() {
 }
 
 CellMap triquadratic_hexahedron_map() {
-  return {Shape::Cube,
+  return {ReferenceShape::Cube,
           {5, 5, 5},
           0,
           monomials([](int, int, int) { return true; }),
@@ -344,7 +215,7 @@ CellMap triquadratic_hexahedron_map() {
 }
 
 CellMap wedge_map() {
-  return {Shape::Prism,
+  return {ReferenceShape::Prism,
           {1, 0, 2},
           0,
           monomials([](int i, int j, int k) { return i + j <= 1 && k <= 1; }),
@@ -353,7 +224,7 @@ CellMap wedge_map() {
 
 CellMap quadratic_linear_wedge_map() {
   const std::vector<Ids> edges(kWedgeEdges.begin(), kWedgeEdges.begin() + 6);
-  return {Shape::Prism,
+  return {ReferenceShape::Prism,
           {4, 0, 2},
           0,
           monomials([](int i, int j, int k) { return i + j <= 2 && k <= 1; }),
@@ -361,7 +232,7 @@ CellMap quadratic_linear_wedge_map() {
 }
 
 CellMap quadratic_wedge_map() {
-  return {Shape::Prism,
+  return {ReferenceShape::Prism,
           {4, 0, 5},
           0,
           monomials([](int i, int j, int k) { return i + j <= (k == 2 ? 1 : 2); }),
@@ -369,7 +240,7 @@ CellMap quadratic_wedge_map() {
 }
 
 CellMap biquadratic_wedge_map() {
-  return {Shape::Prism,
+  return {ReferenceShape::Prism,
           {4, 0, 5},
           0,
           monomials([](int i, int j, int) { return i + j <= 2; }),
@@ -377,10 +248,13 @@ CellMap biquadratic_wedge_map() {
                        {{0, 1, 3, 4}, {1, 2, 4, 5}, {2, 0, 5, 3}})};
 }
 
-CellMap pyramid_map() { return {Shape::Cube, {2, 2, 2}, 2, pyramid_functions, pyramid_nodes()}; }
+CellMap pyramid_map() {
+  return {ReferenceShape::Cube, {2, 2, 2}, 2, pyramid_functions, pyramid_nodes()};
+}
 
 CellMap quadratic_pyramid_map() {
-  return {Shape::Cube, {5, 5, 5}, 2, quadratic_pyramid_functions, quadratic_pyramid_nodes()};
+  return {
+      ReferenceShape::Cube, {5, 5, 5}, 2, quadratic_pyramid_functions, quadratic_pyramid_nodes()};
 }
 
 JacobianSamples build(CellType type) {
