@@ -42,7 +42,7 @@ constexpr const char* kExamples =
     "not correspond; 4 the mesh does not lie on the base CAD; 5 inverted elements remain or "
     "quality\n"
     "is below what was asked (the mesh goes to OUT's <stem>.failed.<ext>); 6 resources or "
-    "numerics; 8 batch: some variants failed.";
+    "numerics; 7 compare: the meshes differ; 8 batch: some variants failed.";
 
 int fail(const std::string& message, ExitCode code, const std::string& json) {
   std::fprintf(stderr, "cadmorph: error: %s\n", message.c_str());

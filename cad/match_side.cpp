@@ -81,7 +81,8 @@ MatchSide make_match_side(const CadModel& model, const GraphOptions& options) {
 std::string describe(const MatchSide& side, int node) {
   std::ostringstream text;
   text.precision(4);
-  const Eigen::Vector3d& c = side.features[node].centre;
+  Eigen::Array3d c = side.features[node].centre;
+  c = (c.abs() < 1e-9 * side.model.diagonal()).select(0, c);  // rounding
   if (node < side.graph.faces) {
     text << "face " << node + 1 << " (" << to_string(side.model.faces()[node].type);
     if (!side.model.faces()[node].name.empty())
@@ -92,7 +93,7 @@ std::string describe(const MatchSide& side, int node) {
   } else {
     text << "vertex " << node - side.graph.faces - side.graph.curves + 1 << " (point";
   }
-  text << " at " << c.x() << ' ' << c.y() << ' ' << c.z() << ')';
+  text << " at " << c.x() << ' ' << c.y() << ' ' << c.z() << " mm)";
   return text.str();
 }
 

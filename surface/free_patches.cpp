@@ -148,11 +148,12 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
   text.precision(6);
   const Vector3d lower = surface.points.colwise().minCoeff(),
                  upper = surface.points.colwise().maxCoeff();
+  const Eigen::IOFormat plain(Eigen::StreamPrecision, Eigen::DontAlignCols, " ", " ");
   text << "the mesh does not lie on " << base.file_name() << ": " << count << " of " << outside
        << " surface nodes are on no CAD face, such as node " << boundary.nodes[row] << " at "
-       << surface.points.row(row) << " mm" << why << " Mesh bounds " << lower.transpose() << " .. "
-       << upper.transpose() << " mm, CAD bounds " << base.lower().transpose() << " .. "
-       << base.upper().transpose()
+       << surface.points.row(row).format(plain) << " mm" << why << " Mesh bounds "
+       << lower.format(plain) << " .. " << upper.format(plain) << " mm, CAD bounds "
+       << base.lower().format(plain) << " .. " << base.upper().format(plain)
        << " mm. Check that the mesh belongs to this CAD model, its unit (--mesh-unit), and "
           "--association-tolerance.";
   throw AssociationError(text.str());

@@ -40,7 +40,7 @@ std::string nodes_text(const CompareCommand& command, const MeshComparison& comp
                           ? format("%g", *command.options.absolute)
                           : format("%g of the shortest edge there", command.options.tolerance)) +
                      "; the worst:\n";
-  std::vector<std::vector<std::string>> rows = {{"node", "distance", "shortest edge"}};
+  std::vector<std::vector<std::string>> rows = {{"node", "distance (mesh unit)", "shortest edge"}};
   for (const NodeDifference& node : comparison.nodes)
     rows.push_back(
         {std::to_string(node.node), format("%.3g", node.distance), format("%.3g", node.edge)});

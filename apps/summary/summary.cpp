@@ -192,9 +192,11 @@ std::string unit_name(double millimetres) {
 }
 
 std::vector<Row> distance_rows(const PipelineReport& report) {
-  return {{"Distance to CAD, max", distance(report.before.max_distance, report.base_cad.diagonal),
+  return {{"Distance to CAD, max (of diagonal)",
+           distance(report.before.max_distance, report.base_cad.diagonal),
            distance(report.after.max_distance, report.variant_cad.diagonal)},
-          {"Distance to CAD, mean", distance(report.before.mean_distance, report.base_cad.diagonal),
+          {"Distance to CAD, mean (of diagonal)",
+           distance(report.before.mean_distance, report.base_cad.diagonal),
            distance(report.after.mean_distance, report.variant_cad.diagonal)}};
 }
 
@@ -279,8 +281,8 @@ std::string quality_text(const std::filesystem::path& mesh, Index nodes,
   const auto cell = [](Index c) { return c < 0 ? std::string() : "cell " + std::to_string(c); };
   std::string text = labelled("Mesh", mesh.string());
   text += labelled("Nodes", with_commas(nodes));
-  text += labelled("Cells", with_commas(static_cast<Index>(quality.values.size())) + ", measured " +
-                                with_commas(quality.cells));
+  text += labelled("Cells", with_commas(static_cast<Index>(quality.values.size())) + ", " +
+                                with_commas(quality.cells) + " of them measured");
   std::vector<Row> rows = {
       {"", "value", "worst", "above the limit"},
       {"Scaled Jacobian, min", format("%.4f", quality.min), cell(quality.worst_cell)},
@@ -301,7 +303,7 @@ std::string quality_text(const std::filesystem::path& mesh, Index nodes,
     rows.push_back({"Aspect ratio, max", format("%.1f", checks.max_aspect_ratio),
                     cell(checks.worst_aspect_cell),
                     with_commas(checks.high_aspect) + " cells > 1000"});
-    rows.push_back({"Smallest volume", format("%.3e", checks.min_volume)});
+    rows.push_back({"Smallest volume (mesh unit cubed)", format("%.3e", checks.min_volume)});
   }
   return text.append("\n").append(align(rows));
 }

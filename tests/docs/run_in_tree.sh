@@ -3,8 +3,8 @@
 # that build, test, package or make the models and references anew: run_in_tree.sh PAGE...
 #
 # They share the tree's build folder, and each runs once; lines that .ci/run has itself are not run
-# again. None may change a file outside of build* and out. apt-get installs to a scratch folder, and the references made
-# anew must be those in the repository but for rounding; these are then put back.
+# again. None may change a file outside of build* and out. apt-get installs to a scratch folder, and
+# the references made anew must be those in the repository but for rounding; these are then put back.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
