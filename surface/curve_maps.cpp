@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
+#include <numeric>
 
 #include "core/parallel.h"
 
@@ -13,32 +15,47 @@ using Eigen::Vector3d;
 
 constexpr double kEqualTurn = 2e-3, kLeastTurn = 0.01;  // of a turn
 
-// A seam that moved turns all closed curves of its face by one angle, to the digit; a twist of the
-// part turns them by different ones. Only the former is an artefact.
-void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
-  std::vector<char> has_moved(maps.size(), 0);
-  for (int f = 0; f < static_cast<int>(base.faces().size()); ++f) {
-    if (base.faces()[f].period.isZero(0)) continue;
-    std::vector<int> closed;
-    for (int c = 0; c < static_cast<int>(maps.size()); ++c) {
-      const auto& faces = base.skeleton().curves[c].faces;
-      if (maps[c].turn() && std::find(faces.begin(), faces.end(), f) != faces.end())
-        closed.push_back(c);
+// Closed curves that are linked by the faces which close on themselves between them, seam to seam:
+// a seam that moved moves where all of them start.
+std::vector<std::vector<int>> linked_curves(const CadModel& base,
+                                            const std::vector<CurveMap>& maps) {
+  std::vector<int> group(maps.size());
+  std::iota(group.begin(), group.end(), 0);
+  const auto closes = [&](int f) { return !base.faces()[f].period.isZero(0); };
+  std::vector<int> first(base.faces().size(), -1);
+  for (int c = 0; c < static_cast<int>(maps.size()); ++c) {
+    if (!maps[c].turn()) continue;
+    for (const int f : base.skeleton().curves[c].faces) {
+      if (!closes(f)) continue;
+      if (first[f] < 0) first[f] = c;
+      const int from = group[c], to = group[first[f]];
+      std::replace(group.begin(), group.end(), from, to);
     }
-    if (closed.size() < 2) continue;
-    const Vector3d turn = *maps[closed.front()].turn();
+  }
+  std::map<int, std::vector<int>> members;
+  for (int c = 0; c < static_cast<int>(maps.size()); ++c)
+    if (maps[c].turn()) members[group[c]].push_back(c);
+  std::vector<std::vector<int>> linked;
+  for (auto& [id, curves] : members) linked.push_back(std::move(curves));
+  return linked;
+}
+
+// A seam that moved turns all linked curves by one angle, to the digit; a twist of the part turns
+// them by different ones. Only the former is an artefact.
+void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
+  for (const std::vector<int>& linked : linked_curves(base, maps)) {
+    if (linked.size() < 2) continue;
+    const Vector3d turn = *maps[linked.front()].turn();
     // Half a turn is one either way round.
-    const bool is_equal = std::all_of(closed.begin(), closed.end(), [&](int c) {
+    const bool is_equal = std::all_of(linked.begin(), linked.end(), [&](int c) {
       const double limit = kEqualTurn * turn.norm();
       const Vector3d other = *maps[c].turn();
       return (other - turn).norm() < limit ||
              ((other + turn).norm() < limit && 0.5 - turn.norm() < limit);
     });
     if (is_equal && turn.norm() > kLeastTurn)
-      for (const int c : closed) has_moved[c] = 1;
+      for (const int c : linked) maps[c].take_least_motion();
   }
-  for (std::size_t c = 0; c < maps.size(); ++c)
-    if (has_moved[c]) maps[c].take_least_motion();
 }
 
 }  // namespace

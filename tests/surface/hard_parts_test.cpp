@@ -5,11 +5,13 @@
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakeRevol.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
 #include <Eigen/Geometry>
 #include <GC_MakeArcOfCircle.hxx>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
@@ -19,6 +21,7 @@
 #include "core/parallel.h"
 #include "morph_case.h"
 #include "triangulation.h"
+#include "warped_shape.h"
 
 using namespace cadmorph;
 using namespace cadmorph::testing;
@@ -159,6 +162,28 @@ TEST_CASE("a growing radial hole keeps its nodes on all faces, wherever the seam
       CHECK(judged.folded == 0);
     }
   }
+}
+
+TEST_CASE("a narrow groove follows a twist of the part", "[surface][seam]") {
+  // Both circles of the groove's floor turn by nearly one angle, as if only their seam had moved.
+  TopoDS_Shape part = BRepPrimAPI_MakeBox(gp_Pnt(-15, -12, 0), gp_Pnt(15, 12, 10)).Solid();
+  double z = 10;
+  for (const auto& [height, from, to] : std::initializer_list<std::array<double, 3>>{
+           {30, 6, 6}, {1, 6, 5}, {0.005, 5, 5}, {1, 5, 6}, {3, 6, 6}, {1, 6, 5}, {3, 5, 5}}) {
+    const gp_Ax2 at(gp_Pnt(0, 0, z), gp_Dir(0, 0, 1));
+    const TopoDS_Shape piece = from == to ? BRepPrimAPI_MakeCylinder(at, from, height).Solid()
+                                          : BRepPrimAPI_MakeCone(at, from, to, height).Solid();
+    part = BRepAlgoAPI_Fuse(part, piece).Shape();
+    z += height;
+  }
+  const auto twist = [](const Vector3d& x) -> Vector3d {
+    return Eigen::AngleAxisd(0.02 * x.z(), Vector3d::UnitZ()) * x;
+  };
+  const MorphCase c = mesh_case(to_model(part), triangulate(part, 0.1));
+  const auto result = morph_surface(c, to_model(warped(part, twist)));
+  const Points expected = images(surface_points(c.boundary, c.mesh.points), twist);
+  // What the B-splines of the warped shape interpolate.
+  CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
 }
 
 TEST_CASE("a capsule that grows longer moves its dome as it is", "[surface][pole]") {
