@@ -13,6 +13,11 @@ struct Boundary {
   std::vector<Index> neighbour;     ///< cell on the other side of an interface, -1 on the outside
   std::vector<Index> nodes;         ///< ids of the mesh nodes that a facet uses, ascending
 
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(types, offsets, connectivity, cell, neighbour, nodes);
+  }
+
   Index facet_count() const { return static_cast<Index>(types.size()); }
   std::span<const Index> facet(Index f) const {
     return {connectivity.data() + offsets[f],

@@ -20,6 +20,11 @@ struct QualityReport {
   Index inverted = 0;          ///< cells with a corner Jacobian that is not positive
   std::vector<double> values;  ///< scaled Jacobian of every cell of the mesh (NaN: not measured)
   std::vector<Index> inverted_cells;  ///< ids, ascending
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(cells, min, mean, worst_cell, inverted, values, inverted_cells);
+  }
 };
 
 /// Orientation of each cell type in a mesh: +1 when VTK's node order gives positive volumes for

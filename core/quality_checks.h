@@ -15,12 +15,24 @@ struct QualityChecks {
   Index high_aspect = 0;              ///< cells above 1000
   double min_volume = 0;              ///< in the mesh's unit, cubed
   Index worst_non_orthogonal_cell = -1, worst_skew_cell = -1, worst_aspect_cell = -1;
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(max_non_orthogonality_deg, mean_non_orthogonality_deg, severely_non_orthogonal,
+            max_skewness, highly_skew, max_aspect_ratio, high_aspect, min_volume,
+            worst_non_orthogonal_cell, worst_skew_cell, worst_aspect_cell);
+  }
 };
 
 /// The cell on the other side of each face of each solid cell. Depends on the connectivity alone.
 struct CellNeighbours {
   std::vector<Index> offsets;    ///< cells + 1 positions in `neighbour`; no faces for other cells
   std::vector<Index> neighbour;  ///< by local face as cell_facets orders them; -1 on the outside
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(offsets, neighbour);
+  }
 };
 
 /// Pairs the faces of the solid cells by their corner nodes. Parallel; O(F log F) for F cell faces.

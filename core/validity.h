@@ -10,6 +10,11 @@ struct ValidityReport {
   Index invalid = 0;    ///< cells whose Jacobian determinant is not positive everywhere
   Index undecided = 0;  ///< of these: touching zero so closely that no sign could be proved
   std::vector<Index> invalid_cells;  ///< ids, ascending
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(cells, invalid, undecided, invalid_cells);
+  }
 };
 
 /// Tests whether the map of each solid cell is valid at node positions `points` (N x 3): its

@@ -33,6 +33,12 @@ struct Association {
   double max_distance = 0;    ///< millimetres
   double mean_distance = 0;
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(dimension, entity, uv, distance, is_free, facet_face, vertex_nodes, edge_nodes,
+            face_nodes, unmatched_nodes, max_distance, mean_distance, mesh_unit_mm);
+  }
 };
 
 /// Finds the CAD vertex, edge or face of each surface node and its parameters (Sieger et al. 2013,

@@ -326,10 +326,16 @@ std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
 
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
                            const Boundary& boundary, SurfaceMorphOptions options)
+    : SurfaceMorph(base, mesh, boundary, associate(*base, mesh, boundary, options.association),
+                   options) {}
+
+SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
+                           const Boundary& boundary, Association association,
+                           SurfaceMorphOptions options)
     : impl_(std::make_unique<Impl>()) {
   impl_->base = std::move(base);
   impl_->options = std::move(options);
-  impl_->association = associate(*impl_->base, mesh, boundary, impl_->options.association);
+  impl_->association = std::move(association);
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
   impl_->patches = find_free_patches(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
@@ -339,6 +345,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
 
 SurfaceMorph::~SurfaceMorph() = default;
 SurfaceMorph::SurfaceMorph(SurfaceMorph&&) noexcept = default;
+SurfaceMorph& SurfaceMorph::operator=(SurfaceMorph&&) noexcept = default;
 
 const Association& SurfaceMorph::association() const { return impl_->association; }
 

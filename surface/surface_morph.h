@@ -30,7 +30,7 @@ struct SurfaceMorphOptions {
 
 /// The surface of one variant. Rows follow Boundary::nodes.
 struct SurfaceMorphResult {
-  Points positions;         ///< new node positions, in the mesh's unit (free nodes: old)
+  Points positions;          ///< new node positions, in the mesh's unit (free nodes: old)
   Eigen::VectorXd distance;  ///< to the matched variant entity, millimetres; 0 where there is none
   double max_distance = 0;   ///< the largest of them
   double mean_distance = 0;
@@ -46,8 +46,13 @@ class SurfaceMorph {
   /// on it.
   SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh, const Boundary& boundary,
                SurfaceMorphOptions options = {});
+
+  /// With the association known: that of the same CAD, mesh and boundary.
+  SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh, const Boundary& boundary,
+               Association association, SurfaceMorphOptions options = {});
   ~SurfaceMorph();
   SurfaceMorph(SurfaceMorph&&) noexcept;
+  SurfaceMorph& operator=(SurfaceMorph&&) noexcept;
 
   const Association& association() const;
 

@@ -10,6 +10,11 @@ namespace cadmorph {
 struct Component {
   std::vector<Index> surface;  ///< positions in the list of surface nodes
   std::vector<Index> volume;   ///< node ids
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(surface, volume);
+  }
 };
 
 /// Splits a mesh into components: connected cells of one region, joined across regions where they

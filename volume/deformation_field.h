@@ -15,6 +15,11 @@ struct DeformationTerms {
   Eigen::RowVector3d low, high;                  ///< box of the mesh's nodes
   Points nodes, new_nodes;                       ///< m x 3: prescribed nodes before and after
   std::vector<FieldTerms> steps;                 ///< displacements, to be added one after the other
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(base_cad, variant_cad, mesh_file, mesh_unit_mm, low, high, nodes, new_nodes, steps);
+  }
 };
 
 /// Records the fields of a morph in `steps` steps (see morph_in_steps). Throws InvalidInputError

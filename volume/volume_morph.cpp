@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/archive_types.h"
 #include "core/edge_lengths.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
@@ -88,24 +89,26 @@ struct Part {
   std::optional<RbfTargets> targets;
 };
 
+RowMatrix centres_of(const Component& nodes, const Mesh& mesh,
+                     const std::vector<Index>& surface_nodes) {
+  std::vector<Index> ids;
+  for (const Index i : nodes.surface) ids.push_back(surface_nodes[i]);
+  return rows_of(mesh.points, ids);
+}
+
 Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surface_nodes,
                const Eigen::VectorXd& lengths, const Eigen::VectorXd& slits,
                const VolumeMorphOptions& options) {
   Part part;
   part.nodes = std::move(nodes);
-  const auto set_centres = [&] {
-    std::vector<Index> ids;
-    for (const Index i : part.nodes.surface) ids.push_back(surface_nodes[i]);
-    part.centres = rows_of(mesh.points, ids);
-  };
-  set_centres();
+  part.centres = centres_of(part.nodes, mesh, surface_nodes);
   if (part.nodes.volume.empty() || part.nodes.surface.empty()) return part;
   const std::vector<Index> all = part.nodes.surface;
   const auto clear = clear_of_each_other(part.centres, slits(all));
   if (clear.size() < all.size()) {
     part.nodes.surface.clear();
     for (const Index i : clear) part.nodes.surface.push_back(all[i]);
-    set_centres();
+    part.centres = centres_of(part.nodes, mesh, surface_nodes);
   }
   RbfOptions rbf = options.rbf;
   rbf.local_length = lengths(part.nodes.surface);
@@ -114,6 +117,24 @@ Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surf
   part.system.emplace(part.centres, options.kernel, rbf);
   part.targets.emplace(*part.system, rows_of(mesh.points, part.nodes.volume));
   return part;
+}
+
+Part restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
+                  const VolumeMorphOptions& options, InputArchive& archive) {
+  Part part;
+  part.nodes = take<Component>(archive);
+  part.centres = centres_of(part.nodes, mesh, surface_nodes);
+  if (!take<bool>(archive)) return part;
+  part.system.emplace(part.centres, options.kernel, options.rbf, archive);
+  part.targets.emplace(*part.system, archive);
+  return part;
+}
+
+void store_part(const Part& part, OutputArchive& archive) {
+  archive(part.nodes, part.system.has_value());
+  if (!part.system) return;
+  part.system->store(archive);
+  part.targets->store(archive);
 }
 
 // Components report side by side: one at a time.
@@ -171,7 +192,9 @@ struct VolumeMorph::Impl {
   RbfReport report;
 
   void set_up_rbf(const Mesh& mesh);
+  void restore_rbf(const Mesh& mesh, InputArchive& archive);
   void set_up_baseline(const Mesh& mesh);
+  void gather_reports();
   Points morph_by_baseline(const Points& surface_positions, RbfReport* figures) const;
   void morph_by_rbf(const std::vector<Points>& surface_positions,
                     std::vector<VolumeMorphResult>& results) const;
@@ -194,6 +217,18 @@ void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
     for (Index i = begin; i < end; ++i)
       parts[i] = make_part(std::move(components[i]), mesh, surface_nodes, lengths, slits, guarded);
   });
+  gather_reports();
+}
+
+void VolumeMorph::Impl::restore_rbf(const Mesh& mesh, InputArchive& archive) {
+  const VolumeMorphOptions guarded = with_serial_progress(options);
+  const auto count = take<std::size_t>(archive);
+  for (std::size_t i = 0; i < count; ++i)
+    parts.push_back(restore_part(mesh, surface_nodes, guarded, archive));
+  gather_reports();
+}
+
+void VolumeMorph::Impl::gather_reports() {
   std::vector<RbfReport> reports;
   for (const Part& part : parts)
     if (part.system) reports.push_back(part.system->report());
@@ -287,6 +322,25 @@ VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
   else
     impl->set_up_baseline(mesh);
   impl_ = std::move(impl);
+}
+
+VolumeMorph::VolumeMorph(const Mesh& mesh, VolumeMorphOptions options, InputArchive& archive) {
+  auto impl = std::make_shared<Impl>();
+  impl->base = mesh.points;
+  impl->surface_nodes = take<std::vector<Index>>(archive);
+  impl->options = std::move(options);
+  if (impl->options.method == MorphMethod::Rbf)
+    impl->restore_rbf(mesh, archive);
+  else
+    impl->set_up_baseline(mesh);
+  impl_ = std::move(impl);
+}
+
+void VolumeMorph::store(OutputArchive& archive) const {
+  archive(impl_->surface_nodes);
+  if (impl_->baseline) return;
+  archive(impl_->parts.size());
+  for (const Part& part : impl_->parts) store_part(part, archive);
 }
 
 Points VolumeMorph::morph(const Points& surface_positions, RbfReport* report) const {

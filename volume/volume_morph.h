@@ -3,6 +3,7 @@
 #include <exception>
 #include <vector>
 
+#include "core/archive.h"
 #include "core/mesh.h"
 #include "core/rbf/rbf_system.h"
 #include "volume/morph_method.h"
@@ -33,6 +34,11 @@ class VolumeMorph {
   /// set up. Throws InvalidInputError on an empty set, an id out of range or one named twice, and
   /// what RbfSystem or make_baseline throws.
   VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes, VolumeMorphOptions options = {});
+
+  /// The one that was stored, for the same mesh and options; of a method other than RBF the surface
+  /// nodes alone are stored. Moves nodes to the last bit as the stored one.
+  VolumeMorph(const Mesh& mesh, VolumeMorphOptions options, InputArchive& archive);
+  void store(OutputArchive& archive) const;
 
   /// Returns the positions of all nodes (N x 3); surface nodes exactly at `surface_positions` (m x
   /// 3). Throws InvalidInputError on a wrong size or a position that is not finite, and what

@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kBlock = 4;  // variants solved together: half the time of four alone
+constexpr std::size_t kBlock = 8;  // variants solved together: a third of the time of eight alone
 // Of a variant under way: positions, displacements, quality, and the solver's vectors.
 constexpr double kBytesPerNode = 400, kBytesPerCell = 64;
 
@@ -122,6 +122,9 @@ class StepReaders {
   std::vector<std::jthread> threads_;
 };
 
+// A request to stop while the base is set up.
+struct Interrupted {};
+
 BatchIdentity identity_of(const BatchOptions& options) {
   return {.program = options.program,
           .base = options.base_cad.string(),
@@ -172,9 +175,10 @@ class BatchRun {
   BatchCount run() {
     prepare();
     if (!todo_.empty() && !is_stopped_) {
-      set_up_base();
       try {
+        set_up_base();
         morph_all();
+      } catch (const Interrupted&) {
       } catch (const OutputError& error) {
         throw OutputError(std::string(error.what()) +
                           ". What was finished is kept: mend this and go on with --resume.");
@@ -230,22 +234,26 @@ class BatchRun {
 
   void set_up_base() {
     PipelineOptions options = options_.pipeline;
-    // The phases of variants, several at a time, are not announced.
+    // The phases of variants, several at a time, are not announced, nor are variants broken off.
     const auto is_set_up = std::make_shared<std::atomic<bool>>(false);
-    if (options.progress)
-      options.progress = [is_set_up, announce = options.progress](auto phase, double fraction) {
-        if (!*is_set_up) announce(phase, fraction);
-      };
+    options.progress = [this, is_set_up, announce = options.progress](auto phase, double fraction) {
+      if (*is_set_up) return;
+      if (is_stopped_) throw Interrupted();
+      if (announce) announce(phase, fraction);
+    };
     auto base = std::make_shared<const CadModel>(read_step(options_.base_cad));
     job_.emplace(std::move(base), std::make_shared<const MeshFile>(options_.mesh), options);
     *is_set_up = true;
+    count_.cache = job_->cache();
   }
 
   void morph_all() {
     start_ = Clock::now();
     const std::size_t under_way = variants_under_way();
     const std::size_t most = std::min(kBlock, under_way);
-    StepReaders readers(todo_, options_.timeout_s, std::max(most, under_way / 2), is_stopped_);
+    // A block's worth read ahead, what the readers themselves hold included.
+    const auto held = static_cast<std::size_t>(thread_count());
+    StepReaders readers(todo_, options_.timeout_s, most > held ? most - held : 1, is_stopped_);
     const auto next = [&](tbb::flow_control& flow) {
       Block block = readers.next(most);
       if (block.empty()) flow.stop();
@@ -271,7 +279,7 @@ class BatchRun {
     const double each = kBytesPerNode * static_cast<double>(job_->mesh().node_count()) +
                         kBytesPerCell * static_cast<double>(job_->mesh().cell_count());
     const double fitting = options_.pipeline.volume.rbf.memory_limit / std::max(each, 1.0);
-    const auto wanted = kBlock * (static_cast<std::size_t>(thread_count()) + 1);
+    const auto wanted = kBlock * static_cast<std::size_t>(thread_count());
     return static_cast<std::size_t>(std::clamp(fitting, 1.0, static_cast<double>(wanted)));
   }
 

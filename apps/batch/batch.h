@@ -29,6 +29,7 @@ struct BatchCount {
   Index done = 0, failed = 0;  ///< the kept ones included
   double seconds = 0;          ///< since the first variant was begun
   bool is_stopped = false;     ///< by request: variants may be missing
+  CacheReport cache = {};      ///< what came of PipelineOptions::cache
 };
 
 /// Called with each row as it is finished; from one thread at a time.

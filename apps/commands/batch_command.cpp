@@ -12,6 +12,7 @@
 #include "apps/commands/command.h"
 #include "apps/commands/options.h"
 #include "apps/summary/progress_bar.h"
+#include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
 #include "apps/version.h"
 #include "core/content_hash.h"
@@ -84,7 +85,7 @@ void add_options(CLI::App& app, BatchCommand& command) {
 std::string options_text(const CLI::App& parser, const BatchCommand& command) {
   static const std::set<std::string> ignored = {
       "BASE",   "MESH",    "VARIANT", "output",  "manifest", "resume", "shard",
-      "shards", "timeout", "quiet",   "threads", "help",     "map"};
+      "shards", "timeout", "quiet",   "threads", "help",     "map",    "cache"};
   std::string text;
   for (const CLI::Option* option : parser.get_options()) {
     const std::string name = option->get_single_name();
@@ -137,6 +138,8 @@ class BatchDisplay {
     const Index missing = count.total - count.done - count.failed;
     if (!command.is_quiet) print(summary(command, count));
     std::string text;
+    if (!count.cache.remark.empty() && !command.is_quiet)
+      text += "cadmorph: warning: " + count.cache.remark + "\n";
     if (count.failed > 0) {
       text += "cadmorph: error: " + with_commas(count.failed) + " of " + with_commas(count.total) +
               " variants failed; results.csv in " + command.folder.string() + " tells why\n";
@@ -156,6 +159,7 @@ class BatchDisplay {
     if (count.kept > 0) text += "; " + with_commas(count.kept) + " kept from before";
     text += format("; %.3g s", count.seconds);
     if (fresh > 0) text += format(", %.3g s a variant", count.seconds / static_cast<double>(fresh));
+    if (count.cache.use != CacheUse::None) text += "; base set-up " + cache_text(count.cache);
     return text + "\n";
   }
 

@@ -43,7 +43,9 @@ ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
   options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
   const FieldReport report = field_files(command.files, options);
   bar.erase();
-  for (const std::string& warning : report.morph.warnings)
+  std::vector<std::string> warnings = report.morph.warnings;
+  if (!report.morph.cache.remark.empty()) warnings.push_back(report.morph.cache.remark);
+  for (const std::string& warning : warnings)
     if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
   const ExitCode code = report.morph.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
   hand_over(command.json, command.is_quiet, field_summary(report),
@@ -70,6 +72,11 @@ void add_field_command(CLI::App& app, Action& action) {
   parser->add_option("-o,--output", command->files.output, "field file")
       ->type_name("FIELD.cmf")
       ->required();
+  parser
+      ->add_option("--via", command->files.via,
+                   "CAD model between BASE and VARIANT to morph through; may be repeated")
+      ->type_name("STEP")
+      ->allow_extra_args(false);
   add_json_option(*parser, command->json);
   parser->add_flag("--quiet", command->is_quiet, "print errors only");
   add_threads_option(*parser, command->threads);

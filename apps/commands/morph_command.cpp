@@ -65,7 +65,7 @@ void check_inputs(const MorphFiles& files) {
 void check_outputs(const MorphCommand& command) {
   const MorphFiles& files = command.files;
   const std::vector<fs::path> outputs = {files.output, command.json, command.show.report,
-                                         command.show.picture};
+                                         command.show.picture, command.options.pipeline.cache};
   std::error_code ignored;
   for (const fs::path& input : files.inputs())
     for (const fs::path& output : outputs)
@@ -105,6 +105,7 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   const PipelineReport report = morph_files(files, options);
   const ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
   std::vector<std::string> warnings = report.warnings;
+  if (!report.cache.remark.empty()) warnings.push_back(report.cache.remark);
   if (!command.show.is_empty())
     for (std::string& warning : showing.write(report, static_cast<int>(code)))
       warnings.push_back(std::move(warning));

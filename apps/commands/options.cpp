@@ -170,6 +170,10 @@ void add_mesh_options(CLI::App& app, MorphOptions& raw) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str()
       ->group(group);
+  app.add_option("--cache", raw.pipeline.cache,
+                 "file to keep the set-up of BASE and MESH in, for other runs")
+      ->type_name("FILE")
+      ->group(group);
 }
 
 }  // namespace

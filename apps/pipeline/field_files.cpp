@@ -4,7 +4,6 @@
 #include <future>
 #include <iterator>
 
-#include "cad/step_reader.h"
 #include "volume/field_file.h"
 
 namespace cadmorph {
@@ -64,28 +63,38 @@ fs::path write(const MeshFile& mesh, const Points& moved, const ApplyReport& rep
   return path;
 }
 
+// The fields of a series of morphs, one after the other.
+class FieldRecord {
+ public:
+  void add(const MorphJob& job, const MorphResult& result) {
+    DeformationTerms leg = job.deformation(result);
+    if (terms_.steps.empty()) {
+      terms_ = std::move(leg);
+      for (Index i = 0; i < static_cast<Index>(job.boundary().nodes.size()); ++i)
+        if (!job.association().is_free[i]) nodes_.push_back(job.boundary().nodes[i]);
+      return;
+    }
+    terms_.steps.insert(terms_.steps.end(), leg.steps.begin(), leg.steps.end());
+    terms_.new_nodes = result.positions(nodes_, Eigen::all);
+  }
+
+  DeformationTerms& terms() { return terms_; }
+
+ private:
+  DeformationTerms terms_;
+  std::vector<Index> nodes_;  ///< of the mesh: those prescribed in the first morph
+};
+
 }  // namespace
 
 FieldReport field_files(const MorphFiles& files, const PipelineOptions& options) {
-  if (!files.via.empty())
-    throw InvalidInputError("a field leads from one CAD model to another, without models between");
-  check_output(files.output, files.inputs());
-  PhaseClock clock(options.progress);
-  clock.start("reading");
-  check_step_file(files.variant_cad);
-  auto mesh_to_come =
-      std::async(std::launch::async, [&] { return std::make_shared<const MeshFile>(files.mesh); });
-  const auto base = std::make_shared<const CadModel>(read_step(files.base_cad));
-  const CadModel variant = read_step(files.variant_cad);
-  const auto mesh = mesh_to_come.get();
-  clock.stop();
-
-  const MorphJob job(base, mesh, without_repair(options));
-  const MorphResult result = job.morph(variant);
-  FieldReport report{.morph = result.report, .field = {}};
-  if (result.report.outcome == Outcome::Done) {
-    clock.start("writing");
-    DeformationTerms terms = job.deformation(result);
+  FieldRecord record;
+  FieldReport report;
+  MorphFiles trip = files;
+  trip.on_leg = [&](const MorphJob& job, const MorphResult& result) { record.add(job, result); };
+  trip.write = [&](const MorphJob&, const MorphResult& result) -> fs::path {
+    if (result.report.outcome != Outcome::Done) return {};
+    DeformationTerms& terms = record.terms();
     terms.base_cad = files.base_cad.string();
     terms.variant_cad = files.variant_cad.string();
     terms.mesh_file = files.mesh.string();
@@ -95,13 +104,9 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options)
       throw OutputError(error.what());
     }
     report.field = figures_of(files.output, terms);
-    report.morph.written = files.output;
-  }
-  report.morph.peak_memory = peak_memory();
-  auto& phases = report.morph.phases;
-  phases.insert(phases.begin(), clock.phases().front());
-  if (clock.phases().size() > 1) phases.push_back(clock.phases().back());
-  for (const PhaseTime& phase : phases) report.morph.seconds += phase.seconds;
+    return files.output;
+  };
+  report.morph = morph_files(trip, without_repair(options));
   return report;
 }
 

@@ -14,14 +14,6 @@ PipelineOptions with_progress_everywhere(PipelineOptions options) {
   return options;
 }
 
-// Rows of Boundary::nodes whose positions the surface morph prescribes.
-std::vector<Index> prescribed_rows(const Association& association) {
-  std::vector<Index> rows;
-  for (Index i = 0; i < static_cast<Index>(association.is_free.size()); ++i)
-    if (!association.is_free[i]) rows.push_back(i);
-  return rows;
-}
-
 }  // namespace
 
 MorphBase::MorphBase(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<const MeshFile> file,
@@ -31,14 +23,10 @@ MorphBase::MorphBase(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<c
       mesh_file(std::move(file)) {
   if (start.size() > 0) set_start(std::move(start));
   PhaseClock clock(options.progress);
-  clock.start("boundary");
-  boundary = about_file(mesh_file->path(), [&] { return extract_boundary(mesh()); });
-  clock.start("association");
-  surface.emplace(cad, mesh(), boundary, options.surface);
-  clock.start("volume set-up");
-  set_up_volume();
-  clock.start("quality before");
-  measure();
+  const BaseInputs inputs{cad, *mesh_file, mesh(), options};
+  static_cast<BaseSide&>(*this) = options.cache.empty() || moved
+                                      ? set_up_base_side(inputs, clock)
+                                      : cached_base_side(inputs, clock, report.cache);
   fill_report();
   report.phases = clock.phases();
 }
@@ -49,22 +37,6 @@ void MorphBase::set_start(Points start) {
                             std::to_string(mesh_file->mesh().node_count()) + " nodes");
   moved = mesh_file->mesh();
   moved->points = std::move(start);
-}
-
-void MorphBase::set_up_volume() {
-  rows = prescribed_rows(surface->association());
-  std::vector<Index> nodes;
-  for (const Index row : rows) nodes.push_back(boundary.nodes[row]);
-  volume.emplace(mesh(), std::move(nodes), options.volume);
-}
-
-void MorphBase::measure() {
-  orientation = detect_orientation(mesh());
-  neighbours = find_cell_neighbours(mesh());
-  quality = measure_quality(mesh(), mesh().points, orientation);
-  validity = check_validity(mesh(), mesh().points, orientation);
-  set_quality(report.before, quality, validity,
-              check_quality(mesh(), mesh().points, neighbours, orientation));
 }
 
 void MorphBase::fill_report() {
@@ -81,6 +53,7 @@ void MorphBase::fill_report() {
                           report.face_nodes - report.unmatched_nodes;
   report.mesh_unit_mm = association.mesh_unit_mm;
   report.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
+  set_quality(report.before, quality, validity, checks);
   report.before.max_distance = association.max_distance;
   report.before.mean_distance = association.mean_distance;
   report.method = options.volume.method;

@@ -1,11 +1,11 @@
 #pragma once
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/base_side.h"
 
 namespace cadmorph {
 
 /// What a MorphJob keeps: all that depends on the base CAD and the base mesh alone.
-struct MorphBase {
+struct MorphBase : BaseSide {
   /// See MorphJob.
   MorphBase(std::shared_ptr<const CadModel> cad, std::shared_ptr<const MeshFile> file,
             PipelineOptions options, Points start);
@@ -26,20 +26,10 @@ struct MorphBase {
   std::shared_ptr<const CadModel> cad;
   std::shared_ptr<const MeshFile> mesh_file;
   std::optional<Mesh> moved;  ///< the file's mesh where the job starts elsewhere
-  Boundary boundary;
-  Orientation orientation;
-  CellNeighbours neighbours;
-  QualityReport quality;
-  ValidityReport validity;
-  std::optional<SurfaceMorph> surface;
-  std::optional<VolumeMorph> volume;
-  std::vector<Index> rows;  ///< of Boundary::nodes, prescribed
-  PipelineReport report;    ///< of the base side
+  PipelineReport report;      ///< of the base side
 
  private:
   void set_start(Points start);
-  void set_up_volume();
-  void measure();
   void fill_report();
 };
 

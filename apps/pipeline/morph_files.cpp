@@ -80,6 +80,7 @@ class Trip {
     read_ahead(leg_ + 1);
     result_ = job_->morph(*base_);
     const PipelineReport& report = result_.report;
+    if (files_.on_leg && report.outcome == Outcome::Done) files_.on_leg(*job_, result_);
     if (leg_ == 0) whole_ = report;
     if (is_series()) add_leg(report);
     add_phases(phases_, report.phases);
@@ -99,7 +100,9 @@ class Trip {
       files_.on_result(*job_, *base_, result_);
     }
     clock.start("writing");
-    const fs::path written = job_->write(result_, files_.output, files_.has_diagnostics);
+    const fs::path written = files_.write
+                                 ? files_.write(*job_, result_)
+                                 : job_->write(result_, files_.output, files_.has_diagnostics);
     add_phases(phases_, clock.phases());
     PipelineReport report = is_series() ? series_report() : result_.report;
     report.written = written;
@@ -113,6 +116,7 @@ class Trip {
     PipelineReport report = result_.report;
     report.base_cad = whole_.base_cad;
     report.before = whole_.before;
+    report.cache = whole_.cache;
     report.is_unit_detected = whole_.is_unit_detected;
     report.warnings = std::move(warnings_);
     report.max_displacement =

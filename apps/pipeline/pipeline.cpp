@@ -74,6 +74,7 @@ const Association& MorphJob::association() const { return base_->surface->associ
 const CellNeighbours& MorphJob::neighbours() const { return base_->neighbours; }
 const Orientation& MorphJob::orientation() const { return base_->orientation; }
 const QualityReport& MorphJob::base_quality() const { return base_->quality; }
+const CacheReport& MorphJob::cache() const { return base_->report.cache; }
 
 MorphResult MorphJob::morph(const CadModel& variant) const {
   MorphAttempt attempt = std::move(morph_each({variant}).front());

@@ -41,6 +41,8 @@ struct PipelineOptions {
   std::optional<double> min_scaled_jacobian;
   /// Base and variant face numbers (1-based) given by the user.
   std::vector<std::pair<int, int>> face_map;
+  /// File to keep the base side in for other runs; empty: none (docs/batch.md).
+  std::filesystem::path cache = {};
   /// Called through the whole trip.
   Progress progress;
 };
@@ -71,6 +73,15 @@ struct ImproveReport {
   double below = 0;                       ///< scaled Jacobian asked for
   Index poor_before = 0, poor_after = 0;  ///< cells below
   double min_before = 0, min_after = 0;
+};
+
+enum class CacheUse { None, Used, Written, NotWritten };
+
+/// What came of PipelineOptions::cache.
+struct CacheReport {
+  std::filesystem::path file = {};
+  CacheUse use = CacheUse::None;
+  std::string remark = {};  ///< why there was no use of the file, or none written; else empty
 };
 
 enum class Outcome { Done, Inverted, PoorQuality };
@@ -108,6 +119,7 @@ struct PipelineReport {
   std::optional<ImproveReport> improving;
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
   std::vector<LegReport> legs;         ///< all of a series of morphs; else empty
+  CacheReport cache = {};
   std::vector<std::string> warnings;
   std::vector<PhaseTime> phases;
   double seconds = 0;      ///< sum of the phases
@@ -180,6 +192,8 @@ class MorphJob {
   const CellNeighbours& neighbours() const;
   const Orientation& orientation() const;
   const QualityReport& base_quality() const;
+  /// What came of the file to keep the base side in.
+  const CacheReport& cache() const;
 
  private:
   std::unique_ptr<const MorphBase> base_;
@@ -196,6 +210,12 @@ struct MorphFiles {
   /// Called with the result before it is written: for what shows more than the figures.
   std::function<void(const MorphJob& job, const CadModel& variant, const MorphResult& result)>
       on_result = {};
+
+  /// Called with the result of each morph of the series, unless it was refused.
+  std::function<void(const MorphJob& job, const MorphResult& result)> on_leg = {};
+
+  /// Writes something else than the mesh to `output`; returns the file written, if any.
+  std::function<std::filesystem::path(const MorphJob& job, const MorphResult& result)> write = {};
 
   /// All that is read.
   std::vector<std::filesystem::path> inputs() const;

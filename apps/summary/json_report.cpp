@@ -110,6 +110,10 @@ Json to_json(const std::vector<PhaseTime>& phases) {
   return result;
 }
 
+Json to_json(const CacheReport& cache) {
+  return {{"file", cache.file.string()}, {"use", to_string(cache.use)}, {"remark", cache.remark}};
+}
+
 const char* outcome_name(Outcome outcome) {
   switch (outcome) {
     case Outcome::Done:
@@ -203,6 +207,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
                          {"min_after", number(report.improving->min_after)}};
   if (report.diagnosis) json["diagnosis"] = to_json(*report.diagnosis);
   for (const LegReport& leg : report.legs) json["legs"].push_back(to_json(leg));
+  if (report.cache.use != CacheUse::None) json["cache"] = to_json(report.cache);
   json["warnings"] = report.warnings;
   json["seconds"] = to_json(report.phases);
   json["seconds"]["total"] = report.seconds;

@@ -1,16 +1,26 @@
 #include "apps/summary/progress_bar.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
+
+#include "apps/summary/text_table.h"
 
 namespace cadmorph {
 namespace {
 
 constexpr std::chrono::milliseconds kPatience{1000};
 constexpr std::chrono::milliseconds kInterval{100};
-constexpr int kWidth = 30;
+constexpr int kWidth = 30, kLeastWidth = 5;
+constexpr int kUsualColumns = 80;
+
+int terminal_columns() {
+  winsize size{};
+  const bool is_known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return is_known ? size.ws_col : kUsualColumns;
+}
 
 }  // namespace
 
@@ -26,11 +36,17 @@ void ProgressBar::show(std::string_view phase, double fraction) {
   phase_ = phase;
   last_ = now;
   is_drawn_ = true;
-  const int filled = static_cast<int>(kWidth * std::clamp(fraction, 0.0, 1.0));
-  const std::string bar = std::string(filled, '#') + std::string(kWidth - filled, '.');
+  const double part = std::clamp(fraction, 0.0, 1.0);
   const double seconds = std::chrono::duration<double>(now - start_).count();
-  std::fprintf(stderr, "\r[%s] %3d %%  %s, %.0f s\x1b[K", bar.c_str(),
-               static_cast<int>(100 * std::clamp(fraction, 0.0, 1.0)), phase_.c_str(), seconds);
+  const std::string text =
+      format("%3d %%  ", static_cast<int>(100 * part)) + phase_ + format(", %.0f s", seconds);
+  const int columns = terminal_columns() - 1;  // in the last one the line would break
+  const int room = columns - static_cast<int>(text.size()) - 3;
+  const int width = std::clamp(room, kLeastWidth, kWidth);
+  const int filled = static_cast<int>(width * part);
+  const std::string line =
+      "[" + std::string(filled, '#') + std::string(width - filled, '.') + "] " + text;
+  std::fprintf(stderr, "\r%.*s\x1b[K", columns, line.c_str());
   std::fflush(stderr);
 }
 

@@ -184,6 +184,26 @@ std::string to_string(SolverKind solver) {
   return "none needed";
 }
 
+std::string to_string(CacheUse use) {
+  switch (use) {
+    case CacheUse::Used:
+      return "used";
+    case CacheUse::Written:
+      return "written";
+    case CacheUse::NotWritten:
+      return "not written";
+    case CacheUse::None:
+      break;
+  }
+  return "none";
+}
+
+std::string cache_text(const CacheReport& cache) {
+  const std::string file = cache.file.string();
+  if (cache.use == CacheUse::Used) return "read from " + file;
+  return (cache.use == CacheUse::Written ? "kept in " : "could not be kept in ") + file;
+}
+
 std::string unit_name(double millimetres) {
   for (const auto& [length, name] :
        {std::pair{1.0, "mm"}, {10.0, "cm"}, {1000.0, "m"}, {25.4, "inch"}, {304.8, "foot"}})
@@ -237,6 +257,7 @@ std::string summary_text(const PipelineReport& report) {
     text += labelled(format("Leg %zu", i + 1), leg_text(report.legs[i]));
   text += labelled("Largest move", millimetres(report.max_displacement));
   text.append("\n").append(before_after_table(report)).append("\n");
+  if (report.cache.use != CacheUse::None) text += labelled("Base set-up", cache_text(report.cache));
   text += labelled("Time", time_line(report));
   text += labelled("Machine", machine_line(report));
   text +=

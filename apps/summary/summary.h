@@ -14,6 +14,9 @@ std::vector<std::vector<std::string>> distance_rows(const PipelineReport& report
 std::vector<std::vector<std::string>> quality_rows(const MeshFigures& before,
                                                    const MeshFigures& after);
 
+/// What came of the file to keep the base side in, in a few words.
+std::string cache_text(const CacheReport& cache);
+
 /// Why a result was refused and where its mesh is, in one line.
 std::string refusal_text(const PipelineReport& report, const PipelineOptions& options);
 
@@ -31,6 +34,7 @@ std::string match_text(const CadModel& base, const CadModel& variant, const Topo
 /// Names as in messages and options.
 std::string to_string(const Kernel& kernel);
 std::string to_string(SolverKind solver);
+std::string to_string(CacheUse use);
 std::string unit_name(double millimetres);
 
 }  // namespace cadmorph

@@ -10,6 +10,11 @@ namespace cadmorph {
 struct DistinctRows {
   std::vector<Index> rows;   ///< first row of each distinct point, ascending
   std::vector<Index> group;  ///< for each row, its position in `rows`
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(rows, group);
+  }
 };
 
 /// Finds rows that are equal to the last bit. O(N log N).

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/archive_types.h"
 #include "core/blas.h"
 #include "core/errors.h"
 #include "core/parallel.h"
@@ -167,6 +168,13 @@ class FullSolver final : public DenseSolver {
     rcond_ = routines_.reciprocal_condition(n, factor_.data(), pivots_.data(), norm);
   }
 
+  FullSolver(const FullFactorisation& routines, const MatrixXd& P, InputArchive& archive)
+      : routines_(routines), terms_(P.cols()) {
+    archive(factor_, pivots_, rcond_);
+  }
+
+  void store(OutputArchive& archive) const override { archive(factor_, pivots_, rcond_); }
+
   SaddleSolution solve(const MatrixXd& values) const override {
     const SmallSystemGuard guard(factor_.rows());
     MatrixXd x = saddle_rhs(values, terms_);
@@ -206,6 +214,20 @@ class NullSpaceCholeskySolver final : public DenseSolver {
     dpocon_("L", &n, block(), &stride, &norm, &rcond_, work.data(), integers.data(), &info);
   }
 
+  NullSpaceCholeskySolver(const MatrixXd& P, InputArchive& archive) : polynomials_(P) {
+    archive(sign_, coupling_, rcond_);
+    factor_.setZero(P.rows(), P.rows());
+    for_each_column(
+        [&](double* column, std::size_t bytes) { archive(cereal::binary_data(column, bytes)); });
+  }
+
+  void store(OutputArchive& archive) const override {
+    archive(sign_, coupling_, rcond_);
+    for_each_column([&](const double* column, std::size_t bytes) {
+      archive(cereal::binary_data(column, bytes));
+    });
+  }
+
   SaddleSolution solve(const MatrixXd& values) const override {
     const Index q = polynomials_.cols();
     MatrixXd rotated = values;
@@ -226,6 +248,16 @@ class NullSpaceCholeskySolver final : public DenseSolver {
   Index rows() const { return factor_.rows() - polynomials_.cols(); }
   const double* block() const { return &factor_(polynomials_.cols(), polynomials_.cols()); }
   double* block() { return &factor_(polynomials_.cols(), polynomials_.cols()); }
+
+  // Columns of the factor, from the diagonal down, with their size in bytes.
+  void for_each_column(const auto& call) const {
+    for (Index j = 0; j < rows(); ++j)
+      call(block() + j * (factor_.rows() + 1), sizeof(double) * (rows() - j));
+  }
+  void for_each_column(const auto& call) {
+    for (Index j = 0; j < rows(); ++j)
+      call(block() + j * (factor_.rows() + 1), sizeof(double) * (rows() - j));
+  }
 
   // Lower triangle of sign * H^T A H = sign * A - V Y^T - Y V^T with H = I - V T V^T.
   void transform() {
@@ -272,7 +304,7 @@ class NullSpaceCholeskySolver final : public DenseSolver {
     dpotrs_("L", &n, &columns, block(), &stride, y.data(), &n, &info);
   }
 
-  int sign_;
+  int sign_ = 1;
   Eigen::HouseholderQR<MatrixXd> polynomials_;
   MatrixXd factor_;
   MatrixXd coupling_;
@@ -292,6 +324,13 @@ std::unique_ptr<DenseSolver> make_dense_solver(Factorisation factorisation, Eige
       break;
   }
   return std::make_unique<NullSpaceCholeskySolver>(std::move(A), P, sign);
+}
+
+std::unique_ptr<DenseSolver> restore_dense_solver(Factorisation factorisation,
+                                                  const Eigen::MatrixXd& P, InputArchive& archive) {
+  if (factorisation == Factorisation::Lu) return std::make_unique<FullSolver>(kLu, P, archive);
+  if (factorisation == Factorisation::Ldlt) return std::make_unique<FullSolver>(kLdlt, P, archive);
+  return std::make_unique<NullSpaceCholeskySolver>(P, archive);
 }
 
 }  // namespace cadmorph

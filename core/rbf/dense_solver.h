@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <memory>
 
+#include "core/archive.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -30,6 +31,8 @@ class DenseSolver {
 
   /// LAPACK's estimate of the reciprocal condition number (1-norm) of the factored matrix.
   virtual double reciprocal_condition() const = 0;
+
+  virtual void store(OutputArchive& archive) const = 0;
 };
 
 /// Factors the system for the symmetric kernel matrix A (N x N, consumed) and the polynomials P
@@ -38,5 +41,9 @@ class DenseSolver {
 /// is singular, or for Cholesky not positive definite, to rounding.
 std::unique_ptr<DenseSolver> make_dense_solver(Factorisation factorisation, Eigen::MatrixXd A,
                                                const Eigen::MatrixXd& P, int sign);
+
+/// The solver that was stored, for the same factorisation and polynomials.
+std::unique_ptr<DenseSolver> restore_dense_solver(Factorisation factorisation,
+                                                  const Eigen::MatrixXd& P, InputArchive& archive);
 
 }  // namespace cadmorph

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <utility>
 
+#include "core/archive_types.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/parallel.h"
@@ -107,6 +108,8 @@ struct Progression {
 
 struct FastSolver::Impl {
   Impl(const MatrixXd& given, const VectorXd& local_length, FastOptions options);
+  Impl(const MatrixXd& given, FastOptions options, InputArchive& archive);
+  void store(OutputArchive& archive) const;
 
   void choose_stencils();
   std::shared_ptr<const SparseInverseCholesky> factor(bool is_adaptive) const;
@@ -170,6 +173,34 @@ FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
   tell(0.5);
   far_field(0);
   tell(1);
+}
+
+FastSolver::Impl::Impl(const MatrixXd& given, FastOptions given_options, InputArchive& archive)
+    : options(std::move(given_options)),
+      order(take<PointOrder>(archive)),
+      ordered(select(given, order.rows)),
+      thinning_distance(kThinning * diagonal(given)),
+      rows(take<std::vector<Index>>(archive)),
+      points(std::make_shared<const MatrixXd>(select(given, rows))),
+      point_rows(*points),
+      frame(point_rows),
+      P(frame.polynomials(frame.to_unit(point_rows))) {
+  archive(ordered_length, length, stencils, remarks);
+  factors[stencils.is_adaptive] = std::make_shared<const SparseInverseCholesky>(archive);
+  if (!take<bool>(archive)) return;
+  FarField& far = far_fields[0];
+  far.exact = std::make_shared<const H2Matrix>(archive);
+  far.relaxed = std::make_shared<const H2Matrix>(archive);
+}
+
+void FastSolver::Impl::store(OutputArchive& archive) const {
+  archive(order, rows, ordered_length, length, stencils, remarks);
+  factor(stencils.is_adaptive)->store(archive);
+  const FarField far = far_field(0);
+  archive(static_cast<bool>(far.exact));
+  if (!far.exact) return;
+  far.exact->store(archive);
+  far.relaxed->store(archive);
 }
 
 void FastSolver::Impl::choose_stencils() {
@@ -338,6 +369,11 @@ void FastSolver::Impl::correct(const std::vector<MatrixXd>& value_sets,
 
 FastSolver::FastSolver(const MatrixXd& points, const VectorXd& local_length, FastOptions options)
     : impl_(std::make_shared<const Impl>(points, local_length, std::move(options))) {}
+
+FastSolver::FastSolver(const MatrixXd& points, FastOptions options, InputArchive& archive)
+    : impl_(std::make_shared<const Impl>(points, std::move(options), archive)) {}
+
+void FastSolver::store(OutputArchive& archive) const { impl_->store(archive); }
 
 std::vector<FastSolution> FastSolver::solve(const std::vector<MatrixXd>& value_sets) const {
   const Impl& s = *impl_;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/archive.h"
 #include "core/progress.h"
 #include "core/rbf/unit_field.h"
 #include "core/types.h"
@@ -44,6 +45,10 @@ class FastSolver {
   /// built.
   FastSolver(const Eigen::MatrixXd& points, const Eigen::VectorXd& local_length,
              FastOptions options = {});
+
+  /// The solver that was stored, for the same points and options.
+  FastSolver(const Eigen::MatrixXd& points, FastOptions options, InputArchive& archive);
+  void store(OutputArchive& archive) const;
 
   /// Solves for sets of N x M values to the allowed residual, verified with the true residual. The
   /// sets share the evaluations of the kernel; each solution is to the last bit what it would be

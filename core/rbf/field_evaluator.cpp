@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/archive_types.h"
 #include "core/parallel.h"
 #include "core/rbf/simd.h"
 
@@ -22,6 +23,11 @@ Index cube(Index p) { return p * p * p; }
 struct Box {
   RowVector3d centre = RowVector3d::Zero(), half = RowVector3d::Ones();
   double radius() const { return half.norm(); }
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(centre, half);
+  }
 };
 
 Box bounding_box(const Eigen::Ref<const MatrixXd>& points) {
@@ -74,6 +80,11 @@ struct Plan {
   bool has_grid = false;
   bool is_last = false;        // children take no part
   std::vector<int> far, near;  // nodes of sources: seen through skeletons, summed directly
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(box, has_grid, is_last, far, near);
+  }
 };
 
 // Finds the plans of all boxes from the root down.
@@ -263,8 +274,13 @@ class Evaluation {
 
 struct FieldEvaluator::Impl {
   Octree targets;
-  int order;
+  int order = 0;
   std::vector<Plan> plans;
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(targets, order, plans);
+  }
 };
 
 FieldEvaluator::FieldEvaluator(const H2Matrix& matrix, const Eigen::Ref<const MatrixXd>& targets,
@@ -273,6 +289,11 @@ FieldEvaluator::FieldEvaluator(const H2Matrix& matrix, const Eigen::Ref<const Ma
   if (targets.rows() > 0) impl.plans = Planner(matrix, impl.targets, options).run();
   impl_ = std::make_shared<const Impl>(std::move(impl));
 }
+
+FieldEvaluator::FieldEvaluator(InputArchive& archive)
+    : impl_(std::make_shared<const Impl>(take<Impl>(archive))) {}
+
+void FieldEvaluator::store(OutputArchive& archive) const { archive(*impl_); }
 
 const Octree& FieldEvaluator::targets() const { return impl_->targets; }
 

@@ -22,6 +22,10 @@ class FieldEvaluator {
   FieldEvaluator(const H2Matrix& matrix, const Eigen::Ref<const Eigen::MatrixXd>& targets,
                  EvaluatorOptions options = {});
 
+  /// The evaluator that was stored.
+  explicit FieldEvaluator(InputArchive& archive);
+  void store(OutputArchive& archive) const;
+
   /// The targets; sums come in the order of its points.
   const Octree& targets() const;
 

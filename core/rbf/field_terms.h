@@ -11,6 +11,11 @@ namespace cadmorph {
 struct CorrectionLevel {
   double support = 0;
   RowMatrix points, coefficients;
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(support, points, coefficients);
+  }
 };
 
 /// A tree over centres in which far nodes act through the points of their skeletons.
@@ -21,10 +26,20 @@ struct SourceTree {
     int first_child, child_count;        ///< none: a leaf
     Index begin, end;                    ///< range of centres
     Index skeleton_begin, skeleton_end;  ///< range of skeleton points; empty: none
+
+    template <class Archive>
+    void serialize(Archive& archive) {
+      archive(centre, radius, first_child, child_count, begin, end, skeleton_begin, skeleton_end);
+    }
   };
   std::vector<Node> nodes;  ///< the root first; empty: direct sums
   double separation = 0;    ///< a node is far when radius <= separation * distance
   Eigen::MatrixXd skeleton_points, skeleton_weights;
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(nodes, separation, skeleton_points, skeleton_weights);
+  }
 };
 
 /// All numbers of an interpolant in space: what it takes to evaluate it elsewhere. Coordinates x
@@ -37,6 +52,11 @@ struct FieldTerms {
   Eigen::MatrixXd linear;            ///< 4 x M: constant, slopes
   SourceTree tree;
   std::vector<CorrectionLevel> correction;  ///< to be added
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(origin, unit, kernel, centres, weights, linear, tree, correction);
+  }
 };
 
 }  // namespace cadmorph

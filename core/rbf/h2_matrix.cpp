@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/archive_types.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -50,6 +51,14 @@ H2Matrix::H2Matrix(const Eigen::Ref<const MatrixXd>& points, const Eigen::Vector
       near_(tree_.nodes.size()) {
   find_interactions(0, 0, options.separation);
   find_skeletons(spacing, options);
+}
+
+H2Matrix::H2Matrix(InputArchive& archive) {
+  archive(tree_, far_, near_, skeletons_, skeleton_begin_, skeleton_points_);
+}
+
+void H2Matrix::store(OutputArchive& archive) const {
+  archive(tree_, far_, near_, skeletons_, skeleton_begin_, skeleton_points_);
 }
 
 void H2Matrix::find_interactions(int a, int b, double separation) {

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "core/archive.h"
 #include "core/rbf/kernel_sum.h"
 #include "core/rbf/octree.h"
 #include "core/rbf/skeleton.h"
@@ -23,6 +24,10 @@ class H2Matrix {
   /// `spacing`: distance of each point to its nearest neighbour (or a shorter length to resolve).
   H2Matrix(const Eigen::Ref<const Eigen::MatrixXd>& points, const Eigen::VectorXd& spacing,
            H2Options options = {});
+
+  /// The matrix that was stored.
+  explicit H2Matrix(InputArchive& archive);
+  void store(OutputArchive& archive) const;
 
   /// Returns A W for N x M weights; rows in the order of the given points. A column comes out the
   /// same whatever the others and the number of threads are.

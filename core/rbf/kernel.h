@@ -23,6 +23,11 @@ struct Kernel {
   /// Epsilon of the Gaussian and the multiquadrics, 1 / support of Wendland's; 1 / length.
   double shape = 1;
 
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(kind, order, dimension, shape);
+  }
+
   double operator()(double r) const;
 
   /// Order of conditional positive definiteness: the interpolant needs polynomials of degree

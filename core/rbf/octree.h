@@ -18,6 +18,11 @@ struct Octree {
     double radius;              ///< of the ball about the centre that holds the points
 
     bool is_leaf() const { return child_count == 0; }
+
+    template <class Archive>
+    void serialize(Archive& archive) {
+      archive(begin, end, parent, first_child, child_count, centre, radius);
+    }
   };
 
   std::vector<Node> nodes;
@@ -26,6 +31,11 @@ struct Octree {
   Eigen::MatrixXd points;        ///< in tree order, N x 3
 
   int level_count() const { return static_cast<int>(level_begin.size()) - 1; }
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(nodes, level_begin, rows, points);
+  }
 };
 
 /// Builds the tree over N x 3 points, splitting nodes of more than `leaf_size` points.

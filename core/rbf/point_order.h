@@ -10,6 +10,11 @@ namespace cadmorph {
 struct PointOrder {
   std::vector<Index> rows;         ///< a permutation of the points
   std::vector<double> separation;  ///< distance of each to those before it; infinite for the first
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(rows, separation);
+  }
 };
 
 /// Orders points so that each is the farthest from those before it (Gonzalez 1985). Exact;

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <utility>
 
+#include "core/archive_types.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/rbf/centre_frame.h"
@@ -119,8 +120,16 @@ void attempt(Problem& problem, const Step& step) {
 
 struct RbfSystem::Impl {
   Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOptions given_options);
+  Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOptions given_options,
+       InputArchive& archive);
+  void store(OutputArchive& archive) const;
+
+  FastOptions fast_options() const {
+    return {.tolerance = options.tolerance, .unit = frame.unit(), .progress = options.progress};
+  }
 
   void set_up_fast();
+  void set_up_qr();
   std::unique_ptr<DenseSolver> factor_dense(RbfReport& into) const;
   const DenseSolver& fallback(RbfReport& into) const;
   MatrixXd distinct_values(const RowMatrix& values) const;
@@ -171,12 +180,42 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
   report.solver = choice.solver;
   report.reason = choice.reason;
   if (report.solver == SolverKind::Fast) set_up_fast();
-  if (report.solver == SolverKind::Iqr)
-    qr = std::make_unique<IncrementalQr>(
-        sum, centres, P, local_length,
-        QrOptions{.tolerance = options.tolerance, .memory_limit = options.memory_limit});
+  if (report.solver == SolverKind::Iqr) set_up_qr();
   if (!fast && !qr) dense = factor_dense(report);
   report.seconds = watch.seconds();
+}
+
+RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOptions given_options,
+                      InputArchive& archive)
+    : kernel(given_kernel),
+      options(std::move(given_options)),
+      distinct(take<DistinctRows>(archive)),
+      frame(select_rows(given, distinct.rows)),
+      sum(in_units(kernel, frame.unit()), log_scale(kernel, frame.unit())) {
+  const Stopwatch watch;
+  centres = std::make_shared<MatrixXd>(frame.to_unit(select_rows(given, distinct.rows)));
+  P = frame.polynomials(*centres);
+  archive(local_length, report);
+  if (report.solver == SolverKind::Fast)
+    fast = std::make_unique<FastSolver>(*centres, fast_options(), archive);
+  else if (report.solver == SolverKind::Iqr)
+    set_up_qr();
+  else
+    dense = restore_dense_solver(factorisation_of(report.solver), P, archive);
+  report.seconds = watch.seconds();
+}
+
+void RbfSystem::Impl::store(OutputArchive& archive) const {
+  archive(distinct, local_length, report);
+  if (fast) fast->store(archive);
+  if (dense) dense->store(archive);
+}
+
+// Its columns come with the first value set.
+void RbfSystem::Impl::set_up_qr() {
+  qr = std::make_unique<IncrementalQr>(
+      sum, centres, P, local_length,
+      QrOptions{.tolerance = options.tolerance, .memory_limit = options.memory_limit});
 }
 
 void RbfSystem::Impl::set_up_fast() {
@@ -186,10 +225,7 @@ void RbfSystem::Impl::set_up_fast() {
                       " centres needs some " + scientific(bytes) + " bytes, more than the " +
                       scientific(options.memory_limit) + " allowed; allow more memory");
   try {
-    fast = std::make_unique<FastSolver>(
-        *centres, local_length / frame.unit(),
-        FastOptions{
-            .tolerance = options.tolerance, .unit = frame.unit(), .progress = options.progress});
+    fast = std::make_unique<FastSolver>(*centres, local_length / frame.unit(), fast_options());
     if (!fast->remarks().empty()) report.reason += "; " + fast->remarks();
   } catch (const SolverError& error) {
     report.solver = SolverKind::Cholesky;
@@ -359,6 +395,12 @@ RbfSystem::RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options
   impl_ = std::make_shared<const Impl>(centres, kernel, std::move(options));
 }
 
+RbfSystem::RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options,
+                     InputArchive& archive)
+    : impl_(std::make_shared<const Impl>(centres, kernel, std::move(options), archive)) {}
+
+void RbfSystem::store(OutputArchive& archive) const { impl_->store(archive); }
+
 RbfField RbfSystem::solve(const RowMatrix& values) const {
   RbfSolution solution = std::move(solve_each({values}).front());
   if (solution.error) std::rethrow_exception(solution.error);
@@ -395,5 +437,10 @@ RbfTargets::RbfTargets(const RbfSystem& system, const RowMatrix& targets) {
   impl_ =
       std::make_shared<const Impl>(Impl{unit_targets(s.frame, s.sum, targets, far_field.get())});
 }
+
+RbfTargets::RbfTargets(const RbfSystem& system, InputArchive& archive)
+    : impl_(std::make_shared<const Impl>(Impl{UnitTargets(system.impl_->sum, archive)})) {}
+
+void RbfTargets::store(OutputArchive& archive) const { impl_->targets.store(archive); }
 
 }  // namespace cadmorph

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/archive.h"
 #include "core/progress.h"
 #include "core/rbf/field_terms.h"
 #include "core/rbf/kernel.h"
@@ -46,6 +47,13 @@ struct RbfReport {
   int iterations = 0;                    ///< fast solver; incremental QR: kernels taken
   double max_residual = 0;               ///< largest residual at a centre, in local lengths
   double seconds = 0;                    ///< set-up and solve
+
+  /// All but the time.
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(solver, reason, centres, merged, polynomial_terms, reciprocal_condition, iterations,
+            max_residual);
+  }
 };
 
 /// An interpolant: sum_j w_j phi(|x - x_j|) + linear polynomial (Sieger et al. 2013, eq. 1).
@@ -83,6 +91,11 @@ class RbfSystem {
   /// empty or non-finite set, SolverError when the system is numerically singular or too large.
   RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options = {});
 
+  /// The system that was stored, for the same centres, kernel and options (local lengths aside).
+  /// Its solutions are to the last bit those of the system that was stored.
+  RbfSystem(const RowMatrix& centres, Kernel kernel, RbfOptions options, InputArchive& archive);
+  void store(OutputArchive& archive) const;
+
   /// Solves for N x M values (eq. 3). Duplicated centres must carry equal values to 1e-9 of the
   /// largest value. Throws InvalidInputError on sizes, NaN or contradictory duplicates,
   /// SolverError when the asked accuracy is not reached.
@@ -107,6 +120,10 @@ class RbfTargets {
  public:
   /// `targets`: T x D.
   RbfTargets(const RbfSystem& system, const RowMatrix& targets);
+
+  /// The targets that were stored, for the same system.
+  RbfTargets(const RbfSystem& system, InputArchive& archive);
+  void store(OutputArchive& archive) const;
 
   /// Evaluates fields of the system; returns T x M each, to the last bit what RbfField::evaluate
   /// returns. Fields evaluated together share the evaluations of the kernel.

@@ -20,6 +20,11 @@ struct Skeleton {
 
   /// The transpose: potentials at the skeleton (rank x M) carried to the candidates (n x M).
   Eigen::MatrixXd expand(const Eigen::Ref<const Eigen::MatrixXd>& potentials) const;
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(permutation, rank, transfer);
+  }
 };
 
 /// Proxy points on shells about the unit ball, from `1 / separation` outwards, that stand for all

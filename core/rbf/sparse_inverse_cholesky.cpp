@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "core/archive_types.h"
 #include "core/errors.h"
 #include "core/parallel.h"
 #include "core/rbf/box_tree.h"
@@ -235,6 +236,14 @@ SparseInverseCholesky::SparseInverseCholesky(const Points& points, int free,
       starts_.push_back(static_cast<Index>(values_.size()));
     }
   });
+}
+
+SparseInverseCholesky::SparseInverseCholesky(InputArchive& archive) {
+  archive(starts_, rows_, values_);
+}
+
+void SparseInverseCholesky::store(OutputArchive& archive) const {
+  archive(starts_, rows_, values_);
 }
 
 MatrixXd SparseInverseCholesky::apply(const MatrixXd& r) const {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/archive.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -12,6 +13,11 @@ struct FactorOptions {
   Index dense_rows = 256;  ///< the first points have all earlier points in their stencil
   bool is_adaptive =
       false;  ///< enlarge stencils, twice or four times, where that changes the factor
+
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(neighbours, dense_rows, is_adaptive);
+  }
 };
 
 /// A preconditioner U U^T for the r^3 interpolation system in space, beside linear polynomials: the
@@ -26,6 +32,10 @@ class SparseInverseCholesky {
   /// the linear polynomials and get zero columns. O(N k^3), parallel. Throws SolverError when a
   /// stencil is singular to rounding.
   SparseInverseCholesky(const Points& points, int free, FactorOptions options = {});
+
+  /// The factor that was stored.
+  explicit SparseInverseCholesky(InputArchive& archive);
+  void store(OutputArchive& archive) const;
 
   /// Returns U U^T r for N x M rows. A column comes out the same whatever the others and the number
   /// of threads are.

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "core/archive_types.h"
 #include "core/parallel.h"
 #include "core/rbf/conjugate_gradient.h"
 #include "core/rbf/field_evaluator.h"
@@ -27,6 +28,17 @@ UnitTargets::UnitTargets(const KernelSum& sum, MatrixXd points, const H2Matrix* 
     far_ = std::make_shared<const FieldEvaluator>(*far_field, points);
   else
     direct_points_ = std::move(points);
+}
+
+UnitTargets::UnitTargets(const KernelSum& sum, InputArchive& archive) : sum_(sum), count_(0) {
+  bool has_evaluator = false;
+  archive(count_, direct_points_, has_evaluator);
+  if (has_evaluator) far_ = std::make_shared<const FieldEvaluator>(archive);
+}
+
+void UnitTargets::store(OutputArchive& archive) const {
+  archive(count_, direct_points_, static_cast<bool>(far_));
+  if (far_) far_->store(archive);
 }
 
 const MatrixXd& UnitTargets::points() const {

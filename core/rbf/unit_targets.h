@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/archive.h"
 #include "core/rbf/kernel_sum.h"
 #include "core/rbf/unit_field.h"
 
@@ -17,6 +18,10 @@ class UnitTargets {
   /// `points`: T x D, in unit coordinates. `far_field`: the H2 matrix of the system; null where it
   /// has none.
   UnitTargets(const KernelSum& sum, Eigen::MatrixXd points, const H2Matrix* far_field);
+
+  /// The targets that were stored.
+  UnitTargets(const KernelSum& sum, InputArchive& archive);
+  void store(OutputArchive& archive) const;
 
   /// Returns the values of each field, T x M each; fields over the same centres share the
   /// evaluations of the kernel. A field comes out the same whatever the others and the number of

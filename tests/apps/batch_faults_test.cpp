@@ -4,6 +4,9 @@
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <iterator>
+#include <map>
+#include <memory>
+#include <set>
 #include <sstream>
 
 #include "background.h"
@@ -95,6 +98,32 @@ TEST_CASE("A reader that someone kills is replaced and nothing is lost", "[apps]
   CHECK(meshes_of(place, "out").size() == 4);
 }
 
+TEST_CASE("A variant whose reader is killed twice fails, and is tried again on --resume",
+          "[apps][batch]") {
+  const Workplace place;
+  make_hanging(place, "last.step");
+  const std::string command = "batch box.step box.vtu last.step " + place.make_boxes(2) + " -o out";
+  Background batch(place.folder(), words_of(command + " --threads 1"));
+  REQUIRE(wait_for([&] { return batch.readers().size() == 1; }));
+  const pid_t first = batch.readers().front();
+  kill(first, SIGKILL);
+  REQUIRE(wait_for([&] {
+    const auto readers = batch.readers();
+    return readers.size() == 1 && readers.front() != first;
+  }));
+  kill(batch.readers().front(), SIGKILL);
+  CHECK(batch.wait() == 8);
+  const auto row = rows_of(place, "out").at("last");
+  CHECK(row["exit_code"] == 6);
+  CHECK_THAT(row["message"].get<std::string>(), Contains("last.step") && Contains("killed twice"));
+  CHECK(meshes_of(place, "out").size() == 2);
+  std::filesystem::remove(place.folder() / "last.step");
+  place.write("last.step", place.read("box_moved.step"));
+  const RunResult resumed = place.run(command + " --resume");
+  CHECK(resumed.exit_code == 0);
+  CHECK_THAT(resumed.out, Contains("3 of 3") && Contains("2 kept"));
+}
+
 TEST_CASE("Readers end with a batch that is killed", "[apps][batch]") {
   const Workplace place;
   make_hanging(place, "hang.step");
@@ -156,6 +185,71 @@ TEST_CASE("An interrupt does not wait for a reader that hangs", "[apps][batch]")
   CHECK(finished(place, "out") == 0);
 }
 
+TEST_CASE("An interrupt does not wait for the set-up of the base", "[apps][batch]") {
+  const Workplace place;
+  write_mesh(place.folder() / "box.vtu", box_mesh(16));  // takes a while
+  for (const int signal : {SIGINT, SIGTERM}) {
+    Background batch(place.folder(), words_of("batch box.step box.vtu box_moved.step -o out "
+                                              "--resume --cache box.cache"));
+    REQUIRE(wait_for([&] { return place.has("out/batch.json"); }));
+    batch.send(signal);
+    CHECK(batch.wait() == 128 + signal);
+    CHECK(finished(place, "out") == 0);
+    CHECK_FALSE(place.has("box.cache"));  // kept at the end of the set-up
+    std::filesystem::remove_all(place.folder() / "out");
+  }
+}
+
+TEST_CASE("Shards that are started twice do their share once", "[apps][batch]") {
+  const Workplace place;
+  const std::string command = "batch box.step box.vtu " + place.make_boxes(8);
+  REQUIRE(place.run(command + " -o whole").exit_code == 0);
+  std::map<std::string, std::vector<std::unique_ptr<Background>>> running;
+  for (const std::string shard : {"1/2", "2/2", "1/2", "2/2"})
+    running[shard].push_back(std::make_unique<Background>(
+        place.folder(), words_of(command + " -o out --resume --threads 1 --shard " + shard)));
+  for (const auto& [shard, twins] : running) {
+    const std::multiset<int> codes = {twins[0]->wait(), twins[1]->wait()};
+    INFO(shard << " " << *codes.begin() << " " << *codes.rbegin());
+    CHECK(*codes.begin() == 0);
+    // Refused at the lock, or late enough to find all done.
+    CHECK((*codes.rbegin() == 0 || *codes.rbegin() == 6));
+  }
+  CHECK(place.run("batch --collect out").exit_code == 0);
+  CHECK(rows_of(place, "out") == rows_of(place, "whole"));
+  CHECK(meshes_of(place, "out") == meshes_of(place, "whole"));
+}
+
+TEST_CASE("A terminal shows how a batch is getting on, a file does not", "[apps][batch]") {
+  const Workplace place;
+  if (std::system("script -qec true /dev/null > /dev/null 2>&1") != 0) {
+    WARN("skipped: there is no script");
+    return;
+  }
+  make_hanging(place, "hang.step");  // long enough for the bar to appear
+  const std::string arguments =
+      "batch box.step box.vtu hang.step " + place.make_boxes(3) + " --timeout 1.5 --threads 1";
+  for (const int columns : {200, 60}) {
+    const std::string name = std::to_string(columns);
+    const RunResult shown =
+        place.run("", "script -qec 'stty columns " + name + "; " + CADMORPH_PROGRAM + " " +
+                          arguments + " -o out" + name + "' /dev/null < /dev/null; true");
+    INFO(shown.out);
+    CHECK_THAT(shown.out, Contains("3 of 4 variants done"));
+    CHECK_THAT(shown.out, Contains("\r\x1b[K"));  // taken away at the end
+    std::string lines;
+    for (std::size_t i = 0; (i = shown.out.find("\r[", i)) != std::string::npos; ++i) {
+      const std::string line = shown.out.substr(i + 1, shown.out.find("\x1b[K", i) - i - 1);
+      CHECK(line.size() < static_cast<std::size_t>(columns));
+      lines += line + "\n";
+    }
+    CHECK_THAT(lines, Contains("1 of 4 variants, ") && Contains("/s, "));
+    if (columns == 200) CHECK_THAT(lines, Contains(" s left"));
+  }
+  const RunResult plain = place.run(arguments + " -o plain");
+  CHECK_THAT(plain.err, !Contains("\x1b") && !Contains("\r"));
+}
+
 TEST_CASE("The same batch can't run twice at a time", "[apps][batch]") {
   const Workplace place;
   make_hanging(place, "hang.step");
@@ -201,6 +295,35 @@ TEST_CASE("A disk too full for a mesh stops a batch", "[apps][batch]") {
   CHECK(meshes_of(place, "out").empty());
   CHECK(finished(place, "out") == 0);
   check_no_leftovers(place, "out");
+}
+
+TEST_CASE("A file system that fills up stops a batch, which goes on when there is room",
+          "[apps][batch]") {
+  const Workplace place;
+  if (std::system("unshare -rm mount -t tmpfs none /mnt 2> /dev/null") != 0) {
+    WARN("skipped: no file system can be mounted here");
+    return;
+  }
+  const std::string command = "batch box.step box.vtu " + place.make_boxes(12);
+  REQUIRE(place.run(command + " -o whole").exit_code == 0);
+  // Room for some of the twelve meshes; a copy of what is there stays when the mount goes.
+  const auto mesh = std::filesystem::file_size(place.folder() / "whole/v0.vtu");
+  const std::string room = std::to_string(5 * mesh / 4096 * 4 + 32) + "k";
+  std::filesystem::create_directory(place.folder() / "out");
+  const RunResult run =
+      place.run(command + " -o out --resume",
+                "unshare -rm sh -c 'mount -t tmpfs -o size=" + room +
+                    " none out || exit 99; \"$@\"; echo $? > codes; cp -a out full; "
+                    "mount -o remount,size=64m out; \"$@\"; echo $? >> codes; cp -a out done' sh");
+  INFO(run.err);
+  CHECK(place.read("codes") == "6\n0\n");
+  CHECK_THAT(run.err, Contains("can't write out/") && Contains("No space left on device") &&
+                          Contains("--resume"));
+  CHECK(finished(place, "full") > 0);
+  CHECK(finished(place, "full") < 12);
+  CHECK(meshes_of(place, "full").size() == finished(place, "full"));
+  check_no_leftovers(place, "full");
+  check_same_batch(place, "done", "whole");
 }
 
 TEST_CASE("A folder that can't be written is refused at once", "[apps][batch]") {

@@ -147,6 +147,61 @@ TEST_CASE("Pieces of a mesh moved one by one agree on their common nodes", "[app
   CHECK(shared > 10000);
 }
 
+TEST_CASE("A field leads through CAD models on the way", "[apps][field]") {
+  const Workplace place;
+  const std::string trip = bore("base.step") + " " + bore("step20.step") + " " + bore("hex.vtu") +
+                           " --via " + bore("step10.step") + " --quiet -o ";
+  REQUIRE(place.run(trip + "main.vtu").exit_code == 0);
+  const RunResult field = place.run("field " + trip + "field.cmf");
+  INFO(field.err);
+  REQUIRE(field.exit_code == 0);
+  REQUIRE(place.run("apply field.cmf " + bore("hex.vtu") + " -o applied.vtu --quiet").exit_code ==
+          0);
+  const Mesh mesh = MeshFile(bore("hex.vtu")).mesh();
+  const Points expected = points_of(place, "main.vtu"), found = points_of(place, "applied.vtu");
+  for (const Index node : extract_boundary(mesh).nodes)
+    REQUIRE(found.row(node) == expected.row(node));
+  // Direct sums on both sides: rounding alone.
+  CHECK((found - expected).cwiseAbs().maxCoeff() < 1e-9);
+  CHECK(place.run("field " + trip + "x.cmf --map faces.csv").exit_code != 0);
+  CHECK_FALSE(place.has("x.cmf"));
+}
+
+TEST_CASE("A field of any solver and kernel is the morph, and its pieces agree", "[apps][field]") {
+  const Workplace place;
+  const Mesh mesh = MeshFile(place.folder() / "box.vtu").mesh();
+  const std::string files = "box.step box_moved.step box.vtu --quiet ";
+  for (const std::string options :
+       {"--solver cholesky", "--solver ldlt", "--solver fast", "--solver iqr --tolerance 1e-3",
+        "--kernel biharmonic", "--kernel quadharmonic", "--kernel wendland-c2 --shape 0.02",
+        "--kernel multiquadric --shape 0.1"}) {
+    INFO(options);
+    REQUIRE(place.run(files + "-o main.vtu " + options).exit_code == 0);
+    REQUIRE(place.run("field " + files + "-o field.cmf " + options).exit_code == 0);
+    REQUIRE(place.run("apply field.cmf box.vtu -o whole.vtu --quiet").exit_code == 0);
+    const Points whole = points_of(place, "whole.vtu");
+    CHECK((whole - points_of(place, "main.vtu")).cwiseAbs().maxCoeff() < 1e-9);
+    for (const Piece& piece : random_pieces(mesh, 2)) {
+      write_mesh(place.folder() / "piece.vtu", piece.mesh);
+      REQUIRE(place.run("apply field.cmf piece.vtu --quiet").exit_code == 0);
+      const Points moved = points_of(place, "piece.morphed.vtu");
+      for (std::size_t i = 0; i < piece.nodes.size(); ++i)
+        REQUIRE(moved.row(static_cast<Index>(i)) == whole.row(piece.nodes[i]));
+    }
+  }
+}
+
+TEST_CASE("Bodies that morph one by one have no field, and it is said why", "[apps][field]") {
+  const Workplace place;
+  const std::string blocks = source_file("models/shapes/two_blocks").string();
+  const RunResult run = place.run("field " + blocks + ".step " + blocks + "_variant.step " +
+                                  blocks + ".vtu -o x.cmf");
+  CHECK(run.exit_code == 2);
+  CHECK_THAT(run.err, Contains("two_blocks.vtu") && Contains("components") &&
+                          Contains("make a field for the mesh of each"));
+  CHECK_FALSE(place.has("x.cmf"));
+}
+
 TEST_CASE("Where steps are needed the field holds them; repair it refuses", "[apps][field]") {
   const Workplace place;
   place.make_moved_sphere(17);

@@ -121,7 +121,7 @@ TEST_CASE("vectorised sums equal plain ones on every instruction set", "[core][r
     for (const InstructionSet set :
          {InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512})
       for (const Index dimension : {1, 2, 3, 4})
-        for (const Index columns : {1, 2, 3, 4, 5, 6, 12, 13}) {
+        for (const Index columns : {1, 2, 3, 4, 5, 6, 12, 13, 24}) {
           const MatrixXd t = MatrixXd::Random(53, dimension);
           MatrixXd s = MatrixXd::Random(61, dimension);
           s.topRows(9) = t.topRows(9);  // zero distances
@@ -132,6 +132,23 @@ TEST_CASE("vectorised sums equal plain ones on every instruction set", "[core][r
           REQUIRE((found - expected).cwiseAbs().maxCoeff() <
                   1e-13 * std::max(1.0, expected.cwiseAbs().maxCoeff()));
         }
+}
+
+TEST_CASE("a sum is the same whatever other columns are summed with it", "[core][rbf]") {
+  srand(14);
+  const MatrixXd t = MatrixXd::Random(301, 3), s = MatrixXd::Random(1203, 3);
+  const MatrixXd w = MatrixXd::Random(1203, 53);
+  for (const InstructionSet set :
+       {InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512}) {
+    const KernelSum sum(Kernel::triharmonic_3d(), 0, set);
+    const MatrixXd together = sum(t, s, w);
+    for (Index begin = 0; begin < 53; begin += 3) {
+      const Index count = std::min<Index>(3, 53 - begin);
+      REQUIRE(sum(t, s, w.middleCols(begin, count)) == together.middleCols(begin, count));
+    }
+    for (const Index count : {9, 15, 21, 24, 47, 48, 49})
+      REQUIRE(sum(t, s, w.leftCols(count)) == together.leftCols(count));
+  }
 }
 
 TEST_CASE("the kernel matrix has the kernel's values", "[core][rbf]") {
