@@ -43,13 +43,13 @@ constexpr int kRestarts = 4;
 // Part of the allowance that the recursive residual is driven to: the true one is a little larger.
 constexpr double kMargin = 0.8;
 
-// Accuracy of the H2 matrix per tolerance asked: leaves its error a third of the allowance
-// (measured).
-constexpr double kFarFieldAccuracy = 5e-4;
+// Accuracy of the H2 matrix per tolerance asked: leaves its error below the allowance (measured: up
+// to 0.9 of it for the sphere in a box at 100,000 nodes).
+constexpr double kFarFieldAccuracy = 2e-4;
 
 // A coarser H2 matrix serves once the residual is below kRelaxedBelow allowances: errors of the
 // product then matter less in that proportion (measured: leaves the true residual unchanged).
-constexpr double kRelaxedAccuracy = 1e3;
+constexpr double kRelaxedAccuracy = 2.5e3;
 constexpr double kRelaxedBelow = 1e3;
 
 // Part of the largest value that the rounding of the sums may come to.
