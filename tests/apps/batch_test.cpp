@@ -48,6 +48,29 @@ TEST_CASE("Options and solvers reach a batch as they do the single command", "[a
   }
 }
 
+TEST_CASE("Variants that need steps or repair come out of a batch as alone", "[apps][batch]") {
+  const Workplace place;
+  const std::string sphere = source_file("models/shapes/sphere_in_box").string();
+  std::string steps;
+  for (const int shift : {5, 12, 17}) {
+    place.make_moved_sphere(shift);
+    const std::string name = "s" + std::to_string(shift) + ".step";
+    std::filesystem::rename(place.folder() / "sphere_moved.step", place.folder() / name);
+    steps += name + " ";
+  }
+  for (const std::string options : {"--untangle never", "--steps 1 --untangle always"}) {
+    INFO(options);
+    const RunResult batch = place.run("batch " + sphere + ".step " + sphere + ".vtu " + steps +
+                                      "-o out --cache sphere.cache " + options);
+    INFO(batch.err);
+    REQUIRE(batch.exit_code == 0);
+    for (const std::string name : {"s5", "s12", "s17"})
+      check_as_single(place, sphere + ".step", sphere + ".vtu", name + ".step",
+                      "out/" + name + ".vtu", options);
+    std::filesystem::remove_all(place.folder() / "out");
+  }
+}
+
 TEST_CASE("A bad variant fails alone, with the single command's exit code", "[apps][batch]") {
   const Workplace place;
   const std::string whole = place.read("box.step");
