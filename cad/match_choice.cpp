@@ -17,7 +17,6 @@ using Eigen::Vector3d;
 constexpr const char* kFileOrder = "file order, verified";
 // Refinements that one guess may cost, and that one may where a match is known already.
 constexpr int kMostRefinements = 2000, kFewRefinements = 60;
-constexpr int kManyEntities = 3000, kVeryFewRefinements = 8;  // each costs their square
 // Matches whose distances differ by less than this part of the diagonal, or this factor, are
 // equally good: symmetric parts have many.
 constexpr double kTie = 1e-5;
@@ -230,12 +229,7 @@ class Selection {
 class PositionMatcher {
  public:
   PositionMatcher(const MatchSide& base, const MatchSide& variant, const ColourRefinement& colours)
-      : base_(base),
-        variant_(variant),
-        plain_(colours),
-        selection_(base, variant),
-        most_refinements_(base.graph.entity_count() > kManyEntities ? kVeryFewRefinements
-                                                                    : kFewRefinements) {
+      : base_(base), variant_(variant), plain_(colours), selection_(base, variant) {
     ColourRefinement hinted = colours;
     hinted.hint(base.forms, variant.forms);
     if (hinted.refine()) hinted_ = std::move(hinted);
@@ -253,9 +247,6 @@ class PositionMatcher {
     if (selection_.offer(std::move(in_place))) return selection_.best();
     for (const NamedGuess& guess : guesses)
       if (offer_both(guess)) return selection_.best();
-    most_refinements_ = kMostRefinements;
-    for (const NamedGuess& guess : guesses)
-      if (selection_.is_empty() && offer_both(guess)) return selection_.best();
     improve();
     return selection_.best();
   }
@@ -263,10 +254,7 @@ class PositionMatcher {
  private:
   std::optional<TopologyMatch> decide(const ColourRefinement& colours,
                                       const NamedGuess& guess) const {
-    const bool is_large = base_.graph.entity_count() > kManyEntities;
-    const int most = is_large                ? most_refinements_
-                     : selection_.is_empty() ? kMostRefinements
-                                             : kFewRefinements;
+    const int most = selection_.is_empty() ? kMostRefinements : kFewRefinements;
     const auto decided = decide_by_closeness(base_, variant_, colours, guess.motion, most);
     if (!decided) return std::nullopt;
     TopologyMatch match = to_match(base_, *decided);
@@ -302,7 +290,6 @@ class PositionMatcher {
   ColourRefinement plain_;
   std::optional<ColourRefinement> hinted_;
   Selection selection_;
-  int most_refinements_;
 };
 
 }  // namespace

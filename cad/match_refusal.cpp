@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <sstream>
 
 #include "cad/match_search.h"
@@ -12,6 +13,7 @@ namespace cadmorph {
 namespace {
 
 constexpr int kMaxNamed = 6;
+constexpr int kMostPartners = 500;  // all of a part that is not large
 
 std::string list(const std::vector<std::string>& items) {
   std::string text;
@@ -31,11 +33,15 @@ void leftovers(const MatchSide& base, const MatchSide& variant, const Similarity
     int base, variant;
   };
   std::vector<Pair> pairs;
-  for (int i = b[0]; i < b[1]; ++i)
-    for (int j = v[0]; j < v[1]; ++j)
-      pairs.push_back({squared_distance(base.features[i], variant.features[j],
-                                        t(base.features[i].centre), t.scale),
-                       i, j});
+  std::vector<int> members(static_cast<std::size_t>(v[1] - v[0]));
+  std::iota(members.begin(), members.end(), v[0]);
+  const NearestMembers nearest(variant, members);
+  const int count = std::min<int>(static_cast<int>(members.size()), kMostPartners);
+  for (int i = b[0]; i < b[1]; ++i) {
+    const Eigen::Vector3d at = t(base.features[i].centre);
+    for (const auto& [distance, j] : nearest.find(base.features[i], at, t.scale, count))
+      pairs.push_back({distance, i, j});
+  }
   std::sort(pairs.begin(), pairs.end(),
             [](const Pair& x, const Pair& y) { return x.distance < y.distance; });
   std::vector<char> is_paired_base(base.features.size()),

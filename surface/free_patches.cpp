@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <map>
 #include <sstream>
@@ -15,6 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
+constexpr double kSameShape = 0.02;  // coarse meshes cut corners
 constexpr double kSamePlane = 1e-6;  // of the surface's size
 constexpr double kSameNormal = 1 - 1e-8;
 constexpr double kSmoothJoint = 0.86;  // cosine of 30 degrees
@@ -143,7 +145,7 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
 }
 
 [[noreturn]] void refuse(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
-                         int row, Index count, Index outside, const char* why) {
+                         int row, Index count, Index outside, const std::string& why) {
   std::ostringstream text;
   text.precision(6);
   const Vector3d lower = surface.points.colwise().minCoeff(),
@@ -157,6 +159,23 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
        << " mm. Check that the mesh belongs to this CAD model, its unit (--mesh-unit), and "
           "--association-tolerance.";
   throw AssociationError(text.str());
+}
+
+// Why a mesh that is not on the CAD may not be: in a unit that is not known, it has the same shape.
+std::string other_part(const CadModel& base, const SurfaceMesh& surface, double unit_mm) {
+  const Eigen::Array3d cad = base.upper() - base.lower();
+  const Eigen::Array3d mesh =
+      surface.points.colwise().maxCoeff() - surface.points.colwise().minCoeff();
+  const Eigen::Array3d ratio = mesh / cad.max(kSamePlane * base.diagonal());
+  const double factor = ratio.mean();
+  const bool is_similar = (ratio - factor).abs().maxCoeff() < kSameShape * factor;
+  if (!is_similar || std::abs(factor - 1) < kSameShape)
+    return "; it seems to be the mesh of another part.";
+  std::ostringstream text;
+  text.precision(4);
+  text << "; it has the CAD's proportions at " << factor << " times its size: try --mesh-unit "
+       << unit_mm / factor << " (millimetres).";
+  return text.str();
 }
 
 }  // namespace
@@ -204,7 +223,7 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
   if (unmatched == 0) return;
   if (covered_faces(base, surface, association) < kLeastCovered)
     refuse(base, boundary, surface, example, unmatched, outside,
-           "; it seems to be the mesh of another part.");
+           other_part(base, surface, association.mesh_unit_mm));
   const double size = size_of(surface);
   if (size < kBeyondCad * base.diagonal())
     refuse(base, boundary, surface, example, unmatched, outside,

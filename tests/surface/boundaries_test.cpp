@@ -127,6 +127,16 @@ TEST_CASE("a given unit is taken, and a wrong one is refused", "[surface][unit][
   CHECK(SurfaceMorph(c.base, c.mesh, c.boundary, options).association().mesh_unit_mm == 1000);
 }
 
+TEST_CASE("a mesh in an unknown unit is refused with the unit to try", "[surface][unit][errors]") {
+  MorphCase c = shape_case("bracket");
+  c.mesh.points *= 1000;  // micrometres
+  CHECK_THROWS_WITH(SurfaceMorph(c.base, c.mesh, c.boundary),
+                    Catch::Matchers::Contains("--mesh-unit 0.001 "));
+  SurfaceMorphOptions options;
+  options.association.mesh_unit_mm = 0.001;
+  CHECK(SurfaceMorph(c.base, c.mesh, c.boundary, options).association().unmatched_nodes == 0);
+}
+
 TEST_CASE("the mesh of another part is refused", "[surface][errors]") {
   for (const auto& [cad, mesh] : std::vector<std::pair<std::string, std::string>>{
            {"box", "torus"}, {"bracket", "plate_4_holes"}, {"sphere", "cylinder"}}) {
