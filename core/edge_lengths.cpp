@@ -78,10 +78,6 @@ int table_corners(std::span<const Edge> edges) {
   return corners;
 }
 
-struct Extremes {
-  Eigen::VectorXd shortest, longest;
-};
-
 class EdgeLengths {
  public:
   explicit EdgeLengths(const Mesh& mesh)
@@ -103,11 +99,15 @@ class EdgeLengths {
     for (std::size_t i = 0; i < nodes.size(); ++i) add(nodes[i], nodes[(i + 1) % nodes.size()]);
   }
 
-  Extremes take() { return std::move(lengths_); }
+  IncidentEdges take() {
+    for (double& length : lengths_.shortest)
+      if (!std::isfinite(length)) length = 0;
+    return std::move(lengths_);
+  }
 
  private:
   const Points& points_;
-  Extremes lengths_;
+  IncidentEdges lengths_;
 };
 
 void add_polyhedron(const Mesh& mesh, Index c, EdgeLengths& lengths) {
@@ -132,7 +132,9 @@ void add_cell(std::span<const Index> nodes, const EdgeTable& table, EdgeLengths&
   }
 }
 
-Extremes edge_extremes(const Mesh& mesh) {
+}  // namespace
+
+IncidentEdges incident_edges(const Mesh& mesh) {
   EdgeLengths lengths(mesh);
   for (Index c = 0; c < mesh.cell_count(); ++c) {
     if (mesh.types[c] == CellType::Polyhedron)
@@ -144,14 +146,5 @@ Extremes edge_extremes(const Mesh& mesh) {
   }
   return lengths.take();
 }
-
-}  // namespace
-
-Eigen::VectorXd shortest_incident_edges(const Mesh& mesh) {
-  return edge_extremes(mesh).shortest.unaryExpr(
-      [](double l) { return std::isfinite(l) ? l : 0.0; });
-}
-
-Eigen::VectorXd longest_incident_edges(const Mesh& mesh) { return edge_extremes(mesh).longest; }
 
 }  // namespace cadmorph

@@ -48,7 +48,7 @@ std::vector<std::string> compare_structure(const Mesh& reference, const Mesh& me
 void compare_positions(const Mesh& reference, const Mesh& mesh, const CompareOptions& options,
                        MeshComparison& result) {
   result.displacement = mesh.points - reference.points;
-  const Eigen::VectorXd edges = shortest_incident_edges(reference);
+  const Eigen::VectorXd edges = incident_edges(reference).shortest;
   std::vector<std::pair<double, Index>> moved;  // distance over what is allowed
   for (Index n = 0; n < reference.node_count(); ++n) {
     const double distance = result.displacement.row(n).norm();

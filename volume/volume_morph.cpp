@@ -40,20 +40,16 @@ void check_nodes(Index count, const std::vector<Index>& surface_nodes) {
 }
 
 // Shortest incident edge of each surface node, or what the options say.
-Eigen::VectorXd local_lengths(const RbfOptions& options, const Mesh& mesh,
+Eigen::VectorXd local_lengths(const RbfOptions& options, const IncidentEdges& edges,
                               const std::vector<Index>& surface_nodes) {
   if (options.local_length.size() > 0) return options.local_length;
-  const Eigen::VectorXd lengths = shortest_incident_edges(mesh);
-  Eigen::VectorXd result(surface_nodes.size());
-  for (std::size_t i = 0; i < surface_nodes.size(); ++i) result[i] = lengths[surface_nodes[i]];
-  return result;
+  return edges.shortest(surface_nodes);
 }
 
 // Nodes this near each other lie on the two sides of a slit.
-Eigen::VectorXd slit_widths(const Mesh& mesh, const std::vector<Index>& surface_nodes) {
-  const Eigen::VectorXd widths = (kOpenSlit * shortest_incident_edges(mesh))
-                                     .cwiseMax(kSpannedSlit * longest_incident_edges(mesh));
-  return widths(surface_nodes);
+Eigen::VectorXd slit_widths(const IncidentEdges& edges, const std::vector<Index>& surface_nodes) {
+  return (kOpenSlit * edges.shortest(surface_nodes))
+      .cwiseMax(kSpannedSlit * edges.longest(surface_nodes));
 }
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
@@ -208,8 +204,9 @@ struct VolumeMorph::Impl {
 };
 
 void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
-  const Eigen::VectorXd lengths = local_lengths(options.rbf, mesh, surface_nodes);
-  const Eigen::VectorXd slits = slit_widths(mesh, surface_nodes);
+  const IncidentEdges edges = incident_edges(mesh);
+  const Eigen::VectorXd lengths = local_lengths(options.rbf, edges, surface_nodes);
+  const Eigen::VectorXd slits = slit_widths(edges, surface_nodes);
   std::vector<Component> components = split_components(mesh, surface_nodes);
   parts.resize(components.size());
   const VolumeMorphOptions guarded = with_serial_progress(options);

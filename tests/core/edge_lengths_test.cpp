@@ -12,7 +12,7 @@ TEST_CASE("Shortest edges of a stretched grid are its spacing", "[volume][edges]
   for (const CellType type : {CellType::Hexahedron, CellType::Voxel, CellType::Polyhedron}) {
     Mesh mesh = cube(type, 4);
     mesh.points.col(1) *= 0.1;
-    const Eigen::VectorXd lengths = shortest_incident_edges(mesh);
+    const Eigen::VectorXd lengths = incident_edges(mesh).shortest;
     CHECK((lengths.array() - 0.025).abs().maxCoeff() < 1e-15);
   }
 }
@@ -47,8 +47,8 @@ TEST_CASE("Shortest edges agree with VTK's edges of every cell type", "[volume][
       }
     }
     if (type == CellType::QuadraticLinearWedge) continue;  // its straight sides are in no face list
-    const Eigen::VectorXd found = shortest_incident_edges(moved);
-    CHECK((longest_incident_edges(moved) - longest).cwiseAbs().maxCoeff() < 1e-15);
+    const auto [found, found_longest] = incident_edges(moved);
+    CHECK((found_longest - longest).cwiseAbs().maxCoeff() < 1e-15);
     INFO("type " << static_cast<int>(type));
     for (Index n = 0; n < mesh.node_count(); ++n) {
       if (std::isfinite(expected[n]))
@@ -63,7 +63,7 @@ TEST_CASE("A node that no cell uses has no edge", "[volume][edges]") {
   Mesh mesh = parametric_cell(CellType::Tetra);
   mesh.points.conservativeResize(5, 3);
   mesh.points.row(4).setConstant(9);
-  CHECK(shortest_incident_edges(mesh)[4] == 0);
+  CHECK(incident_edges(mesh).shortest[4] == 0);
 }
 
 }  // namespace cadmorph

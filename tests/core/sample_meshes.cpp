@@ -181,6 +181,17 @@ Mesh cube(CellType type, int n) {
   return linear_type(type) == type ? linear : elevate(linear, type);
 }
 
+Mesh two_halves() {
+  Mesh mesh = cube(CellType::Tetra, 6);
+  mesh.regions.assign(mesh.types.size(), 1);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    double x = 0;
+    for (const Index n : mesh.cell(c)) x += mesh.points(n, 0) / 4;
+    if (x > 0.5) mesh.regions[c] = 2;
+  }
+  return mesh;
+}
+
 Mesh single_cell(CellType type, const RowMatrix& positions) {
   Mesh mesh;
   mesh.points = positions;

@@ -15,6 +15,9 @@ const std::vector<CellType>& solid_types_without_polyhedron();
 /// positive volumes. Mid nodes lie where VTK's own parametric coordinates put them.
 Mesh cube(CellType type, int n);
 
+/// The unit cube of tetrahedra, 6 blocks a side, whose halves x < 1/2 and x > 1/2 are two regions.
+Mesh two_halves();
+
 /// One cell with the given node positions (rows), numbered in order.
 Mesh single_cell(CellType type, const RowMatrix& positions);
 

@@ -11,23 +11,8 @@
 #include "volume_meshes.h"
 
 namespace cadmorph {
-namespace {
 
 using namespace testing;
-
-// A cube of tetrahedra whose halves x < 1/2 and x > 1/2 are two regions.
-Mesh two_halves() {
-  Mesh mesh = cube(CellType::Tetra, 6);
-  mesh.regions.assign(mesh.types.size(), 1);
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    double x = 0;
-    for (const Index n : mesh.cell(c)) x += mesh.points(n, 0) / 4;
-    if (x > 0.5) mesh.regions[c] = 2;
-  }
-  return mesh;
-}
-
-}  // namespace
 
 TEST_CASE("Regions are components where their interface is prescribed", "[volume]") {
   const Mesh mesh = two_halves();

@@ -77,13 +77,7 @@ TEST_CASE("The trees of a large morph come back, too", "[volume][store]") {
 }
 
 TEST_CASE("Components come back one by one", "[volume][store]") {
-  Mesh mesh = cube(CellType::Tetra, 6);
-  mesh.regions.assign(mesh.types.size(), 1);
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    double x = 0;
-    for (const Index n : mesh.cell(c)) x += mesh.points(n, 0) / 4;
-    if (x > 0.5) mesh.regions[c] = 2;
-  }
+  const Mesh mesh = two_halves();
   check_restored(mesh, extract_boundary(mesh).nodes, {});
 }
 
