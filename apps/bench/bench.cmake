@@ -14,6 +14,7 @@ add_executable(cadmorph-bench
   bench/kernels.cpp
   bench/main.cpp
   bench/measure.cpp
+  bench/rbf_warps.cpp
   bench/results_file.cpp
   bench/solvers.cpp
   blas_restart.cpp

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "apps/bench/measure.h"
+#include "apps/bench/rbf_warps.h"
 #include "apps/bench/results_file.h"
 #include "apps/pipeline/pipeline.h"
 #include "apps/summary/text_table.h"
@@ -66,8 +67,8 @@ struct Task {
 /// One method on one mesh of a family, through all steps.
 class Run {
  public:
-  Run(const Series& series, const Task& task, int stride)
-      : series_(series), task_(task), stride_(stride), mesh_(series.mesh) {}
+  Run(const Series& series, RbfWarps& warps, const Task& task, int stride)
+      : series_(series), warps_(warps), task_(task), stride_(stride), mesh_(series.mesh) {}
 
   std::vector<Row> rows() {
     for (int step = stride_; step <= kSteps && note_.empty(); step += stride_) {
@@ -96,7 +97,7 @@ class Run {
   Warped move(int step) {
     switch (task_.contender) {
       case Contender::Rbf:
-        return series_.warped(task_.route, step);
+        return warps_.at(task_.route, step);
       case Contender::Default:
         return move_by_default(step);
       default:
@@ -123,7 +124,7 @@ class Run {
   Warped move_by_default(int step) {
     const Stopwatch watch;
     if (!has_left_warp_) {
-      Warped result = series_.warped(task_.route, step);
+      Warped result = warps_.at(task_.route, step);
       const bool is_valid =
           check_validity(series_.mesh, result.positions, series_.orientation).invalid == 0;
       result.seconds += watch.seconds();
@@ -172,6 +173,7 @@ class Run {
   }
 
   const Series& series_;
+  RbfWarps& warps_;
   Task task_;
   int stride_;
   Mesh mesh_;  // that the next step starts from
@@ -216,13 +218,6 @@ std::set<Route> routes_of(const std::vector<Task>& tasks) {
   return routes;
 }
 
-void add_warps(const std::vector<Task>& tasks, Series& series) {
-  for (const Task& task : tasks)
-    if (task.route.mode == Mode::Absolute &&
-        (task.contender == Contender::Rbf || task.contender == Contender::Default))
-      warp_absolutely(series, task.route.surface);
-}
-
 }  // namespace
 
 std::string to_string(Contender contender, Surface surface) {
@@ -264,12 +259,12 @@ void evaluate(const EvaluateOptions& options) {
     if (tasks.empty()) continue;
     const std::string name = subject.family + " " + subject.mesh;
     options.tell(name + ": surface at all steps");
-    Series series = make_series(subject, routes_of(tasks), options.stride);
-    add_warps(tasks, series);
+    const Series series = make_series(subject, routes_of(tasks), options.stride);
+    RbfWarps warps(series);
     for (const Task& task : tasks) {
       const Stopwatch watch;
       const int stride = task.route.mode == Mode::Absolute ? options.stride : 1;
-      file.append(Run(series, task, stride).rows());
+      file.append(Run(series, warps, task, stride).rows());
       options.tell(name + ": " + to_string(task.contender, task.route.surface) + ", " +
                    to_string(task.route.mode) + ", surface " + to_string(task.route.surface) +
                    format(": %.1f s", watch.seconds()));

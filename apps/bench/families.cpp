@@ -1,11 +1,10 @@
 #include "apps/bench/families.h"
 
-#include <algorithm>
 #include <array>
+#include <optional>
 #include <utility>
 
 #include "apps/bench/given_surface.h"
-#include "apps/bench/measure.h"
 #include "apps/summary/text_table.h"
 #include "cad/step_reader.h"
 #include "core/boundary.h"
@@ -24,9 +23,6 @@ std::set<fs::path> entries(const fs::path& folder) {
   if (error) throw IoError("can't read the folder " + folder.string() + ": " + error.message());
   return result;
 }
-
-// Steps whose warps share the evaluations of the kernel.
-constexpr std::size_t kBlock = 4;
 
 fs::path step_file(const Subject& subject, int step) {
   return subject.folder / (step == 0 ? "base.step" : format("step%02d.step", step));
@@ -87,41 +83,16 @@ class Stage {
 
 void set_absolute_paths(Series& series, const std::set<Surface>& kinds, const Stage& base,
                         int stride) {
-  for (const Surface kind : kinds) series.absolute[static_cast<int>(kind)].resize(kSteps);
+  for (const Surface kind : kinds) series.paths[{kind, Mode::Absolute}].resize(kSteps);
   for (int step = stride; step <= kSteps; step += stride) {
     std::array<Points, 2> positions = base.positions_on(*cad_at(series, step), kinds);
-    for (const Surface kind : kinds) {
-      const int place = static_cast<int>(kind);
-      series.absolute[place][step - 1] = std::move(positions[place]);
-    }
+    for (const Surface kind : kinds)
+      series.paths[{kind, Mode::Absolute}][step - 1] = std::move(positions[static_cast<int>(kind)]);
   }
 }
 
-void require_warp(Series& series) {
-  if (series.warp) return;
-  const Stopwatch watch;
-  series.warp.emplace(series.mesh, series.surface_nodes);
-  series.warp_set_up = {.set_up_seconds = watch.seconds(), .cpu_seconds = watch.cpu()};
-}
-
-// From where the mesh is before that step.
-Warped warp_once(Series& series, const Mesh& mesh, int step, const Points& target) {
-  if (step == 1) require_warp(series);
-  const Stopwatch watch;
-  std::optional<VolumeMorph> own;
-  if (step > 1) own.emplace(mesh, series.surface_nodes);
-  Warped result = step == 1 ? series.warp_set_up : Warped();
-  result.set_up_seconds += own ? watch.seconds() : 0;
-  const Stopwatch morphing;
-  result.positions = (own ? *own : *series.warp).morph(target);
-  result.seconds = morphing.seconds();
-  result.cpu_seconds += watch.cpu();
-  return result;
-}
-
-// The mesh inside follows, so that the next association sees its local edges.
 void set_relative_path(Series& series, Surface kind, const Stage& base, const Boundary& boundary) {
-  const int place = static_cast<int>(kind);
+  Path& path = series.paths[{kind, Mode::Relative}];
   Mesh mesh = series.mesh;
   std::optional<Stage> stage;
   for (int step = 1; step <= kSteps; ++step) {
@@ -132,11 +103,11 @@ void set_relative_path(Series& series, Surface kind, const Stage& base, const Bo
         throw AssociationError(step_file(series.subject, step - 1).string() +
                                ": the morphed surface lies on other CAD entities than the base's");
     }
-    Points target = std::move((stage ? *stage : base).positions_on(*variant, {kind})[place]);
-    Warped warped = warp_once(series, mesh, step, target);
-    mesh.points = warped.positions;
-    series.relative[place].push_back(std::move(target));
-    series.relative_warps[place].push_back(std::move(warped));
+    Points target =
+        std::move((stage ? *stage : base).positions_on(*variant, {kind})[static_cast<int>(kind)]);
+    for (std::size_t i = 0; i < series.surface_nodes.size(); ++i)
+      mesh.points.row(series.surface_nodes[i]) = target.row(i);
+    path.push_back(std::move(target));
   }
 }
 
@@ -176,34 +147,6 @@ Series make_series(const Subject& subject, const std::set<Route>& routes, int st
   }
   set_absolute_paths(series, absolute, base, stride);
   return series;
-}
-
-void warp_absolutely(Series& series, Surface surface) {
-  const Path& path = series.absolute[static_cast<int>(surface)];
-  auto& warps = series.absolute_warps[static_cast<int>(surface)];
-  if (!warps.empty()) return;
-  require_warp(series);
-  warps.resize(path.size());
-  std::vector<std::size_t> steps;
-  for (std::size_t step = 0; step < path.size(); ++step)
-    if (path[step].rows() > 0) steps.push_back(step);
-  for (std::size_t begin = 0; begin < steps.size(); begin += kBlock) {
-    const std::size_t count = std::min(kBlock, steps.size() - begin);
-    std::vector<Points> targets;
-    for (std::size_t i = 0; i < count; ++i) targets.push_back(path[steps[begin + i]]);
-    const Stopwatch watch;
-    std::vector<VolumeMorphResult> results = series.warp->morph_each(targets);
-    const double seconds = watch.seconds() / static_cast<double>(count);
-    const double cpu = watch.cpu() / static_cast<double>(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      if (results[i].error) std::rethrow_exception(results[i].error);
-      warps[steps[begin + i]] = {
-          .positions = std::move(results[i].positions), .seconds = seconds, .cpu_seconds = cpu};
-    }
-  }
-  Warped& first = warps[steps.front()];
-  first.set_up_seconds = series.warp_set_up.set_up_seconds;
-  first.cpu_seconds += series.warp_set_up.cpu_seconds;
 }
 
 }  // namespace cadmorph::bench

@@ -2,8 +2,8 @@
 
 #include <compare>
 #include <filesystem>
+#include <map>
 #include <memory>
-#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -11,7 +11,6 @@
 #include "cad/brep.h"
 #include "core/mesh_file.h"
 #include "core/quality.h"
-#include "volume/volume_morph.h"
 
 namespace cadmorph::bench {
 
@@ -49,13 +48,6 @@ struct Route {
 /// Positions of the surface nodes at steps 1 .. kSteps.
 using Path = std::vector<Points>;
 
-/// What the RBF warp makes of a step.
-struct Warped {
-  Points positions = {};  ///< of all nodes
-  double set_up_seconds = 0, seconds = 0;
-  double cpu_seconds = 0;  ///< of both
-};
-
 /// Where the surface of a mesh is at each step.
 struct Series {
   Subject subject;
@@ -64,29 +56,15 @@ struct Series {
   Mesh mesh;  ///< the base
   Orientation orientation;
   std::vector<Index> surface_nodes;  ///< prescribed ones
-  Path absolute[2];                  ///< by Surface; each step from the base
-  Path relative[2];                  ///< each from the CAD and the surface of the step before
-  std::optional<VolumeMorph> warp;   ///< of the base, where it was needed
-  Warped warp_set_up;                ///< its seconds
-  /// By Surface: the RBF warp on these paths. Relative ones come with the path, whose surface is
-  /// associated anew on the mesh that they move; absolute ones by `warp_absolutely`.
-  std::vector<Warped> absolute_warps[2], relative_warps[2];
+  std::map<Route, Path> paths;       ///< those asked for
 
-  const Path& path(const Route& route) const {
-    return (route.mode == Mode::Absolute ? absolute : relative)[static_cast<int>(route.surface)];
-  }
-  const Warped& warped(const Route& route, int step) const {
-    const auto& warps = route.mode == Mode::Absolute ? absolute_warps : relative_warps;
-    return warps[static_cast<int>(route.surface)][step - 1];
-  }
+  const Path& path(const Route& route) const { return paths.at(route); }
 };
 
 /// Reads base, mesh and steps, and morphs the surface on the routes asked for, on absolute ones at
-/// every `stride`-th step alone; other positions stay empty. Throws what the pipeline throws.
+/// every `stride`-th step alone; other positions stay empty. On relative ones each step goes out
+/// from the CAD and the surface of the step before, so that they don't depend on how the nodes
+/// inside move. Throws what the pipeline throws.
 Series make_series(const Subject& subject, const std::set<Route>& routes, int stride = 1);
-
-/// Fills the absolute warps of a path, several steps at once (VolumeMorph::morph_each): their
-/// seconds are shares of the whole. Does nothing when they are there. Throws SolverError.
-void warp_absolutely(Series& series, Surface surface);
 
 }  // namespace cadmorph::bench

@@ -13,9 +13,11 @@
 #include "core/rbf/point_order.h"
 
 extern "C" {
-void dgeqrf_(const int*, const int*, double*, const int*, double*, double*, const int*, int*);
-void dormqr_(const char*, const char*, const int*, const int*, const int*, const double*,
-             const int*, const double*, double*, const int*, double*, const int*, int*);
+void dgeqrt_(const int*, const int*, const int*, double*, const int*, double*, const int*, double*,
+             int*);
+void dgemqrt_(const char*, const char*, const int*, const int*, const int*, const int*,
+              const double*, const int*, const double*, const int*, double*, const int*, double*,
+              int*);
 }
 
 namespace cadmorph {
@@ -24,38 +26,37 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Columns in a panel, and columns that one thread transforms at a time.
-constexpr Index kPanel = 64;
-constexpr Index kStrip = 16;
+// Columns in a panel, and columns that one thread transforms at a time: wide enough for the BLAS to
+// be bound by arithmetic, narrow enough that few columns are made in vain.
+constexpr Index kPanel = 128;
+constexpr Index kStrip = 32;
 
-// Reflectors of some columns, from their first row down, as LAPACK's dgeqrf leaves them.
+// Product of the reflectors of some columns, from their first row down, as LAPACK's dgeqrt leaves
+// it: I - V T V^T, V below the diagonal.
 struct Panel {
   Index first;  // row and column of its first entry
-  MatrixXd reflectors;
-  VectorXd tau;
+  MatrixXd reflectors, T;
 };
 
 int as_int(Index n) { return static_cast<int>(n); }
 
 void factor(Panel& panel) {
   const int rows = as_int(panel.reflectors.rows()), columns = as_int(panel.reflectors.cols());
-  const int length = as_int(kPanel * columns);
-  panel.tau.resize(columns);
-  VectorXd work(length);
+  panel.T.resize(columns, columns);
+  VectorXd work(columns * columns);
   int info = 0;
-  dgeqrf_(&rows, &columns, panel.reflectors.data(), &rows, panel.tau.data(), work.data(), &length,
-          &info);
+  dgeqrt_(&rows, &columns, &columns, panel.reflectors.data(), &rows, panel.T.data(), &columns,
+          work.data(), &info);
 }
 
 // X = Q^T X for the reflectors of a panel; X has all rows.
 void transform(const Panel& panel, Eigen::Ref<MatrixXd> X) {
   const int rows = as_int(panel.reflectors.rows()), columns = as_int(X.cols()),
             depth = as_int(panel.reflectors.cols()), stride = as_int(X.outerStride());
-  const int length = as_int(kPanel * (columns + kPanel + 1));
-  VectorXd work(length);
+  VectorXd work(columns * depth);
   int info = 0;
-  dormqr_("L", "T", &rows, &columns, &depth, panel.reflectors.data(), &rows, panel.tau.data(),
-          X.data() + panel.first, &stride, work.data(), &length, &info);
+  dgemqrt_("L", "T", &rows, &columns, &depth, &depth, panel.reflectors.data(), &rows,
+           panel.T.data(), &depth, X.data() + panel.first, &stride, work.data(), &info);
 }
 
 Points in_space(const MatrixXd& centres) {

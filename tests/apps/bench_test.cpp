@@ -3,7 +3,10 @@
 #include <fstream>
 #include <sstream>
 
+#include "../core/sample_meshes.h"
+#include "apps/bench/rbf_warps.h"
 #include "command_line.h"
+#include "core/errors.h"
 
 namespace cadmorph {
 namespace {
@@ -64,6 +67,30 @@ TEST_CASE("The evaluation has a row for each step, and goes on where it was", "[
   CHECK(place.read("results.csv") == before);
   REQUIRE(run_bench(place, "evaluate families -o results.csv --method LBWARP") == 0);
   CHECK(read_rows(place.folder() / "results.csv").size() == 1 + 5 * 2 * 20);
+}
+
+TEST_CASE("A relative route ends where its warp fails; the others go on", "[apps][bench]") {
+  bench::Series series;
+  series.mesh = cube(CellType::Hexahedron, 2);
+  for (Index node = 0; node < series.mesh.node_count(); ++node)
+    if (series.mesh.points.row(node) != Eigen::RowVector3d::Constant(0.5))
+      series.surface_nodes.push_back(node);
+  Points start(series.surface_nodes.size(), 3);
+  for (Index i = 0; i < start.rows(); ++i)
+    start.row(i) = series.mesh.points.row(series.surface_nodes[i]);
+  // At the second step two nodes coincide, whose ways part at the third.
+  Points folded = start;
+  folded.row(1) = folded.row(0);
+  const bench::Route absolute{bench::Surface::RbfS, bench::Mode::Absolute};
+  const bench::Route relative{bench::Surface::RbfS, bench::Mode::Relative};
+  series.paths = {{absolute, {start, folded, start, start}},
+                  {relative, {start, folded, start, start}}};
+  bench::RbfWarps warps(series);
+  for (int step = 1; step <= 4; ++step)
+    CHECK(warps.at(absolute, step).positions.row(series.surface_nodes[2]) == start.row(2));
+  CHECK(warps.at(relative, 2).positions.row(series.surface_nodes[1]) == start.row(0));
+  CHECK_THROWS_AS(warps.at(relative, 3), Error);
+  CHECK_THROWS_AS(warps.at(relative, 4), Error);
 }
 
 TEST_CASE("Each solver gives the same mesh in its own process", "[apps][bench]") {
