@@ -106,14 +106,17 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   const ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
   std::vector<std::string> warnings = report.warnings;
   if (!report.cache.remark.empty()) warnings.push_back(report.cache.remark);
-  if (!command.show.is_empty())
-    for (std::string& warning : showing.write(report, static_cast<int>(code)))
-      warnings.push_back(std::move(warning));
+  ShowReport shown;
+  if (!command.show.is_empty()) shown = showing.write(report, static_cast<int>(code));
+  warnings.insert(warnings.end(), shown.warnings.begin(), shown.warnings.end());
   bar.erase();
   for (const std::string& warning : warnings)
     if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
-  hand_over(command.json, command.is_quiet, summary_text(report),
-            to_json(report, static_cast<int>(code)));
+  std::string summary = summary_text(report);
+  if (!shown.written.report.empty()) summary += labelled("Report", shown.written.report.string());
+  if (!shown.written.picture.empty())
+    summary += labelled("Picture", shown.written.picture.string());
+  hand_over(command.json, command.is_quiet, summary, to_json(report, static_cast<int>(code)));
   if (code != ExitCode::Done) complain(report, options);
   return code;
 }

@@ -43,15 +43,22 @@ void MorphShowing::collect(const MorphJob& job, const CadModel& variant,
   contents_.surface_note = surface_note(surface);
 }
 
-std::vector<std::string> MorphShowing::write(const PipelineReport& report, int exit_code) {
+ShowReport MorphShowing::write(const PipelineReport& report, int exit_code) {
+  ShowReport result;
   contents_.no_picture = drawing_->wait();
   if (contents_.no_picture.empty())
     for (const std::string& name : names_) contents_.pictures[name] = drawing_->png(name);
-  if (!files_.picture.empty() && contents_.no_picture.empty())
+  else
+    result.warnings.push_back("there is no picture: " + contents_.no_picture);
+  if (!files_.picture.empty() && contents_.no_picture.empty()) {
     write_text(files_.picture, contents_.pictures[names_.front()]);
-  if (!files_.report.empty()) write_text(files_.report, report_page(report, contents_, exit_code));
-  if (contents_.no_picture.empty()) return {};
-  return {"there is no picture: " + contents_.no_picture};
+    result.written.picture = files_.picture;
+  }
+  if (!files_.report.empty()) {
+    write_text(files_.report, report_page(report, contents_, exit_code));
+    result.written.report = files_.report;
+  }
+  return result;
 }
 
 }  // namespace cadmorph

@@ -18,6 +18,12 @@ struct ShowFiles {
   bool is_empty() const { return report.empty() && picture.empty(); }
 };
 
+/// What came of showing a morph.
+struct ShowReport {
+  ShowFiles written;  ///< empty paths: not asked for, or not possible
+  std::vector<std::string> warnings;
+};
+
 /// The report page and the picture of one morph, in the making.
 class MorphShowing {
  public:
@@ -27,8 +33,8 @@ class MorphShowing {
   void collect(const MorphJob& job, const CadModel& variant, const MorphResult& result);
 
   /// Waits for the pictures and writes the files. What can't be drawn is left out and told in the
-  /// warnings returned. Throws OutputError.
-  std::vector<std::string> write(const PipelineReport& report, int exit_code);
+  /// warnings. Throws OutputError.
+  ShowReport write(const PipelineReport& report, int exit_code);
 
  private:
   ShowFiles files_;

@@ -10,10 +10,9 @@ namespace {
 
 constexpr int kLabelWidth = 14;
 
-std::string labelled(std::string label, const std::string& text) {
-  label.resize(kLabelWidth, ' ');
-  return label + text + "\n";
-}
+// A result is worth a hint when its smallest scaled Jacobian is below this, and below this part of
+// the base's.
+constexpr double kPoor = 0.1, kLoss = 0.5;
 
 std::string cad_line(const CadFigures& cad) {
   return cad.file.string() + format(" (%s faces, %s edges, %s vertices; unit %s; diagonal %.4g mm)",
@@ -115,6 +114,19 @@ std::string leg_text(const LegReport& leg) {
                 with_commas(leg.after.invalid).c_str(), leg.seconds);
 }
 
+// What would raise an element that the morph has made poor; empty where there is none.
+std::string quality_hint(const PipelineReport& report) {
+  const double before = report.before.min_scaled_jacobian;
+  const double after = report.after.min_scaled_jacobian;
+  if (report.outcome != Outcome::Done || report.improving || after >= kPoor ||
+      after >= kLoss * before)
+    return "";
+  return format(
+      "--improve %g raises elements like the worst one, whose scaled Jacobian fell from "
+      "%.4f to %.4f",
+      kPoor, before, after);
+}
+
 // The physical edges and vertices, numbered from 1.
 std::string edge_table(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   std::vector<Row> rows = {{"base edge", "length", "variant edge", "length", "confidence"}};
@@ -138,6 +150,11 @@ std::string edge_table(const CadModel& base, const CadModel& variant, const Topo
 }
 
 }  // namespace
+
+std::string labelled(std::string label, const std::string& text) {
+  label.resize(kLabelWidth, ' ');
+  return label + text + "\n";
+}
 
 std::string to_string(const Kernel& kernel) {
   switch (kernel.kind) {
@@ -257,6 +274,7 @@ std::string summary_text(const PipelineReport& report) {
     text += labelled(format("Leg %zu", i + 1), leg_text(report.legs[i]));
   text += labelled("Largest move", millimetres(report.max_displacement));
   text.append("\n").append(before_after_table(report)).append("\n");
+  if (const std::string hint = quality_hint(report); !hint.empty()) text += labelled("Hint", hint);
   if (report.cache.use != CacheUse::None) text += labelled("Base set-up", cache_text(report.cache));
   text += labelled("Time", time_line(report));
   text += labelled("Machine", machine_line(report));

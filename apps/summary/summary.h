@@ -9,6 +9,9 @@ namespace cadmorph {
 /// The report as a page of aligned text with units, for people.
 std::string summary_text(const PipelineReport& report);
 
+/// A line of a summary.
+std::string labelled(std::string label, const std::string& text);
+
 /// What changed, in rows of name, before and after.
 std::vector<std::vector<std::string>> distance_rows(const PipelineReport& report);
 std::vector<std::vector<std::string>> quality_rows(const MeshFigures& before,

@@ -94,6 +94,16 @@ TEST_CASE("A report goes to a file beside the summary", "[apps][main]") {
   CHECK(Json::parse(place.read("report.json"))["exit_code"] == 0);
 }
 
+TEST_CASE("The summary hints at --improve where the morph made elements poor", "[apps][main]") {
+  const Workplace place;
+  const std::string bore = source_file("models/bore/");
+  const std::string morph = bore + "base.step " + bore + "step20.step " + bore;
+  const auto hints = Catch::Matchers::Contains("Hint ");
+  CHECK_THAT(place.run(morph + "tet.vtu -o out.vtu").out, hints);  // from 0.149 to 0.032
+  CHECK_THAT(place.run(morph + "tet.vtu -o out.vtu --improve 0.1").out, !hints);
+  CHECK_THAT(place.run(morph + "hex.vtu -o out.vtu").out, !hints);  // 0.166
+}
+
 TEST_CASE("An error is told in JSON as well when that was asked for", "[apps][main]") {
   const Workplace place;
   const RunResult result = place.run("box.step none.step box.vtu --json -");

@@ -20,8 +20,12 @@ endif()
 set(bore ${MODELS}/bore)
 execute_process(
   COMMAND ${PROGRAM} ${bore}/base.step ${bore}/step20.step ${bore}/hex.vtu
-    -o ${WORK}/morphed.vtu --report ${WORK}/report.html --quiet
+    -o ${WORK}/morphed.vtu --report ${WORK}/report.html
+  OUTPUT_VARIABLE summary
   COMMAND_ERROR_IS_FATAL ANY)
+if(NOT summary MATCHES "\nReport +${WORK}/report.html\n")
+  message(FATAL_ERROR "the summary does not name the report:\n${summary}")
+endif()
 set(page ${WORK}/report.html)
 if(BREAK)
   set(page ${WORK}/broken.html)
