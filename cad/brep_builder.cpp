@@ -23,6 +23,7 @@
 #include <numbers>
 
 #include "cad/brep_impl.h"
+#include "cad/pcurve_repair.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -150,12 +151,15 @@ class ModelBuilder {
                                        surface->IsVPeriodic() ? surface->VPeriod() : 0);
     model_.polygons.emplace_back();
     model_.faces.push_back(f);
+    std::vector<std::vector<EdgeUse>> wires;
     for (TopoDS_Iterator it(face); it.More(); it.Next())
-      if (it.Value().ShapeType() == TopAbs_WIRE) add_wire(id, face, it.Value());
+      if (it.Value().ShapeType() == TopAbs_WIRE) wires.push_back(edge_uses(face, it.Value()));
+    repair_pcurves(model_, id, wires);
+    for (const auto& wire : wires) add_wire(id, wire);
   }
 
-  void add_wire(int id, const TopoDS_Face& face, const TopoDS_Shape& wire) {
-    std::vector<int> coedges;
+  std::vector<EdgeUse> edge_uses(const TopoDS_Face& face, const TopoDS_Shape& wire) {
+    std::vector<EdgeUse> uses;
     for (TopExp_Explorer it(wire, TopAbs_EDGE); it.More(); it.Next()) {
       const TopoDS_Edge edge = TopoDS::Edge(it.Current());
       const int e = edges_.FindIndex(edge) - 1;
@@ -169,13 +173,22 @@ class ModelBuilder {
       } else if (BRep_Tool::IsClosed(edge, face)) {
         record.is_seam = true;
       }
-      const bool is_reversed_in_face = edge.Orientation() == TopAbs_REVERSED;
+      uses.push_back({e,
+                      {curve, first, last, record.first, record.last},
+                      edge.Orientation() == TopAbs_REVERSED});
+    }
+    return uses;
+  }
+
+  void add_wire(int id, const std::vector<EdgeUse>& uses) {
+    std::vector<int> coedges;
+    for (const EdgeUse& use : uses) {
       const int c = static_cast<int>(model_.coedges.size());
-      model_.coedges.push_back({e, id, is_reversed_in_face != model_.faces[id].is_reversed});
-      model_.pcurves.push_back({curve, first, last, record.first, record.last});
-      record.coedges.push_back(c);
+      model_.coedges.push_back({use.edge, id, use.is_reversed != model_.faces[id].is_reversed});
+      model_.pcurves.push_back(use.pcurve);
+      model_.edges[use.edge].coedges.push_back(c);
       coedges.push_back(c);
-      add_polygon(id, model_.pcurves.back(), is_reversed_in_face);
+      add_polygon(id, use.pcurve, use.is_reversed);
     }
     if (!coedges.empty()) model_.faces[id].wires.push_back(std::move(coedges));
   }

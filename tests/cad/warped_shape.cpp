@@ -7,6 +7,8 @@
 #include <BSplCLib.hxx>
 #include <Eigen/LU>
 #include <Geom2d_Curve.hxx>
+#include <GeomAdaptor_Curve.hxx>
+#include <GeomAdaptor_Surface.hxx>
 #include <Geom_BSplineCurve.hxx>
 #include <Geom_BSplineSurface.hxx>
 #include <Geom_Curve.hxx>
@@ -17,6 +19,8 @@
 #include <TopoDS.hxx>
 #include <TopoDS_Edge.hxx>
 #include <TopoDS_Face.hxx>
+#include <algorithm>
+#include <cmath>
 #include <math_Matrix.hxx>
 #include <vector>
 
@@ -29,22 +33,44 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 
 constexpr int kDegree = 5;
-constexpr int kSpans = 28;
+constexpr int kSpans = 28, kLeastSpans = 3;
+constexpr double kSameBreak = 1e-6;            // of the range
+constexpr GeomAbs_Shape kSmooth = GeomAbs_C3;  // less is kept as a break
 
 Vector3d image(const PointMap& map, const gp_Pnt& p) { return map({p.X(), p.Y(), p.Z()}); }
 
-/// Clamped splines with uniform spans on [first, last], interpolating at Greville's abscissae.
+/// Clamped splines with uniform spans between `breaks` (their ends among them), where they are
+/// continuous only, interpolating at Greville's abscissae.
 class SplineBasis {
  public:
-  SplineBasis(double first, double last)
-      : knots(1, kSpans + 1), multiplicities(1, kSpans + 1), count(kSpans + kDegree) {
-    std::vector<double> flat(kDegree, first);
-    for (int i = 0; i <= kSpans; ++i) {
-      knots(i + 1) = i == kSpans ? last : first + (last - first) * i / kSpans;
-      multiplicities(i + 1) = i == 0 || i == kSpans ? kDegree + 1 : 1;
-      flat.push_back(knots(i + 1));
+  explicit SplineBasis(const TColStd_Array1OfReal& breaks) {
+    const double first = breaks.First(), last = breaks.Last();
+    std::vector<double> ends{first};
+    for (int b = breaks.Lower() + 1; b < breaks.Upper(); ++b)
+      if (std::min(breaks(b) - ends.back(), last - breaks(b)) > kSameBreak * (last - first))
+        ends.push_back(breaks(b));
+    ends.push_back(last);
+    std::vector<double> flat;
+    const auto add = [&](double knot, int multiplicity) {
+      knot_list.push_back(knot);
+      multiplicity_list.push_back(multiplicity);
+      flat.insert(flat.end(), multiplicity, knot);
+    };
+    add(first, kDegree + 1);
+    for (std::size_t b = 1; b < ends.size(); ++b) {
+      const double from = ends[b - 1], to = ends[b];
+      const int spans = std::max(
+          kLeastSpans, static_cast<int>(std::lround(kSpans * (to - from) / (last - first))));
+      for (int i = 1; i < spans; ++i) add(from + (to - from) * i / spans, 1);
+      add(to, b + 1 == ends.size() ? kDegree + 1 : kDegree);
     }
-    flat.insert(flat.end(), kDegree, last);
+    knots.Resize(1, static_cast<int>(knot_list.size()), false);
+    multiplicities.Resize(1, knots.Length(), false);
+    for (int i = 0; i < knots.Length(); ++i) {
+      knots(i + 1) = knot_list[static_cast<std::size_t>(i)];
+      multiplicities(i + 1) = multiplicity_list[static_cast<std::size_t>(i)];
+    }
+    count = static_cast<int>(flat.size()) - kDegree - 1;
     TColStd_Array1OfReal all(1, static_cast<int>(flat.size()));
     for (int i = 0; i < all.Length(); ++i) all(i + 1) = flat[static_cast<std::size_t>(i)];
     MatrixXd collocation = MatrixXd::Zero(count, count);
@@ -62,16 +88,33 @@ class SplineBasis {
 
   TColStd_Array1OfReal knots;
   TColStd_Array1OfInteger multiplicities;
-  int count;
+  int count = 0;
   std::vector<double> at;
   MatrixXd inverse;  ///< values at the abscissae -> poles
+
+ private:
+  std::vector<double> knot_list;
+  std::vector<int> multiplicity_list;
 };
+
+/// Where a curve's derivatives jump, and its ends.
+TColStd_Array1OfReal curve_breaks(const Handle(Geom_Curve) & curve, double first, double last) {
+  const GeomAdaptor_Curve adaptor(curve, first, last);
+  TColStd_Array1OfReal breaks(1, adaptor.NbIntervals(kSmooth) + 1);
+  adaptor.Intervals(breaks, kSmooth);
+  return breaks;
+}
 
 Handle(Geom_BSplineSurface) warp_surface(const TopoDS_Face& face, const PointMap& map) {
   double u1, u2, v1, v2;
   BRepTools::UVBounds(face, u1, u2, v1, v2);
-  const SplineBasis u(u1, u2), v(v1, v2);
   const BRepAdaptor_Surface surface(face, false);
+  const GeomAdaptor_Surface trimmed(BRep_Tool::Surface(face), u1, u2, v1, v2);
+  TColStd_Array1OfReal u_breaks(1, trimmed.NbUIntervals(kSmooth) + 1),
+      v_breaks(1, trimmed.NbVIntervals(kSmooth) + 1);
+  trimmed.UIntervals(u_breaks, kSmooth);
+  trimmed.VIntervals(v_breaks, kSmooth);
+  const SplineBasis u(u_breaks), v(v_breaks);
   MatrixXd values[3];
   for (auto& x : values) x.resize(u.count, v.count);
   for (int i = 0; i < u.count; ++i)
@@ -90,7 +133,7 @@ Handle(Geom_BSplineSurface) warp_surface(const TopoDS_Face& face, const PointMap
 
 Handle(Geom_BSplineCurve)
     warp_curve(const Handle(Geom_Curve) & curve, double first, double last, const PointMap& map) {
-  const SplineBasis t(first, last);
+  const SplineBasis t(curve_breaks(curve, first, last));
   MatrixXd values(t.count, 3);
   for (int i = 0; i < t.count; ++i) values.row(i) = image(map, curve->Value(t.at[i]));
   values = t.inverse * values;
