@@ -264,6 +264,24 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
   return trusted;
 }
 
+// Sums of the scalar and the triple product of each place seen from the mean, before and after.
+Eigen::Vector2d CurveMap::spin(const Way& way, const Vector3d& axis) const {
+  Eigen::Matrix3Xd before(3, kProbes), after(3, kProbes);
+  for (int i = 0; i < kProbes; ++i) {
+    const CurveLocation to = apply(way, probes_[i]);
+    before.col(i) = alignment_(base_.model().evaluate_edge(probes_[i].edge, probes_[i].t).point);
+    after.col(i) = variant_.model().evaluate_edge(to.edge, to.t).point;
+  }
+  before.colwise() -= before.rowwise().mean().eval();
+  after.colwise() -= after.rowwise().mean().eval();
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (int i = 0; i < kProbes; ++i) {
+    const Vector3d from = before.col(i) - axis * axis.dot(before.col(i)), to = after.col(i);
+    sum += Eigen::Vector2d(from.dot(to), from.cross(to).dot(axis));
+  }
+  return sum;
+}
+
 // Whether the variant is the base curve up to a similarity.
 bool CurveMap::keeps_form(const Way& way) const {
   std::vector<Vector3d> from, to;

@@ -31,6 +31,15 @@ class CurveMap {
   /// nullopt for other curves.
   const std::optional<Eigen::Vector3d>& turn() const { return turn_; }
 
+  /// Cosine and sine (times a positive number) of the angle about `axis` by which the map turns the
+  /// curve beyond the match's alignment.
+  Eigen::Vector2d spin(const Eigen::Vector3d& axis) const { return spin(way_, axis); }
+
+  /// The same of the phase of least motion, for a curve with a turn().
+  Eigen::Vector2d spin_of_least_motion(const Eigen::Vector3d& axis) const {
+    return spin(least_motion_, axis);
+  }
+
   /// Takes the phase of least motion: the start of the parametrisation moved, not the part.
   void take_least_motion() { way_ = least_motion_; }
 
@@ -56,6 +65,7 @@ class CurveMap {
   Way choose_closed(bool has_equal_links);
   bool is_reparametrised(const Way& way) const;
   bool keeps_form(const Way& way) const;
+  Eigen::Vector2d spin(const Way& way, const Eigen::Vector3d& axis) const;
   Eigen::Vector3d axis() const;
   double shift_along(const CurveLocation& from, const CurveLocation& to) const;
   bool runs_backward() const;

@@ -5,58 +5,106 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <set>
 
 #include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
 
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kEqualTurn = 2e-3, kLeastTurn = 0.01;  // of a turn
+constexpr double kFollows = 0.1;                        // of a turn's angle
 
-// Closed curves that are linked by the faces which close on themselves between them, seam to seam:
-// a seam that moved moves where all of them start.
-std::vector<std::vector<int>> linked_curves(const CadModel& base,
-                                            const std::vector<CurveMap>& maps) {
-  std::vector<int> group(maps.size());
-  std::iota(group.begin(), group.end(), 0);
-  const auto closes = [&](int f) { return !base.faces()[f].period.isZero(0); };
-  std::vector<int> first(base.faces().size(), -1);
-  for (int c = 0; c < static_cast<int>(maps.size()); ++c) {
-    if (!maps[c].turn()) continue;
-    for (const int f : base.skeleton().curves[c].faces) {
-      if (!closes(f)) continue;
-      if (first[f] < 0) first[f] = c;
-      const int from = group[c], to = group[first[f]];
-      std::replace(group.begin(), group.end(), from, to);
+class MovedSeams {
+ public:
+  MovedSeams(const CadModel& base, std::vector<CurveMap>& maps)
+      : base_(base), maps_(maps), curves_of_face_(base.faces().size()) {
+    for (int c = 0; c < static_cast<int>(maps.size()); ++c)
+      for (const int f : base.skeleton().curves[c].faces)
+        if (curves_of_face_[f].empty() || curves_of_face_[f].back() != c)
+          curves_of_face_[f].push_back(c);
+  }
+
+  // A seam that moved turns all linked curves by one angle, to the digit, and what lies beside them
+  // stays; a twist of the part turns them by different ones, or their neighbours with them. Only
+  // the former is an artefact.
+  void undo() {
+    for (const std::vector<int>& linked : linked_curves())
+      if (linked.size() > 1 && turns_as_one(linked) && !neighbours_follow(linked))
+        for (const int c : linked) maps_[c].take_least_motion();
+  }
+
+ private:
+  // Closed curves that are linked by the faces which close on themselves between them, seam to
+  // seam: a seam that moved moves where all of them start. A ring between two closed curves links
+  // them where they turn nearly alike: not the seams, but the part does that.
+  std::vector<std::vector<int>> linked_curves() const {
+    std::vector<int> group(maps_.size());
+    std::iota(group.begin(), group.end(), 0);
+    for (std::size_t f = 0; f < curves_of_face_.size(); ++f) {
+      const std::vector<int>& around = curves_of_face_[f];
+      const bool closes = !base_.faces()[f].period.isZero(0);
+      if (!closes && !is_ring(around)) continue;
+      int first = -1;
+      for (const int c : around) {
+        if (!maps_[c].turn()) continue;
+        if (first < 0) first = c;
+        const int from = group[c], to = group[first];
+        std::replace(group.begin(), group.end(), from, to);
+      }
     }
+    std::map<int, std::vector<int>> members;
+    for (int c = 0; c < static_cast<int>(maps_.size()); ++c)
+      if (maps_[c].turn()) members[group[c]].push_back(c);
+    std::vector<std::vector<int>> linked;
+    for (auto& [id, curves] : members) linked.push_back(std::move(curves));
+    return linked;
   }
-  std::map<int, std::vector<int>> members;
-  for (int c = 0; c < static_cast<int>(maps.size()); ++c)
-    if (maps[c].turn()) members[group[c]].push_back(c);
-  std::vector<std::vector<int>> linked;
-  for (auto& [id, curves] : members) linked.push_back(std::move(curves));
-  return linked;
-}
 
-// A seam that moved turns all linked curves by one angle, to the digit; a twist of the part turns
-// them by different ones. Only the former is an artefact.
-void undo_moved_seams(const CadModel& base, std::vector<CurveMap>& maps) {
-  for (const std::vector<int>& linked : linked_curves(base, maps)) {
-    if (linked.size() < 2) continue;
-    const Vector3d turn = *maps[linked.front()].turn();
-    // Half a turn is one either way round.
-    const bool is_equal = std::all_of(linked.begin(), linked.end(), [&](int c) {
-      const double limit = kEqualTurn * turn.norm();
-      const Vector3d other = *maps[c].turn();
-      return (other - turn).norm() < limit ||
-             ((other + turn).norm() < limit && 0.5 - turn.norm() < limit);
-    });
-    if (is_equal && turn.norm() > kLeastTurn)
-      for (const int c : linked) maps[c].take_least_motion();
+  bool is_ring(const std::vector<int>& around) const {
+    if (around.size() != 2 || !maps_[around[0]].turn() || !maps_[around[1]].turn()) return false;
+    const Vector3d a = *maps_[around[0]].turn(), b = *maps_[around[1]].turn();
+    return difference(a, b) < kFollows * std::max(a.norm(), b.norm());
   }
-}
+
+  // A turn is also the one the other way round.
+  static double difference(const Vector3d& a, const Vector3d& b) {
+    return std::min((a - b).norm(), (a - b - a.normalized()).norm());
+  }
+
+  bool turns_as_one(const std::vector<int>& linked) const {
+    const Vector3d turn = *maps_[linked.front()].turn();
+    return turn.norm() > kLeastTurn && std::all_of(linked.begin(), linked.end(), [&](int c) {
+             return difference(turn, *maps_[c].turn()) < kEqualTurn * turn.norm();
+           });
+  }
+
+  // Whether the curves between corners round about, whose motion is certain, turned as the linked
+  // ones do by their parameters, rather than as they would by the least motion.
+  bool neighbours_follow(const std::vector<int>& linked) const {
+    const Vector3d axis = maps_[linked.front()].turn()->normalized();
+    std::set<int> beside;
+    Vector2d by_parameter = Vector2d::Zero(), by_least = by_parameter, certain = by_parameter;
+    for (const int c : linked) {
+      by_parameter += maps_[c].spin(axis);
+      by_least += maps_[c].spin_of_least_motion(axis);
+      for (const int f : base_.skeleton().curves[c].faces)
+        for (const int other : curves_of_face_[f])
+          if (!base_.skeleton().curves[other].is_closed()) beside.insert(other);
+    }
+    for (const int c : beside) certain += maps_[c].spin(axis);
+    if (certain.isZero(0)) return false;
+    certain.normalize();
+    return certain.dot(by_parameter.normalized()) > certain.dot(by_least.normalized());
+  }
+
+  const CadModel& base_;
+  std::vector<CurveMap>& maps_;
+  std::vector<std::vector<int>> curves_of_face_;
+};
 
 }  // namespace
 
@@ -69,7 +117,7 @@ std::vector<CurveMap> map_curves(const ModelPair& pair) {
   });
   std::vector<CurveMap> maps;
   for (auto& map : made) maps.push_back(std::move(*map));
-  undo_moved_seams(pair.base, maps);
+  MovedSeams(pair.base, maps).undo();
   return maps;
 }
 

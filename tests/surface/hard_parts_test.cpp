@@ -186,6 +186,35 @@ TEST_CASE("a narrow groove follows a twist of the part", "[surface][seam]") {
   CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
 }
 
+TEST_CASE("a groove between plane walls follows a twist of the part", "[surface][seam]") {
+  // The walls link no seams, and both circles of the floor turn by nearly one angle.
+  for (const bool has_flat : {false, true}) {
+    DYNAMIC_SECTION((has_flat ? "in a shaft with a flat" : "in a round shaft")) {
+      TopoDS_Shape part = BRepPrimAPI_MakeBox(gp_Pnt(-15, -12, 0), gp_Pnt(15, 12, 10)).Solid();
+      double z = 10;
+      for (const auto& [height, radius] :
+           std::initializer_list<std::array<double, 2>>{{30, 6}, {0.05, 3}, {3, 6}}) {
+        TopoDS_Shape piece =
+            BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(0, 0, z), gp_Dir(0, 0, 1)), radius, height)
+                .Solid();
+        const TopoDS_Shape beyond =
+            BRepPrimAPI_MakeBox(gp_Pnt(5, -9, z - 1), gp_Pnt(9, 9, z + height + 1)).Solid();
+        if (has_flat) piece = BRepAlgoAPI_Cut(piece, beyond).Shape();
+        part = BRepAlgoAPI_Fuse(part, piece).Shape();
+        z += height;
+      }
+      const auto twist = [](const Vector3d& x) -> Vector3d {
+        return Eigen::AngleAxisd(0.02 * x.z(), Vector3d::UnitZ()) * x;
+      };
+      const MorphCase c = mesh_case(to_model(part), triangulate(part, 0.1));
+      const auto result = morph_surface(c, to_model(warped(part, twist)));
+      const Points expected = images(surface_points(c.boundary, c.mesh.points), twist);
+      // What the B-splines of the warped shape interpolate.
+      CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
+    }
+  }
+}
+
 TEST_CASE("a capsule that grows longer moves its dome as it is", "[surface][pole]") {
   const TopoDS_Shape base = capsule(10, 30, 0);
   const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.05));
