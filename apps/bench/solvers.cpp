@@ -39,12 +39,12 @@ struct Solver {
 };
 
 const std::vector<Solver> kSolvers = {
-    {"netlib LU", SolverKind::Lu, true, 8000, 2},
-    {"netlib LDL^T", SolverKind::Ldlt, true, 8000, 2},
-    {"OpenBLAS LU", SolverKind::Lu, false, 20000, 2},
-    {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 20000, 2},
-    {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 20000, 1},
-    {"IQR", SolverKind::Iqr, false, 20000, 0, 1e-2},
+    {"netlib LU", SolverKind::Lu, true, 16000, 2},
+    {"netlib LDL^T", SolverKind::Ldlt, true, 16000, 2},
+    {"OpenBLAS LU", SolverKind::Lu, false, 60000, 2},
+    {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 60000, 2},
+    {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 60000, 1},
+    {"IQR", SolverKind::Iqr, false, 30000, 0, 1e-2},
     {"fast", SolverKind::Fast, false, 100000000},
 };
 
@@ -101,14 +101,17 @@ Row row_without_figures(const Subject& subject, const Series& series, const Solv
   return row;
 }
 
+double physical_memory() {
+  return static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGE_SIZE));
+}
+
 // Why a solver is not run; empty: it is.
 std::string why_not(const Solver& solver, const Series& series) {
   constexpr double kGiB = 1 << 30;
   const auto m = static_cast<double>(series.surface_nodes.size());
-  const double needed = solver.matrices * 8 * m * m / kGiB;
-  const double there = static_cast<double>(sysconf(_SC_PHYS_PAGES)) *
-                       static_cast<double>(sysconf(_SC_PAGE_SIZE)) / kGiB;
-  if (needed > there) return format("does not fit: needs %.0f GiB of %.0f", needed, there);
+  const double needed = solver.matrices * 8 * m * m;
+  if (needed > physical_memory())
+    return format("does not fit: needs %.0f GiB of %.0f", needed / kGiB, physical_memory() / kGiB);
   if (series.surface_nodes.size() > solver.most_centres) return "not run: takes too long";
   if (solver.is_netlib && !std::filesystem::exists(CADMORPH_NETLIB_LAPACK))
     return "not run: the reference LAPACK is not installed";
@@ -135,7 +138,9 @@ Row measured_row(const Subject& subject, const Series& series, const Solver& sol
   const double memory_before = memory_from_here();
   const Stopwatch whole;
   const VolumeMorph morph(series.mesh, series.surface_nodes,
-                          {.rbf = {.solver = solver.kind, .tolerance = solver.tolerance}});
+                          {.rbf = {.solver = solver.kind,
+                                   .tolerance = solver.tolerance,
+                                   .memory_limit = physical_memory()}});
   const double set_up_seconds = whole.seconds();
   const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
   const double seconds = whole.seconds() - set_up_seconds, cpu = whole.cpu();

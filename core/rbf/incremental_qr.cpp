@@ -29,7 +29,7 @@ using Eigen::VectorXd;
 // Columns in a panel, and columns that one thread transforms at a time: wide enough for the BLAS to
 // be bound by arithmetic, narrow enough that few columns are made in vain.
 constexpr Index kPanel = 128;
-constexpr Index kStrip = 32;
+constexpr Index kStrip = 64;
 
 // Product of the reflectors of some columns, from their first row down, as LAPACK's dgeqrt leaves
 // it: I - V T V^T, V below the diagonal.
