@@ -122,9 +122,9 @@ class Run {
   // The whole pipeline. Where RBF-S inverts nothing it comes to the same positions, which are not
   // made twice.
   Warped move_by_default(int step) {
-    const Stopwatch watch;
     if (!has_left_warp_) {
       Warped result = warps_.at(task_.route, step);
+      const Stopwatch watch;
       const bool is_valid =
           check_validity(series_.mesh, result.positions, series_.orientation).invalid == 0;
       result.seconds += watch.seconds();
