@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "cad/face_sampler.h"
+#include "cad/projector.h"
 #include "core/kd_tree.h"
 
 namespace cadmorph {
@@ -19,6 +20,8 @@ constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
 constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave at a vertex
 constexpr double kSameSample = 1e-6;  // of the size of the domain
 
+constexpr double kFoot = 0.5;  // of a pcurve's deviation: a foot is that much nearer at least
+
 }  // namespace
 
 Vector2d mean_derivatives(const CadModel& model, int face) {
@@ -31,6 +34,23 @@ Vector2d mean_derivatives(const CadModel& model, int face) {
     sum += Vector2d(s.du.norm(), s.dv.norm());
   }
   return (sum / static_cast<double>(uv.size())).cwiseMax(1e-12);
+}
+
+Vector2d wire_parameters(const CadModel& model, int coedge, double t) {
+  const CadCoedge& c = model.coedges()[coedge];
+  const CadEdge& edge = model.edges()[c.edge];
+  const Vector2d uv = model.pcurve(coedge, t);
+  if (edge.is_degenerate) return uv;
+  const Eigen::Vector3d x = model.evaluate_edge(c.edge, t).point;
+  const double off = (model.evaluate(c.face, uv).point - x).norm();
+  if (off <= edge.tolerance) return uv;
+  const FaceFoot foot = project_on_face(model, c.face, x, uv);
+  if (foot.distance > kFoot * off) return uv;
+  const Vector2d period = model.faces()[c.face].period;
+  Vector2d moved = foot.uv - uv;
+  for (int a = 0; a < 2; ++a)
+    if (period[a] > 0) moved[a] -= period[a] * std::round(moved[a] / period[a]);
+  return uv + moved;
 }
 
 bool fills_gap(const CadModel& model, int coedge) {
@@ -69,7 +89,7 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
       if (edge.is_seam || fills_gap(base, c)) continue;
       for (int i = 0; i <= count; ++i) {
         const double t = edge.first + (edge.last - edge.first) * i / count;
-        const Vector2d uv = base.pcurve(c, t);
+        const Vector2d uv = wire_parameters(base, c, t);
         const bool is_end = i == 0 || i == count;
         if (!is_end || is_new_end(i == 0 ? edge.start : edge.end, uv))
           samples_.push_back({c, t, uv, edge.tolerance});

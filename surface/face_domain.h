@@ -63,6 +63,10 @@ class FaceDomain {
 /// Mean lengths of the derivatives S_u, S_v over a face: millimetres per parameter.
 Eigen::Vector2d mean_derivatives(const CadModel& model, int face);
 
+/// Parameters of a coedge's edge at t: its pcurve, or the foot of the edge's point where the pcurve
+/// is further from it than the edge's tolerance.
+Eigen::Vector2d wire_parameters(const CadModel& model, int coedge, double t);
+
 /// Whether a coedge on a degenerate edge is no pole: exporters close the gap between the pcurves of
 /// two edges by one.
 bool fills_gap(const CadModel& model, int coedge);

@@ -82,7 +82,7 @@ class ParameterWarp {
       const int c = find_coedge(pair_.variant, variant_id_, l.edge,
                                 occurrence_of(pair_.base, samples[i].coedge));
       if (c < 0) return false;
-      image_.row(static_cast<Index>(i)) = pair_.variant.pcurve(c, l.t);
+      image_.row(static_cast<Index>(i)) = wire_parameters(pair_.variant, c, l.t);
     }
     return true;
   }

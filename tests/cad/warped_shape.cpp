@@ -97,9 +97,25 @@ class SplineBasis {
   std::vector<int> multiplicity_list;
 };
 
+/// OCCT finds the breaks of a periodic spline only when it is opened.
+Handle(Geom_Curve) opened(const Handle(Geom_Curve) & curve) {
+  const auto spline = Handle(Geom_BSplineCurve)::DownCast(curve->Copy());
+  if (spline.IsNull() || !spline->IsPeriodic()) return curve;
+  spline->SetNotPeriodic();
+  return {spline};
+}
+
+Handle(Geom_Surface) opened(const Handle(Geom_Surface) & surface) {
+  const auto spline = Handle(Geom_BSplineSurface)::DownCast(surface->Copy());
+  if (spline.IsNull()) return surface;
+  spline->SetUNotPeriodic();
+  spline->SetVNotPeriodic();
+  return {spline};
+}
+
 /// Where a curve's derivatives jump, and its ends.
 TColStd_Array1OfReal curve_breaks(const Handle(Geom_Curve) & curve, double first, double last) {
-  const GeomAdaptor_Curve adaptor(curve, first, last);
+  const GeomAdaptor_Curve adaptor(opened(curve), first, last);
   TColStd_Array1OfReal breaks(1, adaptor.NbIntervals(kSmooth) + 1);
   adaptor.Intervals(breaks, kSmooth);
   return breaks;
@@ -109,7 +125,7 @@ Handle(Geom_BSplineSurface) warp_surface(const TopoDS_Face& face, const PointMap
   double u1, u2, v1, v2;
   BRepTools::UVBounds(face, u1, u2, v1, v2);
   const BRepAdaptor_Surface surface(face, false);
-  const GeomAdaptor_Surface trimmed(BRep_Tool::Surface(face), u1, u2, v1, v2);
+  const GeomAdaptor_Surface trimmed(opened(BRep_Tool::Surface(face)), u1, u2, v1, v2);
   TColStd_Array1OfReal u_breaks(1, trimmed.NbUIntervals(kSmooth) + 1),
       v_breaks(1, trimmed.NbVIntervals(kSmooth) + 1);
   trimmed.UIntervals(u_breaks, kSmooth);

@@ -9,8 +9,18 @@
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakeRevol.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
+#include <BRep_Builder.hxx>
+#include <BRep_Tool.hxx>
 #include <Eigen/Geometry>
 #include <GC_MakeArcOfCircle.hxx>
+#include <Geom2dAPI_Interpolate.hxx>
+#include <Geom2d_BSplineCurve.hxx>
+#include <TColStd_HArray1OfReal.hxx>
+#include <TColgp_HArray1OfPnt2d.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Edge.hxx>
+#include <TopoDS_Face.hxx>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -213,6 +223,37 @@ TEST_CASE("a groove between plane walls follows a twist of the part", "[surface]
       CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
     }
   }
+}
+
+TEST_CASE("a pcurve that runs unevenly along its edge moves no node", "[surface][pcurves]") {
+  const TopoDS_Shape even = BRepPrimAPI_MakeCylinder(15, 40).Solid();
+  const TopoDS_Shape uneven = BRepPrimAPI_MakeCylinder(15, 40).Solid();
+  const TopoDS_Face face =
+      TopoDS::Face(TopExp_Explorer(uneven, TopAbs_FACE).Current().Oriented(TopAbs_FORWARD));
+  for (TopExp_Explorer it(face, TopAbs_EDGE); it.More(); it.Next()) {
+    const TopoDS_Edge edge = TopoDS::Edge(it.Current());
+    if (BRep_Tool::IsClosed(edge, face)) continue;
+    double first, last;
+    const double v = BRep_Tool::CurveOnSurface(edge, face, first, last)->Value(first).Y();
+    constexpr int n = 60;
+    const Handle(TColgp_HArray1OfPnt2d) points = new TColgp_HArray1OfPnt2d(1, n + 1);
+    const Handle(TColStd_HArray1OfReal) parameters = new TColStd_HArray1OfReal(1, n + 1);
+    for (int i = 0; i <= n; ++i) {
+      const double t = 2 * pi * i / n;
+      points->SetValue(i + 1, gp_Pnt2d(t + 0.002 * std::sin(3 * t), v));
+      parameters->SetValue(i + 1, t);
+    }
+    Geom2dAPI_Interpolate pcurve(points, parameters, false, 1e-12);
+    pcurve.Perform();
+    BRep_Builder().UpdateEdge(edge, pcurve.Curve(), face, 1e-7);
+  }
+  const auto bend = [](const Vector3d& x) -> Vector3d {
+    return x + Vector3d(0.004 * x.z() * x.z(), 0, 0.05 * x.x());
+  };
+  const MorphCase c = mesh_case(to_model(uneven), triangulate(even, 0.1));
+  const auto result = morph_surface(c, to_model(warped(even, bend)));
+  const Points expected = images(surface_points(c.boundary, c.mesh.points), bend);
+  CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
 }
 
 TEST_CASE("a capsule that grows longer moves its dome as it is", "[surface][pole]") {
