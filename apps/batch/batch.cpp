@@ -164,6 +164,17 @@ bool is_finished(const Variant& variant, const ResultRow& row, const BatchFolder
          !error;
 }
 
+// Stands for a variant until it is done again, so that no older row does, nor its mesh.
+ResultRow begun_again(const Variant& variant, const ResultRow& old) {
+  ResultRow row;
+  row.id = variant.id;
+  row.step = variant.step;
+  row.exit_code = static_cast<int>(ExitCode::Resources);
+  row.message = "begun again and not finished; go on with --resume";
+  row.revision = old.revision + 1;
+  return row;
+}
+
 class BatchRun {
  public:
   BatchRun(const BatchOptions& options, const std::atomic<bool>& is_stopped,
@@ -194,27 +205,32 @@ class BatchRun {
   void prepare() {
     check_outputs();
     folder_.begin(identity_of(options_), options_.list, options_.is_resumed);
-    const auto old = options_.is_resumed ? folder_.read_rows() : std::map<std::string, ResultRow>();
+    const auto old = folder_.read_rows();
     const auto& variants = options_.list.variants;
     for (std::size_t i = 0; i < variants.size(); ++i) {
       if (!options_.shard.has(i)) continue;
       ++count_.total;
       const auto row = old.find(variants[i].id);
-      if (row == old.end() || !is_finished(variants[i], row->second, folder_)) {
-        begin(variants[i]);
+      const bool is_known = row != old.end();
+      if (options_.is_resumed && is_known && is_finished(variants[i], row->second, folder_)) {
+        ++count_.kept;
+        count(row->second);
         continue;
       }
-      ++count_.kept;
-      count(row->second);
+      todo_.push_back(&variants[i]);
+      if (is_known) rows_[variants[i].id] = begun_again(variants[i], row->second);
     }
     folder_.write_rows(options_.list, rows_);
+    remove_old_meshes();
   }
 
-  // A refused mesh of an earlier run would outlive a good one.
-  void begin(const Variant& variant) {
-    todo_.push_back(&variant);
+  // A mesh of an earlier run, good or refused, would outlive another outcome.
+  void remove_old_meshes() const {
     std::error_code ignored;
-    if (options_.is_resumed) fs::remove(folder_.path_of(failed_out(variant.out)), ignored);
+    for (const Variant* variant : todo_)
+      if (options_.is_resumed || rows_.contains(variant->id))
+        for (const fs::path& out : {variant->out, failed_out(variant->out)})
+          fs::remove(folder_.path_of(out), ignored);
   }
 
   void check_outputs() const {
@@ -222,9 +238,9 @@ class BatchRun {
     for (std::size_t i = 0; i < options_.list.variants.size(); ++i) {
       if (!options_.shard.has(i)) continue;
       const Variant& variant = options_.list.variants[i];
-      const fs::path out = folder_.path_of(variant.out);
-      fs::create_directories(out.parent_path(), error);
-      check_output(out, {options_.base_cad, options_.mesh, variant.step});
+      fs::create_directories(folder_.path_of(variant.out).parent_path(), error);
+      for (const fs::path& out : {variant.out, failed_out(variant.out)})
+        check_output(folder_.path_of(out), {options_.base_cad, options_.mesh, variant.step});
     }
   }
 
@@ -335,6 +351,8 @@ class BatchRun {
     ResultRow& row = work.row;
     if (work.result) write(work);
     row.seconds = work.seconds + seconds_since(start);
+    if (const auto begun = rows_.find(row.id); begun != rows_.end())
+      row.revision = begun->second.revision + 1;
     folder_.append(*work.variant, row);
     count(row);
     count_.seconds = seconds_since(start_);

@@ -11,6 +11,7 @@
 #include <iterator>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "apps/batch/csv.h"
 #include "apps/pipeline/exit_code.h"
@@ -48,6 +49,7 @@ Json to_json(const ResultRow& row) {
   json["message"] = row.message;
   json["step_hash"] = row.step_hash;
   json["out_bytes"] = row.out_bytes;
+  json["revision"] = row.revision;
   return json;
 }
 
@@ -61,6 +63,7 @@ ResultRow row_of(const Json& json) {
   row.message = json.at("message");
   row.step_hash = json.at("step_hash");
   row.out_bytes = json.at("out_bytes");
+  row.revision = json.value("revision", 0);
   if (json.at("inverted").is_null()) return row;
   row.figures = {.min_scaled_jacobian_before = json.at("min_scaled_jacobian_before"),
                  .min_scaled_jacobian_after = json.at("min_scaled_jacobian_after"),
@@ -210,6 +213,20 @@ std::string difference(const Json& old, const Json& now) {
   return text;
 }
 
+// Variants of the plan that a list lacks, the first of them by name.
+std::string lacking(const VariantList& plan, const VariantList& list) {
+  constexpr std::size_t kNamed = 3;
+  std::set<std::string> given;
+  for (const Variant& variant : list.variants) given.insert(variant.id);
+  std::string text;
+  std::size_t count = 0;
+  for (const Variant& variant : plan.variants)
+    if (!given.contains(variant.id) && ++count <= kNamed)
+      text.append(count > 1 ? ", " : "").append(variant.id);
+  if (count > kNamed) text += " and " + std::to_string(count - kNamed) + " more";
+  return text;
+}
+
 // Whole lines of a file, without their ends.
 std::vector<std::string> whole_lines(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -235,7 +252,7 @@ bool is_results_column(const std::string& column) {
 struct BatchFolder::Impl {
   Impl(const fs::path& batch_folder, Shard shard) : folder(batch_folder) {
     if (shard.count > 1)
-      stem += "." + std::to_string(shard.index) + "-of-" + std::to_string(shard.count);
+      stem += std::string(".") + std::to_string(shard.index) + "-of-" + std::to_string(shard.count);
     std::error_code error;
     fs::create_directories(folder, error);
     if (error && !fs::is_directory(folder)) refuse(folder, error.message());
@@ -311,8 +328,12 @@ void BatchFolder::begin(const BatchIdentity& identity, const VariantList& list, 
                        "another folder with -o.");
     if (!is_resumed && old.at("variants") != plan["variants"])
       throw UsageError(folder +
-                       " holds a batch of other variants; add these with --resume, or name "
+                       " holds a batch of other variants; give them all with --resume, or name "
                        "another folder with -o.");
+    if (const std::string lacks = lacking(list_of(old), list); !lacks.empty())
+      throw UsageError(folder + " holds variants that are not given: " + lacks +
+                       ". Give them, too (what is finished is kept), or name another folder with "
+                       "-o.");
     if (old == plan) return;
   }
   impl_->replace(impl_->folder / kPlan, dump(plan, 1));
@@ -332,7 +353,7 @@ std::map<std::string, ResultRow> BatchFolder::read_rows() const {
       const std::optional<ResultRow> row = parse_row(line);
       if (!row) continue;
       const auto [place, is_new] = rows.try_emplace(row->id, *row);
-      if (!is_new && (place->second.exit_code != 0 || row->exit_code == 0)) place->second = *row;
+      if (!is_new && row->revision >= place->second.revision) place->second = *row;
     }
   return rows;
 }

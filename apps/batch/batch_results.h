@@ -32,6 +32,7 @@ struct ResultRow {
   std::string message;           ///< the error, or the warnings
   std::string step_hash;         ///< of the STEP file; empty when unknown
   std::uintmax_t out_bytes = 0;  ///< size of `out`
+  int revision = 1;              ///< higher than that of earlier rows of the same variant
 };
 
 /// What the results of a batch depend on beside the variants.
@@ -56,15 +57,16 @@ class BatchFolder {
   BatchFolder(const BatchFolder&) = delete;
   BatchFolder& operator=(const BatchFolder&) = delete;
 
-  /// Writes batch.json, or checks that it tells of the same batch; with `is_resumed` the variants
-  /// may be others. Throws UsageError when the batch is another, or has results and is not resumed.
+  /// Writes batch.json, or checks that it tells of the same batch; with `is_resumed` variants may
+  /// be added. Throws UsageError when the batch is another, lacks variants, or has results and is
+  /// not resumed.
   void begin(const BatchIdentity& identity, const VariantList& list, bool is_resumed);
 
   /// Reads batch.json. Throws IoError when there is none, InvalidInputError when it is damaged.
   VariantList read_list() const;
 
-  /// All rows in the folder by id, those of other shards too: the last of an id, done before
-  /// failed. Half-written last lines are left out.
+  /// The newest rows in the folder by id, those of other shards too. Half-written last lines are
+  /// left out.
   std::map<std::string, ResultRow> read_rows() const;
 
   /// Makes `rows` the contents of the shard's results, in the order of the list.

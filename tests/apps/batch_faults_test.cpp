@@ -339,27 +339,6 @@ TEST_CASE("A folder that can't be written is refused at once", "[apps][batch]") 
   }
 }
 
-TEST_CASE("Only --resume goes on in a folder, and only with the same batch", "[apps][batch]") {
-  const Workplace place;
-  const std::string start = "batch box.step box.vtu ";
-  REQUIRE(place.run(start + "box_moved.step -o out").exit_code == 0);
-  const auto check = [&](const std::string& arguments, const std::string& word) {
-    const auto before = meshes_of(place, "out");
-    const RunResult result = place.run(arguments);
-    INFO(arguments << result.err);
-    CHECK(result.exit_code == 1);
-    CHECK_THAT(result.err, Contains(word));
-    CHECK(meshes_of(place, "out") == before);
-  };
-  check(start + "box_moved.step -o out", "--resume");
-  check(start + "box_moved.step -o out --resume --snap", "--snap");
-  check("batch box_moved.step box.vtu box_moved.step -o out --resume", "base CAD");
-  // Another number of threads is the same batch, and more variants may join.
-  const RunResult more = place.run(start + "box_moved.step box.step -o out --resume --threads 1");
-  CHECK(more.exit_code == 0);
-  CHECK_THAT(more.out, Contains("2 of 2") && Contains("1 kept"));
-}
-
 TEST_CASE("A damaged plan is named, and lines that are no rows don't count", "[apps][batch]") {
   const Workplace place;
   const std::string command = "batch box.step box.vtu box_moved.step box.step -o out --resume";
@@ -379,20 +358,6 @@ TEST_CASE("A damaged plan is named, and lines that are no rows don't count", "[a
   CHECK(resumed.exit_code == 0);
   CHECK_THAT(resumed.out, Contains("2 kept"));
   CHECK(place.read("out/results.jsonl") == rows);
-}
-
-TEST_CASE("A resumed batch does what has changed again", "[apps][batch]") {
-  const Workplace place;
-  const std::string command = "batch box.step box.vtu " + place.make_boxes(4);
-  REQUIRE(place.run(command + " -o out").exit_code == 0);
-  place.write("v1.step", place.read("box_moved.step"));
-  std::filesystem::remove(place.folder() / "out/v2.vtu");
-  std::filesystem::resize_file(place.folder() / "out/v3.vtu", 1000);
-  const RunResult resumed = place.run(command + " -o out --resume");
-  CHECK(resumed.exit_code == 0);
-  CHECK_THAT(resumed.out, Contains("1 kept"));
-  REQUIRE(place.run(command + " -o whole").exit_code == 0);
-  check_same_batch(place, "out", "whole");
 }
 
 }  // namespace cadmorph
