@@ -67,16 +67,15 @@ DeformationTerms record_deformation(const Mesh& mesh, const VolumeMorph& first,
   terms.nodes.resize(surface_positions.rows(), 3);
   for (Index i = 0; i < terms.nodes.rows(); ++i)
     terms.nodes.row(i) = mesh.points.row(first.surface_nodes()[i]);
+  if (first.field_count() > 1)
+    throw InvalidInputError("the mesh has " + std::to_string(first.field_count()) +
+                            " components that morph one by one: which of them a point of another "
+                            "mesh belongs to its position can't say; make a field for the mesh "
+                            "of each");
   check_same_places(first.surface_nodes(), terms.nodes, terms.new_nodes);
   for (const std::vector<RbfField>& fields :
-       fields_of_steps(mesh, first, surface_positions, steps, path)) {
-    if (fields.size() != 1)
-      throw InvalidInputError("the mesh has " + std::to_string(fields.size()) +
-                              " components that morph one by one: which of them a point of another "
-                              "mesh belongs to its position can't say; make a field for the mesh "
-                              "of each");
+       fields_of_steps(mesh, first, surface_positions, steps, path))
     terms.steps.push_back(fields.front().terms());
-  }
   return terms;
 }
 

@@ -143,7 +143,7 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
     Points positions;
     try {
       positions = stepper.run(steps, rbf);
-    } catch (const SolverError&) {
+    } catch (const Error&) {  // nodes that meet on the way: what was found before counts
       if (steps == fewest) throw;
       break;
     }

@@ -22,9 +22,9 @@ namespace {
 // no edge spans it, and where one does.
 constexpr double kOpenSlit = 1e-4, kSpannedSlit = 3e-6;
 
-RowMatrix rows_of(const Points& points, const std::vector<Index>& rows) {
-  RowMatrix result(rows.size(), 3);
-  for (std::size_t i = 0; i < rows.size(); ++i) result.row(i) = points.row(rows[i]);
+std::vector<Index> at(const std::vector<Index>& list, const std::vector<Index>& positions) {
+  std::vector<Index> result;
+  for (const Index position : positions) result.push_back(list[position]);
   return result;
 }
 
@@ -39,17 +39,18 @@ void check_nodes(Index count, const std::vector<Index>& surface_nodes) {
   }
 }
 
-// Shortest incident edge of each surface node, or what the options say.
-Eigen::VectorXd local_lengths(const RbfOptions& options, const IncidentEdges& edges,
-                              const std::vector<Index>& surface_nodes) {
-  if (options.local_length.size() > 0) return options.local_length;
-  return edges.shortest(surface_nodes);
-}
+// What the mesh says of the scale at each surface node.
+struct NodeScales {
+  Eigen::VectorXd lengths;  // shortest incident edge, or what the options say
+  Eigen::VectorXd slits;    // nodes this near each other lie on the two sides of a slit
+};
 
-// Nodes this near each other lie on the two sides of a slit.
-Eigen::VectorXd slit_widths(const IncidentEdges& edges, const std::vector<Index>& surface_nodes) {
-  return (kOpenSlit * edges.shortest(surface_nodes))
-      .cwiseMax(kSpannedSlit * edges.longest(surface_nodes));
+NodeScales node_scales(const Mesh& mesh, const std::vector<Index>& surface_nodes,
+                       const RbfOptions& options) {
+  const IncidentEdges edges = incident_edges(mesh);
+  const Eigen::VectorXd shortest = edges.shortest(surface_nodes);
+  return {options.local_length.size() > 0 ? options.local_length : shortest,
+          (kOpenSlit * shortest).cwiseMax(kSpannedSlit * edges.longest(surface_nodes))};
 }
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
@@ -58,7 +59,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 // Positions of the surface nodes that serve as centres, of those within `reach` of each other one.
 // The two sides of a slit would make the system singular to rounding, and its field can't jump
-// between them: one side stands for both. Exact duplicates are left to the system.
+// between them: one side stands for both.
 std::vector<Index> clear_of_each_other(const RowMatrix& points, const Eigen::VectorXd& reach) {
   const KdTree tree(points);
   const Index count = points.rows();
@@ -66,7 +67,7 @@ std::vector<Index> clear_of_each_other(const RowMatrix& points, const Eigen::Vec
   parallel_for(count, 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
       for (const Neighbour& other : tree.within(points.row(i).data(), reach[i]))
-        if (other.index < i && other.squared_distance > 0) near[i].push_back(other.index);
+        if (other.index < i) near[i].push_back(other.index);
   });
   std::vector<char> is_kept(static_cast<std::size_t>(count), 1);
   std::vector<Index> kept;
@@ -80,45 +81,46 @@ std::vector<Index> clear_of_each_other(const RowMatrix& points, const Eigen::Vec
 // One component with its system.
 struct Part {
   Component nodes;
-  RowMatrix centres;
+  RowMatrix centres;                // of its surface nodes
+  Index dropped = 0;                // surface nodes that the other side of a slit stands for
   std::optional<RbfSystem> system;  // none where no node is free
   std::optional<RbfTargets> targets;
 };
 
 RowMatrix centres_of(const Component& nodes, const Mesh& mesh,
                      const std::vector<Index>& surface_nodes) {
-  std::vector<Index> ids;
-  for (const Index i : nodes.surface) ids.push_back(surface_nodes[i]);
-  return rows_of(mesh.points, ids);
+  const std::vector<Index> ids = at(surface_nodes, nodes.surface);
+  return mesh.points(ids, Eigen::all);
+}
+
+// Takes surface nodes out that lie across a slit, and factors the rest.
+void add_system(Part& part, const NodeScales& scales, const VolumeMorphOptions& options) {
+  const auto clear = clear_of_each_other(part.centres, scales.slits(part.nodes.surface));
+  part.dropped = part.centres.rows() - static_cast<Index>(clear.size());
+  part.nodes.surface = at(part.nodes.surface, clear);
+  part.centres = RowMatrix(part.centres(clear, Eigen::all));
+  RbfOptions rbf = options.rbf;
+  rbf.local_length = scales.lengths(part.nodes.surface);
+  // A node without an edge gives no scale of its own: leave the choice to the solver.
+  if (rbf.local_length.minCoeff() <= 0) rbf.local_length.resize(0);
+  part.system.emplace(part.centres, options.kernel, rbf);
 }
 
 Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surface_nodes,
-               const Eigen::VectorXd& lengths, const Eigen::VectorXd& slits,
-               const VolumeMorphOptions& options) {
+               const NodeScales& scales, const VolumeMorphOptions& options) {
   Part part;
   part.nodes = std::move(nodes);
   part.centres = centres_of(part.nodes, mesh, surface_nodes);
   if (part.nodes.volume.empty() || part.nodes.surface.empty()) return part;
-  const std::vector<Index> all = part.nodes.surface;
-  const auto clear = clear_of_each_other(part.centres, slits(all));
-  if (clear.size() < all.size()) {
-    part.nodes.surface.clear();
-    for (const Index i : clear) part.nodes.surface.push_back(all[i]);
-    part.centres = centres_of(part.nodes, mesh, surface_nodes);
-  }
-  RbfOptions rbf = options.rbf;
-  rbf.local_length = lengths(part.nodes.surface);
-  // A node without an edge gives no scale of its own: leave the choice to the solver.
-  if (rbf.local_length.minCoeff() <= 0) rbf.local_length.resize(0);
-  part.system.emplace(part.centres, options.kernel, rbf);
-  part.targets.emplace(*part.system, rows_of(mesh.points, part.nodes.volume));
+  add_system(part, scales, options);
+  part.targets.emplace(*part.system, mesh.points(part.nodes.volume, Eigen::all));
   return part;
 }
 
 Part restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
                   const VolumeMorphOptions& options, InputArchive& archive) {
   Part part;
-  part.nodes = take<Component>(archive);
+  archive(part.nodes, part.dropped);
   part.centres = centres_of(part.nodes, mesh, surface_nodes);
   if (!take<bool>(archive)) return part;
   part.system.emplace(part.centres, options.kernel, options.rbf, archive);
@@ -127,10 +129,28 @@ Part restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
 }
 
 void store_part(const Part& part, OutputArchive& archive) {
-  archive(part.nodes, part.system.has_value());
+  archive(part.nodes, part.dropped, part.system.has_value());
   if (!part.system) return;
   part.system->store(archive);
   part.targets->store(archive);
+}
+
+// A mesh without a free node, such as a part's surface alone, has one field nevertheless: that of
+// all its nodes.
+std::vector<Component> components_of(const Mesh& mesh, const std::vector<Index>& surface_nodes) {
+  std::vector<Component> components = split_components(mesh, surface_nodes);
+  if (std::ranges::any_of(components, [](const Component& c) { return !c.volume.empty(); }))
+    return components;
+  Component all;
+  for (Index i = 0; i < static_cast<Index>(surface_nodes.size()); ++i) all.surface.push_back(i);
+  return {all};
+}
+
+RbfReport with_dropped(RbfReport report, Index dropped) {
+  report.merged += dropped;
+  if (dropped > 0)
+    report.reason += "; " + std::to_string(dropped) + " nodes follow the other side of a slit";
+  return report;
 }
 
 // Components report side by side: one at a time.
@@ -183,6 +203,7 @@ struct VolumeMorph::Impl {
   Points base;
   std::vector<Index> surface_nodes;
   VolumeMorphOptions options;
+  NodeScales scales;
   std::vector<Part> parts;
   std::unique_ptr<Baseline> baseline;  // in place of the parts when the method is not RBF
   RbfReport report;
@@ -204,21 +225,20 @@ struct VolumeMorph::Impl {
 };
 
 void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
-  const IncidentEdges edges = incident_edges(mesh);
-  const Eigen::VectorXd lengths = local_lengths(options.rbf, edges, surface_nodes);
-  const Eigen::VectorXd slits = slit_widths(edges, surface_nodes);
-  std::vector<Component> components = split_components(mesh, surface_nodes);
+  scales = node_scales(mesh, surface_nodes, options.rbf);
+  std::vector<Component> components = components_of(mesh, surface_nodes);
   parts.resize(components.size());
   const VolumeMorphOptions guarded = with_serial_progress(options);
   parallel_for(static_cast<Index>(parts.size()), 1, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
-      parts[i] = make_part(std::move(components[i]), mesh, surface_nodes, lengths, slits, guarded);
+      parts[i] = make_part(std::move(components[i]), mesh, surface_nodes, scales, guarded);
   });
   gather_reports();
 }
 
 void VolumeMorph::Impl::restore_rbf(const Mesh& mesh, InputArchive& archive) {
   const VolumeMorphOptions guarded = with_serial_progress(options);
+  archive(scales.lengths, scales.slits);
   const auto count = take<std::size_t>(archive);
   for (std::size_t i = 0; i < count; ++i)
     parts.push_back(restore_part(mesh, surface_nodes, guarded, archive));
@@ -228,7 +248,7 @@ void VolumeMorph::Impl::restore_rbf(const Mesh& mesh, InputArchive& archive) {
 void VolumeMorph::Impl::gather_reports() {
   std::vector<RbfReport> reports;
   for (const Part& part : parts)
-    if (part.system) reports.push_back(part.system->report());
+    if (part.system) reports.push_back(with_dropped(part.system->report(), part.dropped));
   report = combine(reports);
 }
 
@@ -242,7 +262,8 @@ void VolumeMorph::Impl::set_up_baseline(const Mesh& mesh) {
 Points VolumeMorph::Impl::morph_by_baseline(const Points& surface_positions,
                                             RbfReport* figures) const {
   const auto start = std::chrono::steady_clock::now();
-  Points result = base + baseline->displacements(surface_positions - rows_of(base, surface_nodes));
+  Points result = base + baseline->displacements(surface_positions -
+                                                 RowMatrix(base(surface_nodes, Eigen::all)));
   for (std::size_t i = 0; i < surface_nodes.size(); ++i)
     result.row(surface_nodes[i]) = surface_positions.row(i);
   if (figures) {
@@ -264,7 +285,7 @@ VolumeMorph::Impl::PartFigures VolumeMorph::Impl::move_part(
   for (std::size_t r = 0; r < results.size(); ++r) {
     if (results[r].error) continue;
     sound.push_back(r);
-    values.push_back(rows_of(surface_positions[r], part.nodes.surface) - part.centres);
+    values.push_back(surface_positions[r](part.nodes.surface, Eigen::all) - part.centres);
   }
   std::vector<RbfSolution> solutions = part.system->solve_each(values);
   std::vector<RbfField> fields;
@@ -273,7 +294,7 @@ VolumeMorph::Impl::PartFigures VolumeMorph::Impl::move_part(
     figures.errors[sound[s]] = solutions[s].error;
     if (solutions[s].error) continue;
     solved.push_back(sound[s]);
-    figures.reports[sound[s]] = solutions[s].field.report();
+    figures.reports[sound[s]] = with_dropped(solutions[s].field.report(), part.dropped);
     fields.push_back(std::move(solutions[s].field));
   }
   const std::vector<RowMatrix> displacements = part.targets->evaluate(fields);
@@ -336,7 +357,7 @@ VolumeMorph::VolumeMorph(const Mesh& mesh, VolumeMorphOptions options, InputArch
 void VolumeMorph::store(OutputArchive& archive) const {
   archive(impl_->surface_nodes);
   if (impl_->baseline) return;
-  archive(impl_->parts.size());
+  archive(impl_->scales.lengths, impl_->scales.slits, impl_->parts.size());
   for (const Part& part : impl_->parts) store_part(part, archive);
 }
 
@@ -371,14 +392,17 @@ std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const
   std::vector<RbfField> result;
   for (const Part& part : impl_->parts) {
     if (part.nodes.surface.empty()) continue;
-    const RowMatrix moves = rows_of(surface_positions, part.nodes.surface) - part.centres;
-    if (part.system)
-      result.push_back(part.system->solve(moves));
-    else
-      result.push_back(
-          RbfSystem(part.centres, impl_->options.kernel, impl_->options.rbf).solve(moves));
+    Part whole = part;
+    if (!whole.system) add_system(whole, impl_->scales, impl_->options);
+    result.push_back(
+        whole.system->solve(surface_positions(whole.nodes.surface, Eigen::all) - whole.centres));
   }
   return result;
+}
+
+Index VolumeMorph::field_count() const {
+  return std::ranges::count_if(impl_->parts,
+                               [](const Part& part) { return !part.nodes.surface.empty(); });
 }
 
 const RbfReport& VolumeMorph::report() const { return impl_->report; }

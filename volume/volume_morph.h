@@ -53,9 +53,13 @@ class VolumeMorph {
   /// as much again for each set.
   std::vector<VolumeMorphResult> morph_each(const std::vector<Points>& surface_positions) const;
 
-  /// The displacement fields that `morph` evaluates, one for each component that has surface nodes.
+  /// The displacement fields that `morph` evaluates, one for each component that has surface nodes;
+  /// of a mesh without a free node one, that of all its nodes.
   /// Throws as `morph` does, and InvalidInputError when the method is not RBF.
   std::vector<RbfField> fields(const Points& surface_positions) const;
+
+  /// Number of these fields; 0 when the method is not RBF.
+  Index field_count() const;
 
   const RbfReport& report() const;
   const std::vector<Index>& surface_nodes() const;

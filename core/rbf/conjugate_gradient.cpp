@@ -1,6 +1,7 @@
 #include "core/rbf/conjugate_gradient.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace cadmorph {
@@ -78,6 +79,7 @@ void project_out(const MatrixXd& P, MatrixXd& r) {
 }
 
 double relative_residual(const MatrixXd& r, const Eigen::VectorXd& allowed) {
+  if (!r.allFinite()) return std::numeric_limits<double>::infinity();
   const Index width = r.cols() % 3 == 0 ? 3 : r.cols();
   double largest = 0;
   for (Index c = 0; c < r.cols(); c += width)

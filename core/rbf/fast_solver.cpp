@@ -126,6 +126,7 @@ struct FastSolver::Impl {
   FastSolution finish(Progression solution) const;
   void correct(const std::vector<MatrixXd>& value_sets, std::vector<FastSolution>& solutions) const;
   VectorXd allowance(const VectorXd& lengths, const MatrixXd& values) const;
+  double in_local_lengths(const MatrixXd& residual, const std::vector<Index>& of) const;
 
   FastOptions options;
   PointOrder order;         // of all points, farthest first
@@ -251,6 +252,14 @@ VectorXd FastSolver::Impl::allowance(const VectorXd& lengths, const MatrixXd& va
   return (options.tolerance * options.unit * lengths).cwiseMax(least);
 }
 
+// Largest residual of these of the given points.
+double FastSolver::Impl::in_local_lengths(const MatrixXd& residual,
+                                          const std::vector<Index>& of) const {
+  VectorXd lengths(ordered_length.size());
+  lengths(order.rows) = ordered_length;
+  return (residual.rowwise().norm().array() / lengths(of).array()).maxCoeff() / options.unit;
+}
+
 Progression FastSolver::Impl::start(const MatrixXd& values) const {
   Progression result;
   result.values = select(values, rows);
@@ -312,7 +321,7 @@ void FastSolver::Impl::verify(Progression& solution, MatrixXd image, bool has_co
   if (far_field(0).exact) {
     const double error = sampled_error(solution, image);
     if (error > 1) {
-      solution.refinement += static_cast<int>(std::ceil(std::log10(10 * error)));
+      solution.refinement += static_cast<int>(std::ceil(std::log10(3 * error)));
       image = far_field(solution.refinement).exact->multiply(solution.weights);
       solution.report.remarks = "finer far field: the usual one was too coarse for some centres";
     }
@@ -323,6 +332,7 @@ void FastSolver::Impl::verify(Progression& solution, MatrixXd image, bool has_co
   solution.report.residual = relative_residual(projected, solution.allowed);
   if (solution.report.residual <= 1) {
     solution.is_solved = true;
+    solution.report.in_local_lengths = in_local_lengths(projected, rows);
   } else if (++solution.restarts > kRestarts || (!has_converged && solution.is_adaptive)) {
     solution.error = "the fast solver reached only " + std::to_string(solution.report.residual) +
                      " times the residual asked in " + std::to_string(solution.report.iterations) +
@@ -352,13 +362,13 @@ void FastSolver::Impl::correct(const std::vector<MatrixXd>& value_sets,
     FastSolution& solution = solutions[s];
     if (!solution.field) continue;
     solution.report.thinned = ordered.rows() - points->rows();
-    const MatrixXd missed =
-        select(value_sets[s], order.rows) - all.evaluate({&*solution.field}).front();
     try {
+      const MatrixXd missed =
+          select(value_sets[s], order.rows) - all.evaluate({&*solution.field}).front();
       auto correction = std::make_shared<const MultiscaleCorrection>(
           ordered, order.separation, missed, allowance(ordered_length, value_sets[s]),
           thinning_distance);
-      solution.report.residual = std::max(solution.report.residual, correction->remainder());
+      solution.report.in_local_lengths = in_local_lengths(correction->remainders(), order.rows);
       if (!correction->is_empty()) solution.field->correction = std::move(correction);
     } catch (const SolverError& error) {
       solution.field.reset();

@@ -21,9 +21,10 @@ struct FastOptions {
 /// What a fast solution took.
 struct FastReport {
   int iterations = 0;
-  double residual = 0;  ///< largest true residual at a centre, in units of its allowance
-  Index thinned = 0;    ///< points left to the multiscale correction
-  std::string remarks;  ///< what was substituted, if anything
+  double residual = 0;          ///< largest true residual at a centre, in units of its allowance
+  double in_local_lengths = 0;  ///< the same in local lengths
+  Index thinned = 0;            ///< points left to the multiscale correction
+  std::string remarks;          ///< what was substituted, if anything
 };
 
 /// A fast solution, or why there is none.

@@ -203,11 +203,4 @@ MatrixXd H2Matrix::multiply(const MatrixXd& weights) const {
   return result;
 }
 
-double H2Matrix::memory() const {
-  double bytes = 8.0 * (tree_.points.size() + skeleton_points_.size());
-  for (const Skeleton& skeleton : skeletons_)
-    bytes += 8.0 * (skeleton.transfer.size() + skeleton.permutation.size());
-  return bytes;
-}
-
 }  // namespace cadmorph

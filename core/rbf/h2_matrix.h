@@ -49,9 +49,6 @@ class H2Matrix {
   Index rank(int node) const { return skeleton_begin_[node + 1] - skeleton_begin_[node]; }
   const Eigen::MatrixXd& skeleton_points() const { return skeleton_points_; }
 
-  /// Bytes held.
-  double memory() const;
-
  private:
   void find_interactions(int a, int b, double separation);
   void find_skeletons(const Eigen::VectorXd& spacing, const H2Options& options);

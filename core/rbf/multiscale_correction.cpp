@@ -15,6 +15,7 @@ using Eigen::MatrixXd;
 
 constexpr double kSupport = 4;  // in spacings of a level
 constexpr int kMaxLevels = 40;
+constexpr int kSweeps = 3;
 constexpr int kMaxIterations = 400;
 
 // Residuals below this part of their allowance call for no correction, and levels are solved to
@@ -96,9 +97,25 @@ std::vector<Index> level_rows(const Points& points, Index count, const MatrixXd&
 
 }  // namespace
 
+// A level's functions reach a little beyond the points that it interpolates: what they leave there
+// is taken by a further sweep.
 MultiscaleCorrection::MultiscaleCorrection(const Points& points,
                                            const std::vector<double>& separation, MatrixXd residual,
                                            const Eigen::VectorXd& allowed, double spacing) {
+  double left = relative_residual(residual, allowed);
+  for (int sweep = 0; sweep < kSweeps && (sweep == 0 || left > 1); ++sweep) {
+    add_levels(points, separation, residual, allowed, spacing);
+    left = relative_residual(residual, allowed);
+  }
+  if (!(left <= 1))
+    throw SolverError("the surface correction leaves " + std::to_string(left) +
+                      " times the residual asked");
+  remainders_ = residual.rowwise().norm();
+}
+
+void MultiscaleCorrection::add_levels(const Points& points, const std::vector<double>& separation,
+                                      MatrixXd& residual, const Eigen::VectorXd& allowed,
+                                      double spacing) {
   const Index n = points.rows();
   Index count = 0;
   for (int level = 0; level < kMaxLevels && count < n; ++level, spacing /= 2) {
@@ -126,7 +143,6 @@ MultiscaleCorrection::MultiscaleCorrection(const Points& points,
     levels_.push_back({{support, centres, solved.weights}, std::move(tree)});
     residual -= evaluate(levels_.back(), points);
   }
-  remainder_ = relative_residual(residual, allowed);
 }
 
 MultiscaleCorrection::MultiscaleCorrection(std::vector<CorrectionLevel> levels) {

@@ -22,7 +22,8 @@ class MultiscaleCorrection {
 
   /// Interpolates `residual` (N x M) at points in farthest-point order, within `allowed` (N). The
   /// first level has the points separated by `spacing`; supports are four times the spacing of a
-  /// level. Throws SolverError when a level does not converge.
+  /// level. Throws SolverError when a level does not converge, or the levels leave more than is
+  /// allowed.
   MultiscaleCorrection(const Points& points, const std::vector<double>& separation,
                        Eigen::MatrixXd residual, const Eigen::VectorXd& allowed, double spacing);
 
@@ -33,8 +34,8 @@ class MultiscaleCorrection {
 
   bool is_empty() const { return levels_.empty(); }
 
-  /// Largest remainder at a point, in units of `allowed`.
-  double remainder() const { return remainder_; }
+  /// What is left at each point after interpolation, N; empty for levels given.
+  const Eigen::VectorXd& remainders() const { return remainders_; }
 
  private:
   struct Level {
@@ -44,8 +45,11 @@ class MultiscaleCorrection {
   static Eigen::MatrixXd evaluate(const Level& level,
                                   const Eigen::Ref<const Eigen::MatrixXd>& targets);
 
+  void add_levels(const Points& points, const std::vector<double>& separation,
+                  Eigen::MatrixXd& residual, const Eigen::VectorXd& allowed, double spacing);
+
   std::vector<Level> levels_;
-  double remainder_ = 0;
+  Eigen::VectorXd remainders_;
 };
 
 }  // namespace cadmorph

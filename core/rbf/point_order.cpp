@@ -25,7 +25,6 @@ class DistanceField {
         maximum_(tree_.nodes().size(), kInfinity) {}
 
   const BoxTree& tree() const { return tree_; }
-  bool is_chosen(Index position) const { return distance_[position] < 0; }
 
   void choose(Index position) {
     distance_[position] = -1;

@@ -51,6 +51,4 @@ std::vector<RowMatrix> RbfTargets::evaluate(const std::vector<RbfField>& fields)
   return impl_->targets.evaluate(unit_fields);
 }
 
-Index RbfTargets::size() const { return impl_->targets.size(); }
-
 }  // namespace cadmorph

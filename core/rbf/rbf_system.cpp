@@ -61,20 +61,13 @@ void require_finite(const RowMatrix& rows, const char* what) {
                               " is not finite");
 }
 
-RowMatrix select_rows(const RowMatrix& from, const std::vector<Index>& rows) {
-  RowMatrix result(static_cast<Index>(rows.size()), from.cols());
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = from.row(rows[i]);
-  return result;
-}
-
 // Local length of each distinct centre: the smallest given among its duplicates, else the distance
 // to its nearest neighbour.
 Eigen::VectorXd local_lengths(const RowMatrix& centres, const DistinctRows& distinct,
                               const Eigen::VectorXd& given) {
   const Index n = static_cast<Index>(distinct.rows.size());
   if (given.size() == 0)
-    return n > 1 ? nearest_distances(select_rows(centres, distinct.rows))
-                 : Eigen::VectorXd::Ones(1);
+    return n > 1 ? nearest_distances(centres(distinct.rows, Eigen::all)) : Eigen::VectorXd::Ones(1);
   Eigen::VectorXd result = Eigen::VectorXd::Constant(n, INFINITY);
   for (Index i = 0; i < given.size(); ++i) {
     if (!(given(i) > 0 && std::isfinite(given(i))))
@@ -130,6 +123,7 @@ struct RbfSystem::Impl {
 
   void set_up_fast();
   void set_up_qr();
+  void require_memory(const RbfReport& report) const;
   std::unique_ptr<DenseSolver> factor_dense(RbfReport& into) const;
   const DenseSolver& fallback(RbfReport& into) const;
   MatrixXd distinct_values(const RowMatrix& values) const;
@@ -153,15 +147,20 @@ struct RbfSystem::Impl {
   std::unique_ptr<FastSolver> fast;
   std::unique_ptr<IncrementalQr> qr;
   RbfReport report;
+  // For value sets that the fast solver failed on, made when first needed.
+  struct Fallback {
+    std::unique_ptr<DenseSolver> dense;
+    RbfReport report;  // solver, condition, and what more the reason has to say
+  };
   mutable std::mutex fallback_mutex;
-  mutable std::unique_ptr<DenseSolver> fallback_;
+  mutable Fallback fallback_;
 };
 
 RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOptions given_options)
     : kernel(given_kernel),
       options(std::move(given_options)),
       distinct(distinct_rows(given)),
-      frame(select_rows(given, distinct.rows)),
+      frame(RowMatrix(given(distinct.rows, Eigen::all))),
       sum(in_units(kernel, frame.unit()), log_scale(kernel, frame.unit())) {
   if (options.local_length.size() != 0 && options.local_length.size() != given.rows())
     throw InvalidInputError("RBF system: " + std::to_string(options.local_length.size()) +
@@ -170,7 +169,7 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
     throw InvalidInputError("RBF system: the tolerance " + scientific(options.tolerance) +
                             " is not positive");
   const Stopwatch watch;
-  centres = std::make_shared<MatrixXd>(frame.to_unit(select_rows(given, distinct.rows)));
+  centres = std::make_shared<MatrixXd>(frame.to_unit(RowMatrix(given(distinct.rows, Eigen::all))));
   local_length = local_lengths(given, distinct, options.local_length);
   P = frame.polynomials(*centres);
   report.centres = centres->rows();
@@ -190,10 +189,10 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
     : kernel(given_kernel),
       options(std::move(given_options)),
       distinct(take<DistinctRows>(archive)),
-      frame(select_rows(given, distinct.rows)),
+      frame(RowMatrix(given(distinct.rows, Eigen::all))),
       sum(in_units(kernel, frame.unit()), log_scale(kernel, frame.unit())) {
   const Stopwatch watch;
-  centres = std::make_shared<MatrixXd>(frame.to_unit(select_rows(given, distinct.rows)));
+  centres = std::make_shared<MatrixXd>(frame.to_unit(RowMatrix(given(distinct.rows, Eigen::all))));
   P = frame.polynomials(*centres);
   archive(local_length, report);
   if (report.solver == SolverKind::Fast)
@@ -233,15 +232,22 @@ void RbfSystem::Impl::set_up_fast() {
   }
 }
 
-std::unique_ptr<DenseSolver> RbfSystem::Impl::factor_dense(RbfReport& into) const {
+// LU and LDL^T hold the kernel matrix beside the saddle matrix that is made of it.
+void RbfSystem::Impl::require_memory(const RbfReport& into) const {
   const double rows = static_cast<double>(centres->rows() + P.cols());
-  const double bytes = 8 * rows * rows;
-  if (bytes > options.memory_limit)
-    throw SolverError("a dense solver for " + std::to_string(centres->rows()) + " centres needs " +
-                      scientific(bytes) + " bytes, more than the " +
-                      scientific(options.memory_limit) +
-                      " allowed; use the fast solver or allow more memory" +
-                      (options.solver == SolverKind::Auto ? " (" + into.reason + ")" : ""));
+  const double bytes = (into.solver == SolverKind::Cholesky ? 8 : 16) * rows * rows;
+  if (bytes <= options.memory_limit) return;
+  const bool is_chosen = into.solver == options.solver;
+  throw SolverError("a dense solver for " + std::to_string(centres->rows()) + " centres needs " +
+                    scientific(bytes) + " bytes, more than the " +
+                    scientific(options.memory_limit) + " allowed; allow more memory" +
+                    (is_chosen && is_triharmonic_3d(kernel, centres->cols())
+                         ? ", or use the fast solver"
+                         : " (" + into.reason + ")"));
+}
+
+std::unique_ptr<DenseSolver> RbfSystem::Impl::factor_dense(RbfReport& into) const {
+  require_memory(into);
   std::unique_ptr<DenseSolver> solver;
   try {
     solver = make_dense_solver(factorisation_of(into.solver), sum.matrix(*centres), P,
@@ -250,6 +256,7 @@ std::unique_ptr<DenseSolver> RbfSystem::Impl::factor_dense(RbfReport& into) cons
     if (options.solver == SolverKind::Cholesky || into.solver != SolverKind::Cholesky) throw;
     into.solver = SolverKind::Ldlt;
     into.reason += "; Cholesky found the system not definite to rounding (centres nearly coincide)";
+    require_memory(into);
     solver = make_dense_solver(Factorisation::Ldlt, sum.matrix(*centres), P, kernel.cpd_sign());
   }
   into.reciprocal_condition = solver->reciprocal_condition();
@@ -258,10 +265,17 @@ std::unique_ptr<DenseSolver> RbfSystem::Impl::factor_dense(RbfReport& into) cons
 
 const DenseSolver& RbfSystem::Impl::fallback(RbfReport& into) const {
   const std::lock_guard lock(fallback_mutex);
-  into.solver = SolverKind::Cholesky;
-  if (!fallback_) fallback_ = factor_dense(into);
-  into.reciprocal_condition = fallback_->reciprocal_condition();
-  return *fallback_;
+  if (!fallback_.dense) {
+    RbfReport report = into;
+    report.solver = SolverKind::Cholesky;
+    fallback_.dense = factor_dense(report);
+    report.reason.erase(0, into.reason.size());
+    fallback_.report = std::move(report);
+  }
+  into.solver = fallback_.report.solver;
+  into.reason += fallback_.report.reason;
+  into.reciprocal_condition = fallback_.report.reciprocal_condition;
+  return *fallback_.dense;
 }
 
 MatrixXd RbfSystem::Impl::distinct_values(const RowMatrix& values) const {
@@ -273,7 +287,7 @@ MatrixXd RbfSystem::Impl::distinct_values(const RowMatrix& values) const {
       throw InvalidInputError("RBF centres " + std::to_string(first) + " and " + std::to_string(i) +
                               " coincide but carry different values");
   }
-  return select_rows(values, distinct.rows);
+  return values(distinct.rows, Eigen::all);
 }
 
 MatrixXd RbfSystem::Impl::residual(const MatrixXd& values, const SaddleSolution& solution) const {
@@ -354,7 +368,7 @@ void RbfSystem::Impl::take_fast(FastSolution solution, Problem& problem) const {
   const FastReport& details = solution.report;
   problem.field = std::move(*solution.field);
   report.iterations = details.iterations;
-  report.max_residual = details.residual * options.tolerance;
+  report.max_residual = details.in_local_lengths;
   if (details.thinned > 0)
     report.reason += "; " + std::to_string(details.thinned) +
                      " closely spaced centres served by the multiscale correction";

@@ -25,8 +25,8 @@ enum class SolverKind {
 struct RbfOptions {
   SolverKind solver = SolverKind::Auto;
   /// Fast solver: residual allowed at each centre, in units of its local length. The default keeps
-  /// the field within 1e-5 local lengths of the dense solvers'. Incremental QR: the root mean
-  /// square of the residuals, in that unit.
+  /// the field within 4e-5 local lengths of the dense solvers' (measured, docs/fast-solver.md).
+  /// Incremental QR: the root mean square of the residuals, in that unit.
   double tolerance = 1e-5;
   /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour
   /// distance.
@@ -128,8 +128,6 @@ class RbfTargets {
   /// Evaluates fields of the system; returns T x M each, to the last bit what RbfField::evaluate
   /// returns. Fields evaluated together share the evaluations of the kernel.
   std::vector<RowMatrix> evaluate(const std::vector<RbfField>& fields) const;
-
-  Index size() const;
 
  private:
   struct Impl;

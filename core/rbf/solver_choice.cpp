@@ -21,9 +21,13 @@ SolverChoice choose_automatically(const Kernel& kernel, bool is_triharmonic, Ind
 
 }  // namespace
 
+bool is_triharmonic_3d(const Kernel& kernel, Index dimension) {
+  return dimension == 3 && kernel.kind == KernelKind::Polyharmonic && kernel.dimension % 2 == 1 &&
+         2 * kernel.order - kernel.dimension == 3;
+}
+
 SolverChoice choose_solver(SolverKind asked, const Kernel& kernel, Index dimension, Index centres) {
-  const bool is_triharmonic = dimension == 3 && kernel.kind == KernelKind::Polyharmonic &&
-                              kernel.dimension % 2 == 1 && 2 * kernel.order - kernel.dimension == 3;
+  const bool is_triharmonic = is_triharmonic_3d(kernel, dimension);
   if (asked == SolverKind::Auto) return choose_automatically(kernel, is_triharmonic, centres);
   if (asked == SolverKind::Cholesky && kernel.cpd_order() > 2)
     throw InvalidInputError(

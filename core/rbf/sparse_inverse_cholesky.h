@@ -41,9 +41,6 @@ class SparseInverseCholesky {
   /// of threads are.
   Eigen::MatrixXd apply(const Eigen::MatrixXd& r) const;
 
-  /// Number of entries of U.
-  Index entries() const { return static_cast<Index>(values_.size()); }
-
  private:
   std::vector<Index> starts_;       // of each column, N + 1
   std::vector<std::int32_t> rows_;  // the point itself first

@@ -28,8 +28,6 @@ class UnitTargets {
   /// threads are.
   std::vector<RowMatrix> evaluate(const std::vector<const UnitField*>& fields) const;
 
-  Index size() const { return count_; }
-
  private:
   const Eigen::MatrixXd& points() const;
   Eigen::MatrixXd sums(const std::vector<const UnitField*>& fields) const;

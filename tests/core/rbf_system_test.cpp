@@ -204,6 +204,12 @@ TEST_CASE("bad arguments are refused with the type that says so", "[core][rbf]")
   REQUIRE_THROWS_AS(
       RbfSystem(centres, kernel, {.solver = SolverKind::Cholesky, .memory_limit = 1000}),
       SolverError);
+  // Room for one matrix of 24 rows, and not for two.
+  REQUIRE_NOTHROW(
+      RbfSystem(centres, kernel, {.solver = SolverKind::Cholesky, .memory_limit = 6000}));
+  for (const SolverKind two : {SolverKind::Lu, SolverKind::Ldlt})
+    REQUIRE_THROWS_AS(RbfSystem(centres, kernel, {.solver = two, .memory_limit = 6000}),
+                      SolverError);
   REQUIRE_THROWS_AS(RbfSystem(centres, Kernel::quadharmonic_3d(), {.solver = SolverKind::Cholesky}),
                     InvalidInputError);
   REQUIRE_THROWS_AS(RbfSystem(centres, Kernel::biharmonic_3d(), {.solver = SolverKind::Fast}),

@@ -141,6 +141,37 @@ TEST_CASE("A shell, all of whose nodes are prescribed, has a field", "[volume][f
   CHECK((field.apply(centre).positions - expected).cwiseAbs().maxCoeff() < 1e-9);
 }
 
+TEST_CASE("The surface of a part with a cavity gives the field of the part", "[volume][field]") {
+  Mesh solid = cube(CellType::Hexahedron, 5);
+  Mesh hollow = solid;
+  hollow.types.clear();
+  hollow.connectivity.clear();
+  hollow.offsets = {0};
+  for (Index c = 0; c < solid.cell_count(); ++c) {
+    Eigen::RowVector3d centre = Eigen::RowVector3d::Zero();
+    for (const Index node : solid.cell(c)) centre += solid.points.row(node) / 8;
+    if ((centre.array() - 0.5).abs().maxCoeff() < 0.1) continue;
+    hollow.types.push_back(CellType::Hexahedron);
+    for (const Index node : solid.cell(c)) hollow.connectivity.push_back(node);
+    hollow.offsets.push_back(static_cast<Index>(hollow.connectivity.size()));
+  }
+  const Boundary boundary = extract_boundary(hollow);
+  Mesh shell;
+  shell.points = rows_of(hollow.points, boundary.nodes);
+  shell.types = boundary.types;
+  shell.offsets = boundary.offsets;
+  for (const Index node : boundary.connectivity)
+    shell.connectivity.push_back(std::ranges::lower_bound(boundary.nodes, node) -
+                                 boundary.nodes.begin());
+  std::vector<Index> all(boundary.nodes.size());
+  std::iota(all.begin(), all.end(), Index{0});
+  const VolumeMorph surface(shell, all), part(hollow, boundary.nodes);
+  CHECK(surface.field_count() == 1);
+  const Points target = mapped(shell.points, bent);
+  const DeformationField field(record_deformation(shell, surface, target, 1));
+  CHECK((field.apply(hollow.points).positions - part.morph(target)).cwiseAbs().maxCoeff() < 1e-10);
+}
+
 TEST_CASE("What is no function of the position has no field", "[volume][field]") {
   Mesh halves = cube(CellType::Tetra, 4);
   set_regions_by_x(halves, 0.5);

@@ -234,6 +234,17 @@ TEST_CASE("Cells inverted in the input cause no further steps", "[volume][steppi
   CHECK(result.positions == plane.mesh.points);
 }
 
+TEST_CASE("Nodes that meet on the way do not cost the morph", "[volume][stepping]") {
+  const Mesh mesh = cube(CellType::Hexahedron, 3);
+  const VolumeMorph morph(mesh, cube_surface(mesh));
+  // Reflected at its centre, where half-way all nodes meet.
+  const Points target =
+      Points::Ones(morph.surface_nodes().size(), 3) - rows_of(mesh.points, morph.surface_nodes());
+  const auto result = morph_in_steps(mesh, morph, target, detect_orientation(mesh));
+  CHECK(result.report.validity.invalid == mesh.cell_count());
+  CHECK(rows_of(result.positions, morph.surface_nodes()) == target);
+}
+
 TEST_CASE("Fewer than one step is refused", "[volume][stepping]") {
   const BlockInPlane plane(10);
   const VolumeMorph morph(plane.mesh, plane.prescribed);

@@ -1,6 +1,7 @@
 #include "volume/volume_morph.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <limits>
 
@@ -24,6 +25,38 @@ Mesh shaken_cube(CellType type) {
   for (std::size_t i = 0; i < surface.size(); ++i) mesh.points.row(surface[i]) = kept.row(i);
   return mesh;
 }
+
+// The unit cube cut half-way through: cells above and below the cut have nodes of their own.
+struct SlitCube {
+  explicit SlitCube(double width)
+      : mesh(cube(CellType::Hexahedron, 6)), first_copy(mesh.node_count()) {
+    surface = cube_surface(mesh);
+    std::vector<Index> copy(static_cast<std::size_t>(first_copy), -1);
+    Points points = mesh.points;
+    for (Index n = 0; n < first_copy; ++n) {
+      if (mesh.points(n, 2) != 0.5 || mesh.points(n, 0) > 0.6) continue;
+      const bool is_surface = std::find(surface.begin(), surface.end(), n) != surface.end();
+      copy[n] = points.rows();
+      points.conservativeResize(points.rows() + 1, 3);
+      points.row(copy[n]) = points.row(n) + Eigen::RowVector3d(0, 0, width);
+      surface.push_back(copy[n]);
+      if (!is_surface) surface.push_back(n);
+      ++copies;
+    }
+    for (Index c = 0; c < mesh.cell_count(); ++c) {
+      double height = 0;
+      for (const Index n : mesh.cell(c)) height += mesh.points(n, 2) / 8;
+      for (Index i = mesh.offsets[c]; height > 0.5 && i < mesh.offsets[c + 1]; ++i)
+        if (copy[mesh.connectivity[i]] >= 0) mesh.connectivity[i] = copy[mesh.connectivity[i]];
+    }
+    mesh.points = points;
+  }
+
+  Mesh mesh;
+  Index first_copy;  ///< nodes from here on are copies
+  Index copies = 0;
+  std::vector<Index> surface;
+};
 
 }  // namespace
 
@@ -106,41 +139,31 @@ TEST_CASE("A mesh that is all surface needs no system", "[volume]") {
 }
 
 TEST_CASE("A slit narrower than rounding allows is morphed like its sides", "[volume]") {
-  // Half-way through the cube: cells above and below the slit have nodes of their own.
-  constexpr double kWidth = 1e-9;
-  Mesh mesh = cube(CellType::Hexahedron, 6);
-  std::vector<Index> surface = cube_surface(mesh);
-  const Index nodes = mesh.node_count();
-  std::vector<Index> copy(static_cast<std::size_t>(nodes), -1);
-  Points points = mesh.points;
-  for (Index n = 0; n < nodes; ++n) {
-    if (mesh.points(n, 2) != 0.5 || mesh.points(n, 0) > 0.6) continue;
-    const bool is_surface = std::find(surface.begin(), surface.end(), n) != surface.end();
-    copy[n] = points.rows();
-    points.conservativeResize(points.rows() + 1, 3);
-    points.row(copy[n]) = points.row(n) + Eigen::RowVector3d(0, 0, kWidth);
-    surface.push_back(copy[n]);
-    if (!is_surface) surface.push_back(n);
-  }
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    double height = 0;
-    for (const Index n : mesh.cell(c)) height += mesh.points(n, 2) / 8;
-    for (Index i = mesh.offsets[c]; height > 0.5 && i < mesh.offsets[c + 1]; ++i)
-      if (copy[mesh.connectivity[i]] >= 0) mesh.connectivity[i] = copy[mesh.connectivity[i]];
-  }
-  mesh.points = points;
+  const SlitCube slit(1e-9);
   const auto bend = [](const Vector3d& x) -> Vector3d {
     return {1.2 * x[0] + 0.1 * x[2], 0.9 * x[1], 1.1 * x[2] - 0.2 * x[0]};
   };
-  const Points all = mapped(points, bend);
+  const Points all = mapped(slit.mesh.points, bend);
   for (const SolverKind solver : {SolverKind::Auto, SolverKind::Cholesky}) {
-    const VolumeMorph morph(mesh, surface, {.rbf = {.solver = solver}});
+    const VolumeMorph morph(slit.mesh, slit.surface, {.rbf = {.solver = solver}});
     RbfReport report;
-    const Points result = morph.morph(rows_of(all, surface), &report);
+    const Points result = morph.morph(rows_of(all, slit.surface), &report);
     CHECK((result - all).cwiseAbs().maxCoeff() < 1e-8);  // as without a slit
-    CHECK(rows_of(result, surface) == rows_of(all, surface));
+    CHECK(rows_of(result, slit.surface) == rows_of(all, slit.surface));
     CHECK(report.reciprocal_condition > 1e-10);
+    CHECK(report.merged == slit.copies);
+    CHECK_THAT(report.reason, Catch::Contains("slit"));
   }
+}
+
+TEST_CASE("The sides of a crack of no width may part", "[volume]") {
+  const SlitCube crack(0);
+  Points target = rows_of(crack.mesh.points, crack.surface);
+  for (Index i = 0; i < target.rows(); ++i)
+    if (crack.surface[i] >= crack.first_copy) target(i, 2) += 1e-3;
+  const Points result = VolumeMorph(crack.mesh, crack.surface).morph(target);
+  CHECK(rows_of(result, crack.surface) == target);
+  CHECK((result - crack.mesh.points).cwiseAbs().maxCoeff() < 2e-3);
 }
 
 TEST_CASE("Wrong surface nodes and positions are refused", "[volume]") {

@@ -55,7 +55,8 @@ HexGradients shape_gradients(double r, double s, double t) {
 // Adds weight * |J| times the products of the gradients J^-T g_i.
 void add_gradients(const MatrixXd& local, const Matrix3d& jacobian, double weight, MatrixXd& K) {
   const double determinant = jacobian.determinant();
-  if (determinant == 0) throw SolverError("FEMWARP: a cell of the base mesh has no volume");
+  if (determinant == 0)
+    throw SolverError("it has no volume, which FEMWARP needs; use --method rbf");
   const MatrixXd gradients = local * jacobian.inverse().transpose();
   K += weight * std::abs(determinant) * gradients * gradients.transpose();
 }
@@ -82,6 +83,17 @@ MatrixXd hexahedron_stiffness(const RowMatrix& nodes, const Corners& corners) {
   return K;
 }
 
+// Names the cell that has none.
+MatrixXd stiffness_of(const Mesh& mesh, Index cell, const RowMatrix& nodes) {
+  try {
+    return laplace_stiffness(mesh.types[cell], nodes);
+  } catch (const SolverError& error) {
+    throw SolverError("cell " + std::to_string(cell) + ": " + error.what());
+  } catch (const InvalidInputError& error) {
+    throw InvalidInputError("cell " + std::to_string(cell) + ": " + error.what());
+  }
+}
+
 class Femwarp final : public Baseline {
  public:
   Femwarp(const Mesh& mesh, const std::vector<Index>& surface_nodes)
@@ -98,7 +110,7 @@ class Femwarp final : public Baseline {
       const auto nodes = mesh.cell(c);
       RowMatrix positions(nodes.size(), 3);
       for (std::size_t i = 0; i < nodes.size(); ++i) positions.row(i) = mesh.points.row(nodes[i]);
-      const MatrixXd K = laplace_stiffness(mesh.types[c], positions);
+      const MatrixXd K = stiffness_of(mesh, c, positions);
       for (std::size_t i = 0; i < nodes.size(); ++i)
         for (std::size_t j = 0; j < nodes.size(); ++j)
           result.emplace_back(nodes[i], nodes[j], K(i, j));

@@ -3,6 +3,7 @@
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseLU>
+#include <mutex>
 
 #include "core/errors.h"
 
@@ -23,6 +24,10 @@ constexpr double kAccuracy = 1e-9;
 
 constexpr int kMostIterations = 2000;
 
+const char* const kSingular =
+    "the linear system of the volume nodes is singular to rounding (elements without volume?); use "
+    "another method, such as --method rbf";
+
 /// A solver of A x = b for many b.
 class LinearSolver {
  public:
@@ -39,6 +44,7 @@ class IterativeSolver final : public LinearSolver {
     iterations_.compute(A_);
   }
   MatrixXd solve(const MatrixXd& rhs) const override {
+    const std::lock_guard lock(mutex_);
     if (iterations_.info() != Eigen::Success && iterations_.info() != Eigen::NoConvergence)
       return MatrixXd::Zero(rhs.rows(), rhs.cols());
     return iterations_.solve(rhs);
@@ -47,6 +53,7 @@ class IterativeSolver final : public LinearSolver {
  private:
   Matrix A_;  // the iterations refer to it
   Iterations iterations_;
+  mutable std::mutex mutex_;  // Eigen's solver keeps its figures in itself
 };
 
 using ConjugateGradients =
@@ -69,8 +76,7 @@ using BiconjugateGradients =
 template <class Factorisation>
 MatrixXd solve_by_factors(const SparseColumns& A, const MatrixXd& rhs) {
   const Factorisation factors(A);
-  if (factors.info() != Eigen::Success)
-    throw SolverError("the linear system of the volume nodes is singular to rounding");
+  if (factors.info() != Eigen::Success) throw SolverError(kSingular);
   return factors.solve(rhs);
 }
 
@@ -139,8 +145,7 @@ struct InteriorSystem::Impl {
       y = symmetry == Symmetry::PositiveDefinite
               ? solve_by_factors<Eigen::SimplicialLDLT<SparseColumns>>(inside, rhs)
               : solve_by_factors<Eigen::SparseLU<SparseColumns>>(inside, rhs);
-      if (!is_accurate(y))
-        throw SolverError("the linear system of the volume nodes is singular to rounding");
+      if (!is_accurate(y)) throw SolverError(kSingular);
     }
     return right.asDiagonal() * y;
   }
