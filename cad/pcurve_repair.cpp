@@ -46,6 +46,7 @@ class FaceRepair {
       if (!period_.isZero(0)) join(wire);
       sharpen_poles(wire);
     }
+    if (period_.minCoeff() > 0 && signed_area() < 0) swap_seams();
   }
 
  private:
@@ -294,6 +295,32 @@ class FaceRepair {
       }
     const Vector2d shift = periods_to(0.5 * (low_ + high_) - 0.5 * (lower + upper));
     for (EdgeUse& use : wire) use.pcurve.shift += shift;
+  }
+
+  // Of the part of the domain to the left of the wires.
+  double signed_area() const {
+    double area = 0;
+    for (const auto& wire : wires_)
+      for (const EdgeUse& use : wire) {
+        constexpr int n = 16;
+        for (int i = 0; i < n; ++i) {
+          const Vector2d a = use.pcurve(parameter(use, static_cast<double>(i) / n)) - middle_,
+                         b = use.pcurve(parameter(use, (i + 1.0) / n)) - middle_;
+          area += (use.is_reversed ? -0.5 : 0.5) * (a.x() * b.y() - a.y() * b.x());
+        }
+      }
+    return area;
+  }
+
+  // Where a face closes both ways, nothing but the sense of its wires tells which use of a seam
+  // lies on which side.
+  void swap_seams() {
+    for (auto& wire : wires_)
+      for (std::size_t i = 0; i < wire.size(); ++i)
+        for (std::size_t j = i + 1; j < wire.size(); ++j)
+          if (wire[i].edge == wire[j].edge && wire[i].is_reversed != wire[j].is_reversed &&
+              edge(wire[i]).is_seam)
+            std::swap(wire[i].pcurve, wire[j].pcurve);
   }
 
   // At a pole a projection finds any parameter. The edges on both sides tell the right one by

@@ -1,6 +1,6 @@
-#include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
+#include <BRepPrimAPI_MakeTorus.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <Geom2dAPI_Interpolate.hxx>
@@ -175,6 +175,22 @@ TEST_CASE("wires that lie a period apart and are joined by edges of no length ar
       check_tube(face);
     }
   }
+}
+
+TEST_CASE("both seams of a torus on the wrong sides are put right", "[cad][pcurves]") {
+  const TopoDS_Shape torus = BRepPrimAPI_MakeTorus(20, 6).Solid();
+  const TopoDS_Face face =
+      TopoDS::Face(TopExp_Explorer(torus, TopAbs_FACE).Current().Oriented(TopAbs_FORWARD));
+  for (const TopoDS_Edge& edge : edges_of(face)) {
+    if (edge.Orientation() == TopAbs_REVERSED) continue;
+    double first, last;
+    const auto one = BRep_Tool::CurveOnSurface(edge, face, first, last);
+    const auto two = BRep_Tool::CurveOnSurface(TopoDS::Edge(edge.Reversed()), face, first, last);
+    BRep_Builder().UpdateEdge(edge, two, one, face, 1e-7);
+  }
+  const CadModel model = to_model(face);
+  CHECK(model.is_inside(0, {1, 2}));
+  CHECK(model.diagonal() == Approx(std::hypot(52, 52, 12)).epsilon(1e-3));
 }
 
 TEST_CASE("a pcurve that leaves its edge is made anew", "[cad][pcurves]") {
