@@ -72,11 +72,8 @@ class ParameterWarp {
     const auto& samples = domain_.samples();
     image_.resize(static_cast<Index>(samples.size()), 2);
     for (std::size_t i = 0; i < samples.size(); ++i) {
+      if (is_pole(i)) continue;
       const CadCoedge& coedge = pair_.base.coedges()[samples[i].coedge];
-      if (pair_.base.edges()[coedge.edge].is_degenerate) {
-        if (!map_pole(static_cast<Index>(i))) return false;
-        continue;
-      }
       const int curve = pair_.base.skeleton().curve_of_edge[coedge.edge];
       const CurveLocation l = maps_[curve]({coedge.edge, samples[i].t});
       const int c = find_coedge(pair_.variant, variant_id_, l.edge,
@@ -84,28 +81,68 @@ class ParameterWarp {
       if (c < 0) return false;
       image_.row(static_cast<Index>(i)) = wire_parameters(pair_.variant, c, l.t);
     }
+    for (std::size_t i = 0; i < samples.size();) {
+      std::size_t end = i + 1;
+      while (end < samples.size() && samples[end].coedge == samples[i].coedge) ++end;
+      if (is_pole(i) && !map_pole(i, end)) return false;
+      i = end;
+    }
     return true;
   }
 
-  // A pole maps to the variant's pole nearest to the prediction, by relative parameter along it.
-  bool map_pole(Index i) {
-    const auto& sample = domain_.samples()[static_cast<std::size_t>(i)];
-    const CadEdge& from = pair_.base.edges()[pair_.base.coedges()[sample.coedge].edge];
-    const double s = (sample.t - from.first) / (from.last - from.first);
-    const Vector3d at = pair_.prediction(pair_.base.evaluate(domain_.face(), sample.uv).point);
+  // A pole maps to the variant's pole nearest to the prediction, by relative parameter along it, in
+  // the sense of the curves that end there.
+  bool map_pole(std::size_t begin, std::size_t end) {
+    const auto& samples = domain_.samples();
+    const Vector2d uv = samples[begin].uv;
+    const Vector3d at = pair_.prediction(pair_.base.evaluate(domain_.face(), uv).point);
+    int pole = -1;
     double least = 1e300;
     for (const auto& wire : variant_.wires)
       for (const int c : wire) {
         const CadEdge& e = pair_.variant.edges()[pair_.variant.coedges()[c].edge];
         if (!e.is_degenerate || fills_gap(pair_.variant, c)) continue;
-        const Vector2d uv = pair_.variant.pcurve(c, e.first + s * (e.last - e.first));
-        const double d = (pair_.variant.evaluate(variant_id_, uv).point - at).squaredNorm();
+        const Vector2d there = pair_.variant.pcurve(c, e.first);
+        const double d = (pair_.variant.evaluate(variant_id_, there).point - at).squaredNorm();
         if (d < least) {
           least = d;
-          image_.row(i) = uv;
+          pole = c;
         }
       }
-    return least < 1e300;
+    if (pole < 0) return false;
+    const CadEdge& from = pair_.base.edges()[pair_.base.coedges()[samples[begin].coedge].edge];
+    const CadEdge& to = pair_.variant.edges()[pair_.variant.coedges()[pole].edge];
+    const bool is_reversed = runs_backward(samples[begin].coedge, pole);
+    for (std::size_t i = begin; i < end; ++i) {
+      const double s = (samples[i].t - from.first) / (from.last - from.first);
+      image_.row(static_cast<Index>(i)) =
+          pair_.variant.pcurve(pole, to.first + (is_reversed ? 1 - s : s) * (to.last - to.first));
+    }
+    return true;
+  }
+
+  // Whether the images of the samples nearest to the ends of a pole lie the other way round.
+  bool runs_backward(int pole, int variant_pole) const {
+    const CadEdge& from = pair_.base.edges()[pair_.base.coedges()[pole].edge];
+    const CadEdge& to = pair_.variant.edges()[pair_.variant.coedges()[variant_pole].edge];
+    const Vector2d along =
+        pair_.variant.pcurve(variant_pole, to.last) - pair_.variant.pcurve(variant_pole, to.first);
+    const auto first = nearest_image(pair_.base.pcurve(pole, from.first)),
+               last = nearest_image(pair_.base.pcurve(pole, from.last));
+    return first && last && along.dot(*last - *first) < 0;
+  }
+
+  std::optional<Vector2d> nearest_image(const Vector2d& uv) const {
+    const Vector2d size = base_.upper - base_.lower;
+    std::optional<Vector2d> image;
+    double least = 1e300;
+    for (std::size_t i = 0; i < domain_.samples().size(); ++i) {
+      const double d = (domain_.samples()[i].uv - uv).cwiseQuotient(size).squaredNorm();
+      if (is_pole(i) || d >= least) continue;
+      least = d;
+      image = image_.row(static_cast<Index>(i));
+    }
+    return image;
   }
 
   bool is_pole(std::size_t i) const {

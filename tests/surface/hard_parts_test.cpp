@@ -4,6 +4,7 @@
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
+#include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
@@ -223,6 +224,26 @@ TEST_CASE("a groove between plane walls follows a twist of the part", "[surface]
       CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
     }
   }
+}
+
+TEST_CASE("rounded corners follow a twist where the variant's u runs the other way",
+          "[surface][pole]") {
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(30, 20, 10)).Solid();
+  BRepFilletAPI_MakeFillet rounding(box);
+  for (TopExp_Explorer it(box, TopAbs_EDGE); it.More(); it.Next())
+    rounding.Add(3, TopoDS::Edge(it.Current()));
+  const TopoDS_Shape base = rounding.Shape();
+  const auto twist = [](const Vector3d& x) -> Vector3d {
+    return Eigen::AngleAxisd(0.01 * x.x(), Vector3d::UnitX()) * x;
+  };
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.1));
+  const Shuffled variant = shuffle(
+      warped(base, twist),
+      {.seed = 1, .is_order_shuffled = false, .has_reversed_surfaces = true, .probability = 1});
+  // The reader makes degenerate edges of its own, which run with u.
+  const auto result = morph_surface(c, through_step(variant.shape));
+  const Points expected = images(surface_points(c.boundary, c.mesh.points), twist);
+  CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
 }
 
 TEST_CASE("a pcurve that runs unevenly along its edge moves no node", "[surface][pcurves]") {
