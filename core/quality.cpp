@@ -315,18 +315,6 @@ QualityReport merge(const std::vector<Part>& parts) {
   return report;
 }
 
-void check_points(const Mesh& mesh, const Points& points) {
-  if (points.rows() != mesh.node_count())
-    throw InvalidInputError("quality of a mesh of " + std::to_string(mesh.node_count()) +
-                            " nodes asked for with " + std::to_string(points.rows()) +
-                            " node positions");
-  if (points.allFinite()) return;
-  for (Index n = 0; n < points.rows(); ++n)
-    if (!points.row(n).allFinite())
-      throw InvalidInputError("quality asked for, but the position of node " + std::to_string(n) +
-                              " is not finite");
-}
-
 }  // namespace
 
 double scaled_jacobian(const Mesh& mesh, const Points& points, Index c) {
@@ -355,9 +343,21 @@ Orientation detect_orientation(const Mesh& mesh) {
   return orientation;
 }
 
+void check_positions(const Mesh& mesh, const Points& points) {
+  if (points.rows() != mesh.node_count())
+    throw InvalidInputError("quality of a mesh of " + std::to_string(mesh.node_count()) +
+                            " nodes asked for with " + std::to_string(points.rows()) +
+                            " node positions");
+  if (points.allFinite()) return;
+  for (Index n = 0; n < points.rows(); ++n)
+    if (!points.row(n).allFinite())
+      throw InvalidInputError("quality asked for, but the position of node " + std::to_string(n) +
+                              " is not finite");
+}
+
 QualityReport measure_quality(const Mesh& mesh, const Points& points,
                               const Orientation& orientation) {
-  check_points(mesh, points);
+  check_positions(mesh, points);
   const int measured = dimension(mesh);
   std::vector<double> values(mesh.cell_count(), std::numeric_limits<double>::quiet_NaN());
   std::vector<Part> parts((mesh.cell_count() + kGrain - 1) / kGrain);

@@ -34,6 +34,9 @@ struct QualityReport {
 using Orientation = std::vector<int>;
 Orientation detect_orientation(const Mesh& mesh);
 
+/// Throws InvalidInputError when `points` are not as many as the mesh's nodes or not all finite.
+void check_positions(const Mesh& mesh, const Points& points);
+
 /// Measures all cells of highest dimension at node positions `points` (N x 3). A cell counts as
 /// inverted when any sampled Jacobian determinant, times the orientation of its type, is not
 /// positive: at the corners, in quadratic cells at all nodes and the centre (docs/quality.md).

@@ -201,6 +201,7 @@ void test_cells(const Mesh& mesh, const Points& points, const Orientation& orien
 
 ValidityReport check_validity(const Mesh& mesh, const Points& points,
                               const Orientation& orientation) {
+  check_positions(mesh, points);
   std::vector<Sign> signs(mesh.cell_count(), Sign::Positive);
   parallel_for(mesh.cell_count(), 4096, [&](Index begin, Index end) {
     test_cells(mesh, points, orientation, begin, end, signs);

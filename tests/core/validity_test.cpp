@@ -205,4 +205,14 @@ TEST_CASE("Invalid cells are named in ascending order", "[core][validity]") {
   CHECK(report.undecided == 0);
 }
 
+TEST_CASE("Positions that do not fit the mesh have no validity", "[core][validity]") {
+  const Mesh mesh = cube(CellType::Hexahedron, 2);
+  const Orientation orientation = detect_orientation(mesh);
+  const Points few = mesh.points.topRows(8);
+  REQUIRE_THROWS_AS(check_validity(mesh, few, orientation), InvalidInputError);
+  Points points = mesh.points;
+  points(13, 2) = std::numeric_limits<double>::quiet_NaN();
+  REQUIRE_THROWS_WITH(check_validity(mesh, points, orientation), Catch::Contains("node 13"));
+}
+
 }  // namespace cadmorph
