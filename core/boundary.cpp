@@ -1,152 +1,26 @@
 #include "core/boundary.h"
 
+#include <oneapi/tbb/enumerable_thread_specific.h>
 #include <oneapi/tbb/parallel_sort.h>
 
 #include <algorithm>
-#include <atomic>
+#include <optional>
 #include <string>
+#include <utility>
 
-#include "core/cell_topology.h"
+#include "core/cell_faces.h"
 #include "core/errors.h"
-#include "core/parallel.h"
 #include "core/quality.h"
 
 namespace cadmorph {
 namespace {
 
-constexpr Index kGrain = 1 << 14;  // cells or nodes a task: about a millisecond
-
-/// A face of a cell: cell id and number of the face in it, in one integer that sorts by both.
-class FaceId {
- public:
-  FaceId() = default;
-  FaceId(Index cell, Index local) : id_(cell << kBits | local) {}
-  Index cell() const { return id_ >> kBits; }
-  Index local() const { return id_ & (kLimit - 1); }
-  auto operator<=>(const FaceId&) const = default;
-
-  static constexpr int kBits = 20;
-  static constexpr Index kLimit = Index{1} << kBits;
-
- private:
-  Index id_ = 0;
-};
-
-/// A face in the bucket of its smallest node id.
-struct Record {
-  std::uint64_t hash;  ///< of its corner ids
-  FaceId face;
-  auto operator<=>(const Record&) const = default;
-};
-
 /// A face to keep, with the cell on its other side (-1: none).
 struct Kept {
-  FaceId face;
+  CellFace face;
   Index neighbour;
   bool operator<(const Kept& other) const { return face < other.face; }
 };
-
-std::uint64_t hash_of(const std::vector<Index>& corners) {
-  std::uint64_t h = corners.size();
-  for (Index node : corners) {  // the finaliser of splitmix64
-    h ^= static_cast<std::uint64_t>(node) + 0x9e3779b97f4a7c15u;
-    h = (h ^ (h >> 30)) * 0xbf58476d1ce4e5b9u;
-    h = (h ^ (h >> 27)) * 0x94d049bb133111ebu;
-    h ^= h >> 31;
-  }
-  return h;
-}
-
-/// Sorts node ids and drops repeated ones: a collapsed quad then equals the triangle it meets.
-void normalise(std::vector<Index>& corners) {
-  if (corners.size() == 3) {
-    if (corners[0] > corners[1]) std::swap(corners[0], corners[1]);
-    if (corners[1] > corners[2]) std::swap(corners[1], corners[2]);
-    if (corners[0] > corners[1]) std::swap(corners[0], corners[1]);
-  } else {
-    std::ranges::sort(corners);
-  }
-  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
-}
-
-void take_corners(std::span<const Index> cell, const LocalFace& face, std::vector<Index>& corners) {
-  corners.resize(corner_count(face.type, face.count));
-  for (std::size_t i = 0; i < corners.size(); ++i) corners[i] = cell[face.nodes[i]];
-}
-
-/// Calls visit(face, corners) for the faces of solid cell `c` that have an area; `corners` are
-/// ascending node ids, in `scratch`.
-template <class Visit>
-void for_each_face(const Mesh& mesh, Index c, std::vector<Index>& scratch, Visit&& visit) {
-  Index local = 0;
-  const auto take = [&] {
-    normalise(scratch);
-    if (local >= FaceId::kLimit)
-      throw InvalidInputError("polyhedron cell " + std::to_string(c) + " has more than " +
-                              std::to_string(FaceId::kLimit) + " faces");
-    if (scratch.size() >= 3) visit(FaceId(c, local), scratch);
-    ++local;
-  };
-  if (mesh.types[c] == CellType::Polyhedron) {
-    for_each_polyhedron_face(mesh, c, [&](std::span<const Index> nodes) {
-      scratch.assign(nodes.begin(), nodes.end());
-      take();
-    });
-    return;
-  }
-  const auto cell = mesh.cell(c);
-  for (const LocalFace& face : local_faces(mesh.types[c])) {
-    take_corners(cell, face, scratch);
-    take();
-  }
-}
-
-/// The faces of all solid cells, bucket by bucket of their smallest node id.
-struct Buckets {
-  std::vector<Index> offsets;  ///< nodes + 1
-  std::vector<Record> records;
-};
-
-template <class Visit>
-void for_all_faces(const Mesh& mesh, Visit&& visit) {
-  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
-    std::vector<Index> scratch;
-    for (Index c = begin; c < end; ++c) for_each_face(mesh, c, scratch, visit);
-  });
-}
-
-Buckets make_buckets(const Mesh& mesh) {
-  const Index nodes = mesh.node_count();
-  std::vector<std::atomic<Index>> next(nodes);
-  for_all_faces(mesh, [&](FaceId, const std::vector<Index>& corners) {
-    next[corners.front()].fetch_add(1, std::memory_order_relaxed);
-  });
-  Buckets buckets{std::vector<Index>(nodes + 1, 0), {}};
-  for (Index n = 0; n < nodes; ++n) {
-    buckets.offsets[n + 1] = buckets.offsets[n] + next[n];
-    next[n] = buckets.offsets[n];
-  }
-  buckets.records.resize(buckets.offsets.back());
-  for_all_faces(mesh, [&](FaceId face, const std::vector<Index>& corners) {
-    const Index at = next[corners.front()].fetch_add(1, std::memory_order_relaxed);
-    buckets.records[at] = {hash_of(corners), face};
-  });
-  return buckets;
-}
-
-/// Sorted corners of one face.
-void find_corners(const Mesh& mesh, FaceId wanted, std::vector<Index>& corners) {
-  if (mesh.types[wanted.cell()] == CellType::Polyhedron) {
-    Index local = 0;
-    for_each_polyhedron_face(mesh, wanted.cell(), [&](std::span<const Index> nodes) {
-      if (local++ == wanted.local()) corners.assign(nodes.begin(), nodes.end());
-    });
-  } else {
-    take_corners(mesh.cell(wanted.cell()), local_faces(mesh.types[wanted.cell()])[wanted.local()],
-                 corners);
-  }
-  normalise(corners);
-}
 
 std::string joined(const std::vector<Index>& ids) {
   std::string text;
@@ -154,76 +28,33 @@ std::string joined(const std::vector<Index>& ids) {
   return text;
 }
 
-[[noreturn]] void fail_shared(const Mesh& mesh, std::span<const Record> group) {
-  std::vector<Index> cells, corners;
-  find_corners(mesh, group[0].face, corners);
-  for (const Record& record : group) cells.push_back(record.face.cell());
+[[noreturn]] void fail_shared(const Mesh& mesh, std::span<const CellFace> faces) {
+  const Facet facet = cell_facets(mesh, faces[0].cell())[faces[0].local()];
+  std::vector<Index> corners(facet.nodes);
+  corners.resize(corner_count(facet.type, std::ssize(facet.nodes)));
+  std::vector<Index> cells;
+  for (const CellFace face : faces) cells.push_back(face.cell());
   throw InvalidInputError("more than two cells share the face of nodes" + joined(corners) +
                           ": cells" + joined(cells) +
                           "; remove duplicate or overlapping cells from the mesh");
 }
 
-/// Decides on the face that `group`, all records with the same corners, stands for.
-void keep_face(const Mesh& mesh, std::span<const Record> group, std::vector<Kept>& kept) {
-  if (group.size() > 2) fail_shared(mesh, group);
-  FaceId a = group[0].face;
-  if (group.size() == 1) {
-    kept.push_back({a, -1});
-    return;
-  }
-  FaceId b = group[1].face;
-  if (mesh.region(a.cell()) == mesh.region(b.cell())) return;
+/// The face to keep of those that have the same corners, if any.
+std::optional<Kept> kept_face(const Mesh& mesh, std::span<const CellFace> faces) {
+  if (faces.size() > 2) fail_shared(mesh, faces);
+  CellFace a = faces[0];
+  if (faces.size() == 1) return Kept{a, -1};
+  CellFace b = faces[1];
+  if (mesh.region(a.cell()) == mesh.region(b.cell())) return {};
   if (mesh.region(b.cell()) < mesh.region(a.cell())) std::swap(a, b);
-  kept.push_back({a, b.cell()});
+  return Kept{a, b.cell()};
 }
-
-/// Goes through buckets of faces; its memory is reused from one to the next.
-class Scanner {
- public:
-  Scanner(const Mesh& mesh, std::vector<Kept>& kept) : mesh_(mesh), kept_(kept) {}
-
-  /// Decides on all faces of one bucket.
-  void scan(std::span<Record> bucket) {
-    std::sort(bucket.begin(), bucket.end());
-    for (auto begin = bucket.begin(); begin != bucket.end();) {
-      auto end = begin + 1;
-      while (end != bucket.end() && end->hash == begin->hash) ++end;
-      split({begin, end});
-      begin = end;
-    }
-  }
-
- private:
-  /// Splits records of equal hash, should different corners collide, and decides on each part.
-  void split(std::span<Record> group) {
-    while (!group.empty()) {
-      auto end = group.begin() + 1;
-      if (group.size() > 1) {
-        find_corners(mesh_, group[0].face, corners_);
-        end = std::partition(end, group.end(), [&](const Record& other) {
-          find_corners(mesh_, other.face, other_corners_);
-          return other_corners_ == corners_;
-        });
-      }
-      keep_face(mesh_, {group.begin(), end}, kept_);
-      group = {end, group.end()};
-    }
-  }
-
-  const Mesh& mesh_;
-  std::vector<Kept>& kept_;
-  std::vector<Index> corners_, other_corners_;
-};
 
 /// Faces used by one cell, and those between regions, in the order of their cells.
 std::vector<Kept> select_faces(const Mesh& mesh) {
-  Buckets buckets = make_buckets(mesh);
-  std::vector<std::vector<Kept>> parts((mesh.node_count() + kGrain - 1) / kGrain);
-  parallel_for(mesh.node_count(), kGrain, [&](Index begin, Index end) {
-    Scanner scanner(mesh, parts[begin / kGrain]);
-    const auto records = buckets.records.begin();
-    for (Index n = begin; n < end; ++n)
-      scanner.scan({records + buckets.offsets[n], records + buckets.offsets[n + 1]});
+  tbb::enumerable_thread_specific<std::vector<Kept>> parts;
+  for_each_shared_face(mesh, [&](std::span<const CellFace> faces) {
+    if (const auto face = kept_face(mesh, faces)) parts.local().push_back(*face);
   });
   std::vector<Kept> kept;
   for (const auto& part : parts) kept.insert(kept.end(), part.begin(), part.end());

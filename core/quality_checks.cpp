@@ -1,7 +1,5 @@
 #include "core/quality_checks.h"
 
-#include <oneapi/tbb/parallel_sort.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -9,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/cell_faces.h"
 #include "core/cell_topology.h"
 #include "core/parallel.h"
 
@@ -21,52 +20,40 @@ using Eigen::Vector3d;
 constexpr double kSevereNonOrthogonality = 70;
 constexpr double kHighSkewness = 4;
 constexpr double kHighAspectRatio = 1000;
+// Its smallest face size for the skewness: in the distance of the two centres, and in that from the
+// centre to a face on the outside.
+constexpr double kInside = 0.2, kOutside = 0.4;
 
 constexpr Index kGrain = 2048;  // cells a task
 
-// Calls visit(local_face, corner_nodes) for each face of solid cell c, in the order of cell_facets.
-template <class Visit>
-void for_each_face(const Mesh& mesh, Index c, Visit&& visit) {
-  int local = 0;
-  if (mesh.types[c] == CellType::Polyhedron) {
-    for_each_polyhedron_face(mesh, c, [&](std::span<const Index> face) { visit(local++, face); });
-    return;
-  }
-  const auto cell = mesh.cell(c);
-  std::array<Index, 4> corners;
-  for (const LocalFace& face : local_faces(mesh.types[c])) {
-    const auto count = static_cast<std::size_t>(corner_count(face.type, face.count));
-    for (std::size_t i = 0; i < count; ++i) corners[i] = cell[face.nodes[i]];
-    visit(local++, std::span<const Index>(corners.data(), count));
-  }
-}
+// A mesh at some node positions.
+struct PlacedMesh {
+  const Mesh& mesh;
+  const Points& points;
+  const CellNeighbours& neighbours;
+  const Orientation& orientation;
 
-bool is_solid(const Mesh& mesh, Index c) { return dimension(mesh.types[c]) == 3; }
+  bool is_solid(Index c) const { return dimension(mesh.types[c]) == 3; }
+  double sign(Index c) const { return orientation.at(static_cast<std::size_t>(mesh.types[c])); }
 
-// One face of one cell, by a number that does not depend on the order of its nodes. Two faces of a
-// mesh of 10^8 share one by chance with a probability below 10^-3, and then one figure is off.
-struct FaceKey {
-  std::uint64_t key;
-  std::uint32_t cell;
-  std::uint32_t local;
-  bool operator<(const FaceKey& other) const {
-    return key != other.key ? key < other.key : cell < other.cell;
+  // Calls visit(neighbour, corner_nodes) for each face of solid cell c that has three corners.
+  template <class Visit>
+  void for_each_face(Index c, Visit&& visit) const {
+    const Index* other = neighbours.neighbour.data() + neighbours.offsets[c];
+    const auto take = [&](std::span<const Index> corners) {
+      if (*other != c) visit(*other, corners);
+      ++other;
+    };
+    if (mesh.types[c] == CellType::Polyhedron) return for_each_polyhedron_face(mesh, c, take);
+    const auto cell = mesh.cell(c);
+    std::array<Index, 4> corners;
+    for (const LocalFace& face : local_faces(mesh.types[c])) {
+      const auto count = static_cast<std::size_t>(corner_count(face.type, face.count));
+      for (std::size_t i = 0; i < count; ++i) corners[i] = cell[face.nodes[i]];
+      take({corners.data(), count});
+    }
   }
 };
-
-std::uint64_t mix(std::uint64_t x) {
-  x ^= x >> 31;
-  x *= 0x7fb5d329728ea185;
-  x ^= x >> 27;
-  x *= 0x81dadef4bc2dd44d;
-  return x ^ (x >> 33);
-}
-
-std::uint64_t key_of(std::span<const Index> nodes) {
-  std::uint64_t sum = 0;
-  for (const Index node : nodes) sum += mix(static_cast<std::uint64_t>(node) + 1);
-  return sum;
-}
 
 // Centre and area vector of a polygon, split around the mean of its corners.
 struct FaceShape {
@@ -98,17 +85,17 @@ struct CellShape {
   Vector3d projection = Vector3d::Zero();  ///< sums of |area components|
 };
 
-CellShape cell_shape(const Mesh& mesh, const Points& points, Index c, double sign) {
+CellShape cell_shape(const PlacedMesh& placed, Index c) {
   std::vector<FaceShape> faces;
   Vector3d guess = Vector3d::Zero();
-  for_each_face(mesh, c, [&](int, std::span<const Index> nodes) {
-    faces.push_back(face_shape(points, nodes));
+  placed.for_each_face(c, [&](Index, std::span<const Index> nodes) {
+    faces.push_back(face_shape(placed.points, nodes));
     guess += faces.back().centre;
   });
-  guess /= static_cast<double>(faces.size());
+  guess /= static_cast<double>(std::max<std::size_t>(faces.size(), 1));
   CellShape cell;
   for (const FaceShape& face : faces) {
-    const double volume = sign * face.area.dot(face.centre - guess) / 3;
+    const double volume = placed.sign(c) * face.area.dot(face.centre - guess) / 3;
     cell.volume += volume;
     cell.centre += volume * (0.75 * face.centre + 0.25 * guess);
     cell.projection += face.area.cwiseAbs();
@@ -117,33 +104,26 @@ CellShape cell_shape(const Mesh& mesh, const Points& points, Index c, double sig
   return cell;
 }
 
-std::vector<CellShape> cell_shapes(const Mesh& mesh, const Points& points,
-                                   const Orientation& orientation) {
-  std::vector<CellShape> shapes(mesh.cell_count());
-  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
+std::vector<CellShape> cell_shapes(const PlacedMesh& placed) {
+  std::vector<CellShape> shapes(placed.mesh.cell_count());
+  parallel_for(placed.mesh.cell_count(), kGrain, [&](Index begin, Index end) {
     for (Index c = begin; c < end; ++c)
-      if (is_solid(mesh, c))
-        shapes[c] =
-            cell_shape(mesh, points, c, orientation[static_cast<std::size_t>(mesh.types[c])]);
+      if (placed.is_solid(c)) shapes[c] = cell_shape(placed, c);
   });
   return shapes;
 }
 
-double angle_deg(const Vector3d& a, const Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), std::abs(a.dot(b))) * 180 / std::numbers::pi;
-}
-
 // Distance of the face centre from where the line along `d` from `from` meets the face, in sizes of
-// the face seen in that direction.
+// the face seen in that direction, which count as `least` at least.
 double skewness(const Points& points, std::span<const Index> nodes, const FaceShape& face,
-                const Vector3d& from, const Vector3d& d) {
+                const Vector3d& from, const Vector3d& d, double least) {
   const Vector3d to_face = face.centre - from;
   const double along = face.area.dot(d);
   if (along == 0) return std::numeric_limits<double>::infinity();
   const Vector3d offset = to_face - face.area.dot(to_face) / along * d;
   const double length = offset.norm();
   if (length == 0) return 0;
-  double size = 0.2 * d.norm();
+  double size = least;
   for (const Index node : nodes)
     size =
         std::max(size, std::abs(offset.dot(points.row(node).transpose() - face.centre)) / length);
@@ -151,6 +131,7 @@ double skewness(const Points& points, std::span<const Index> nodes, const FaceSh
 }
 
 double aspect_ratio(const CellShape& cell) {
+  if (cell.projection.minCoeff() == 0) return std::numeric_limits<double>::infinity();
   const double by_projection = cell.projection.maxCoeff() / cell.projection.minCoeff();
   const double by_volume = cell.projection.sum() / 6 / std::pow(std::abs(cell.volume), 2.0 / 3);
   return std::max(by_projection, by_volume);
@@ -159,13 +140,15 @@ double aspect_ratio(const CellShape& cell) {
 // The figures of some cells and the faces they own.
 struct Part {
   QualityChecks checks;
-  double angles = 0;
+  double cosines = 0;  ///< of the angles of `internal` faces
   Index internal = 0;
 
   Part() { checks.min_volume = std::numeric_limits<double>::infinity(); }
 
-  void add_angle(double angle, Index cell) {
-    angles += angle;
+  void add_angle(const Vector3d& normal, const Vector3d& d, Index cell) {
+    const double radians = std::atan2(normal.cross(d).norm(), normal.dot(d));
+    const double angle = radians * 180 / std::numbers::pi;
+    cosines += std::cos(radians);
     ++internal;
     if (angle > kSevereNonOrthogonality) ++checks.severely_non_orthogonal;
     if (angle <= checks.max_non_orthogonality_deg) return;
@@ -189,7 +172,7 @@ struct Part {
 
   void merge(const Part& other) {
     const QualityChecks& from = other.checks;
-    angles += other.angles;
+    cosines += other.cosines;
     internal += other.internal;
     checks.severely_non_orthogonal += from.severely_non_orthogonal;
     checks.highly_skew += from.highly_skew;
@@ -210,21 +193,21 @@ struct Part {
   }
 };
 
-void check_faces(const Mesh& mesh, const Points& points, const CellNeighbours& neighbours,
-                 const std::vector<CellShape>& cells, Index c, Part& part) {
-  for_each_face(mesh, c, [&](int local, std::span<const Index> nodes) {
-    const Index other = neighbours.neighbour[neighbours.offsets[c] + local];
+void check_faces(const PlacedMesh& placed, const std::vector<CellShape>& cells, Index c,
+                 Part& part) {
+  placed.for_each_face(c, [&](Index other, std::span<const Index> nodes) {
     if (other >= 0 && other < c) return;  // done from the other side
-    const FaceShape face = face_shape(points, nodes);
+    const FaceShape face = face_shape(placed.points, nodes);
+    if (face.area.isZero(0)) return;
     const Vector3d from = cells[c].centre;
-    Vector3d d;
     if (other >= 0) {
-      d = cells[other].centre - from;
-      part.add_angle(angle_deg(face.area, d), c);
+      const Vector3d d = cells[other].centre - from;
+      part.add_angle(placed.sign(c) * face.area, d, c);
+      part.add_skewness(skewness(placed.points, nodes, face, from, d, kInside * d.norm()), c);
     } else {
-      d = face.area * (face.area.dot(face.centre - from) / face.area.squaredNorm());
+      const Vector3d d = face.area * (face.area.dot(face.centre - from) / face.area.squaredNorm());
+      part.add_skewness(skewness(placed.points, nodes, face, from, d, kOutside * d.norm()), c);
     }
-    part.add_skewness(skewness(points, nodes, face, from, d), c);
   });
 }
 
@@ -240,45 +223,43 @@ CellNeighbours find_cell_neighbours(const Mesh& mesh) {
     else
       faces = static_cast<Index>(local_faces(mesh.types[c]).size());
     result.offsets[c + 1] = result.offsets[c] + faces;
+    // Each face has the cell itself as neighbour until it is found to have corners.
+    result.neighbour.insert(result.neighbour.end(), faces, c);
   }
-  std::vector<FaceKey> keys(result.offsets.back());
-  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
-    for (Index c = begin; c < end; ++c)
-      if (is_solid(mesh, c))
-        for_each_face(mesh, c, [&](int local, std::span<const Index> nodes) {
-          keys[result.offsets[c] + local] = {key_of(nodes), static_cast<std::uint32_t>(c),
-                                             static_cast<std::uint32_t>(local)};
-        });
+  for_each_shared_face(mesh, [&](std::span<const CellFace> faces) {
+    const auto neighbour = [&](CellFace face) -> Index& {
+      return result.neighbour[result.offsets[face.cell()] + face.local()];
+    };
+    for (const CellFace face : faces) neighbour(face) = -1;
+    if (faces.size() < 2) return;
+    neighbour(faces[0]) = faces[1].cell();
+    neighbour(faces[1]) = faces[0].cell();
   });
-  tbb::parallel_sort(keys.begin(), keys.end());
-  result.neighbour.assign(keys.size(), -1);
-  for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
-    const FaceKey &a = keys[i], &b = keys[i + 1];
-    if (a.key != b.key) continue;
-    result.neighbour[result.offsets[a.cell] + a.local] = b.cell;
-    result.neighbour[result.offsets[b.cell] + b.local] = a.cell;
-    ++i;
-  }
   return result;
 }
 
 QualityChecks check_quality(const Mesh& mesh, const Points& points,
                             const CellNeighbours& neighbours, const Orientation& orientation) {
+  check_positions(mesh, points);
   if (neighbours.neighbour.empty()) return {};
-  const std::vector<CellShape> cells = cell_shapes(mesh, points, orientation);
+  const PlacedMesh placed{mesh, points, neighbours, orientation};
+  const std::vector<CellShape> cells = cell_shapes(placed);
   std::vector<Part> parts((mesh.cell_count() + kGrain - 1) / kGrain);
   parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
     Part& part = parts[begin / kGrain];
     for (Index c = begin; c < end; ++c) {
-      if (!is_solid(mesh, c)) continue;
+      if (!placed.is_solid(c)) continue;
       part.add_cell(cells[c], c);
-      check_faces(mesh, points, neighbours, cells, c, part);
+      check_faces(placed, cells, c, part);
     }
   });
   Part all;
   for (const Part& part : parts) all.merge(part);
-  if (all.internal > 0)
-    all.checks.mean_non_orthogonality_deg = all.angles / static_cast<double>(all.internal);
+  if (all.internal > 0) {
+    const double mean = all.cosines / static_cast<double>(all.internal);
+    all.checks.mean_non_orthogonality_deg =
+        std::acos(std::clamp(mean, -1.0, 1.0)) * 180 / std::numbers::pi;
+  }
   return all.checks;
 }
 

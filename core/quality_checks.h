@@ -6,14 +6,16 @@ namespace cadmorph {
 
 /// Finite-volume measures of a mesh as OpenFOAM's checkMesh states them (primitiveMeshCheck).
 struct QualityChecks {
-  double max_non_orthogonality_deg = 0;  ///< angle of face normal and the line of cell centres
-  double mean_non_orthogonality_deg = 0;
-  Index severely_non_orthogonal = 0;  ///< faces above 70 degrees
-  double max_skewness = 0;            ///< off-centre of that line at the face, in face sizes
-  Index highly_skew = 0;              ///< faces above 4
-  double max_aspect_ratio = 0;        ///< 1 for a cube
-  Index high_aspect = 0;              ///< cells above 1000
-  double min_volume = 0;              ///< in the mesh's unit, cubed
+  /// Angle of the face normal out of one cell and the line from its centre to the neighbour's:
+  /// above 90 degrees where that lies behind the face.
+  double max_non_orthogonality_deg = 0;
+  double mean_non_orthogonality_deg = 0;  ///< angle of the mean cosine
+  Index severely_non_orthogonal = 0;      ///< faces above 70 degrees
+  double max_skewness = 0;                ///< off-centre of that line at the face, in face sizes
+  Index highly_skew = 0;                  ///< faces above 4
+  double max_aspect_ratio = 0;            ///< 1 for a cube
+  Index high_aspect = 0;                  ///< cells above 1000
+  double min_volume = 0;                  ///< in the mesh's unit, cubed
   Index worst_non_orthogonal_cell = -1, worst_skew_cell = -1, worst_aspect_cell = -1;
 
   template <class Archive>
@@ -27,7 +29,8 @@ struct QualityChecks {
 /// The cell on the other side of each face of each solid cell. Depends on the connectivity alone.
 struct CellNeighbours {
   std::vector<Index> offsets;    ///< cells + 1 positions in `neighbour`; no faces for other cells
-  std::vector<Index> neighbour;  ///< by local face as cell_facets orders them; -1 on the outside
+  std::vector<Index> neighbour;  ///< by local face as cell_facets orders them: -1 on the outside,
+                                 ///< the cell itself where a face has fewer than three corners
 
   template <class Archive>
   void serialize(Archive& archive) {
@@ -35,12 +38,14 @@ struct CellNeighbours {
   }
 };
 
-/// Pairs the faces of the solid cells by their corner nodes. Parallel; O(F log F) for F cell faces.
+/// Pairs the faces of the solid cells by their corner nodes (see for_each_shared_face); where cells
+/// overlap, two of them. The mesh must pass check_mesh. Parallel; O(F log F) for F cell faces.
 CellNeighbours find_cell_neighbours(const Mesh& mesh);
 
 /// Measures all solid cells by their corner nodes at positions `points` (N x 3). Cells are
-/// polyhedra with faces split around their centre, as in OpenFOAM. All zero for a mesh without
-/// solid cells. Parallel; O(F).
+/// polyhedra with faces split around their centre, as in OpenFOAM; faces without area do not count.
+/// All zero for a mesh without solid cells. Throws InvalidInputError when sizes differ or a
+/// position is not finite. Parallel; O(F).
 QualityChecks check_quality(const Mesh& mesh, const Points& points,
                             const CellNeighbours& neighbours, const Orientation& orientation);
 
