@@ -170,7 +170,9 @@ void check_offsets(const std::vector<Index>& offsets, std::size_t cells, std::si
     fail(std::string("the offsets of the ") + what + " do not ascend from 0 to its size");
 }
 
-void check_polyhedron(const Mesh& mesh, Index c) {
+// `last_cell` is the last polyhedron so far that names each node.
+void check_polyhedron(const Mesh& mesh, Index c, std::vector<Index>& last_cell) {
+  for (const Index node : mesh.cell(c)) last_cell[node] = c;
   Index at = mesh.polyhedron_offsets[c];
   const Index end = mesh.polyhedron_offsets[c + 1];
   Index faces = 0;
@@ -178,8 +180,12 @@ void check_polyhedron(const Mesh& mesh, Index c) {
     const Index count = mesh.polyhedron_faces[at];
     if (count < 3 || count > end - at - 1)
       fail("polyhedron " + cell_name(c) + " has a face of " + std::to_string(count) + " nodes");
-    check_node_ids({mesh.polyhedron_faces.data() + at + 1, static_cast<std::size_t>(count)},
-                   mesh.node_count(), c);
+    const auto face = std::span(mesh.polyhedron_faces).subspan(at + 1, count);
+    check_node_ids(face, mesh.node_count(), c);
+    for (const Index node : face)
+      if (last_cell[node] != c)
+        fail("polyhedron " + cell_name(c) + " has a face with node " + std::to_string(node) +
+             ", which is not among the cell's own nodes");
     at += count + 1;
     ++faces;
   }
@@ -197,7 +203,6 @@ void check_cell(const Mesh& mesh, Index c) {
     fail(cell_name(c) + " has " + std::to_string(nodes) + " nodes, which its type (VTK " +
          std::to_string(static_cast<int>(mesh.types[c])) + ") can't have");
   check_node_ids(mesh.cell(c), mesh.node_count(), c);
-  if (mesh.types[c] == Polyhedron) check_polyhedron(mesh, c);
 }
 
 }  // namespace
@@ -265,7 +270,11 @@ void check_mesh(const Mesh& mesh) {
   if (!mesh.regions.empty() && mesh.regions.size() != cells)
     fail("it has " + std::to_string(mesh.regions.size()) + " region ids for " +
          std::to_string(cells) + " cells");
-  for (Index c = 0; c < mesh.cell_count(); ++c) check_cell(mesh, c);
+  std::vector<Index> last_cell(has_polyhedra ? mesh.node_count() : 0, -1);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    check_cell(mesh, c);
+    if (mesh.types[c] == Polyhedron) check_polyhedron(mesh, c, last_cell);
+  }
 }
 
 }  // namespace cadmorph

@@ -145,6 +145,12 @@ TEST_CASE("the check names what is wrong with a mesh", "[core][mesh]") {
     mesh.polyhedron_faces[25] = 9;
     fails_with("face");
   }
+  SECTION("a polyhedron with a face of a node that is not its own") {
+    mesh = cube(CellType::Polyhedron, 1);
+    mesh.connectivity.pop_back();
+    mesh.offsets.back() = 7;
+    fails_with("cell 0 has a face with node 6");
+  }
   SECTION("a polyhedron without faces") {
     mesh = cube(CellType::Polyhedron, 1);
     mesh.polyhedron_offsets.clear();
