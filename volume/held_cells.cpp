@@ -32,7 +32,7 @@ bool is_held(const Mesh& mesh, const Points& positions, const std::vector<char>&
              Index c) {
   const auto fixed = [&](Index node) { return is_fixed[node] != 0; };
   if (std::ranges::all_of(mesh.cell(c), fixed)) return true;
-  if (dimension(mesh.types[c]) != 3) return false;
+  if (dimension(mesh.types[c]) != 3 || mesh.types[c] == CellType::Polyhedron) return false;
   return std::ranges::any_of(cell_facets(mesh, c), [&](const Facet& facet) {
     return facet.type == CellType::Quad && std::ranges::all_of(facet.nodes, fixed) &&
            is_dented_plane(positions, facet.nodes);

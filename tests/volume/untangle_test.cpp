@@ -7,6 +7,7 @@
 
 #include "../core/sample_meshes.h"
 #include "core/errors.h"
+#include "volume/held_cells.h"
 #include "volume_meshes.h"
 
 namespace cadmorph {
@@ -160,6 +161,26 @@ TEST_CASE("Untangling refuses marks of another size", "[volume][untangle]") {
   CHECK_THROWS_AS(
       untangle(mesh, mesh.points.topRows(3), std::vector<char>(mesh.node_count(), 0), orientation),
       InvalidInputError);
+}
+
+TEST_CASE("A polyhedron with a dented plane facet on the surface is repaired",
+          "[volume][untangle]") {
+  const Mesh mesh = cube(CellType::Polyhedron, 2);
+  const Orientation orientation = detect_orientation(mesh);
+  const std::vector<char> is_fixed = marks(mesh, cube_surface(mesh));
+  Points positions = mesh.points;
+  const auto move = [&](const Eigen::RowVector3d& from, const Eigen::RowVector3d& to) {
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      if ((mesh.points.row(n) - from).norm() < 1e-9) positions.row(n) = to;
+  };
+  // Past the diagonal of one of the floor's facets; the pyramid on it keeps a positive volume.
+  move({0.5, 0.5, 0}, {0.2, 0.2, 0});
+  CHECK(check_validity(mesh, positions, orientation).invalid == 0);
+  move({0.5, 0.5, 0.5}, {0.5, 0.5, -1});
+  REQUIRE(check_validity(mesh, positions, orientation).invalid_cells.front() == 0);
+  CHECK_FALSE(is_held(mesh, positions, is_fixed, 0));
+  CHECK(is_held(mesh, positions, std::vector<char>(mesh.node_count(), 1), 0));
+  CHECK(untangle(mesh, positions, is_fixed, orientation).report.after == 0);
 }
 
 }  // namespace cadmorph
