@@ -1,18 +1,23 @@
 #include "core/edge_lengths.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
+
+#include "core/cell_topology.h"
 
 namespace cadmorph {
 namespace {
 
 using Edge = std::pair<int, int>;
 
-// Edges in the order of VTK's mid-side nodes.
+// Those with a mid node first, in the order of these nodes.
 constexpr Edge kTriangle[] = {{0, 1}, {1, 2}, {2, 0}};
+constexpr Edge kPixel[] = {{0, 1}, {1, 3}, {3, 2}, {2, 0}};
 constexpr Edge kQuad[] = {{0, 1}, {1, 2}, {2, 3}, {3, 0}};
+constexpr Edge kQuadraticLinearQuad[] = {{0, 1}, {2, 3}, {1, 2}, {3, 0}};
 constexpr Edge kTetra[] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
 constexpr Edge kVoxel[] = {{0, 1}, {1, 3}, {3, 2}, {2, 0}, {4, 5}, {5, 7},
                            {7, 6}, {6, 4}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
@@ -24,51 +29,57 @@ constexpr Edge kLine[] = {{0, 1}};
 
 struct EdgeTable {
   std::span<const Edge> edges;
-  bool is_quadratic;  ///< a node follows the corners for each edge
+  std::size_t mid_nodes;  ///< of the first edges; they follow the corners
 };
+
+EdgeTable linear(std::span<const Edge> edges) { return {edges, 0}; }
+EdgeTable quadratic(std::span<const Edge> edges) { return {edges, edges.size()}; }
 
 EdgeTable edge_table(CellType type) {
   switch (type) {
     case CellType::Line:
-      return {kLine, false};
+      return linear(kLine);
     case CellType::Triangle:
-      return {kTriangle, false};
+      return linear(kTriangle);
+    case CellType::Pixel:
+      return linear(kPixel);
     case CellType::Quad:
-      return {kQuad, false};
+      return linear(kQuad);
     case CellType::Tetra:
-      return {kTetra, false};
+      return linear(kTetra);
     case CellType::Voxel:
-      return {kVoxel, false};
+      return linear(kVoxel);
     case CellType::Hexahedron:
-      return {kHexahedron, false};
+      return linear(kHexahedron);
     case CellType::Wedge:
-    case CellType::QuadraticLinearWedge:
-      return {kWedge, false};
+      return linear(kWedge);
     case CellType::Pyramid:
-      return {kPyramid, false};
+      return linear(kPyramid);
     case CellType::QuadraticEdge:
-      return {kLine, true};
+      return quadratic(kLine);
     case CellType::QuadraticTriangle:
     case CellType::BiquadraticTriangle:
-      return {kTriangle, true};
+      return quadratic(kTriangle);
     case CellType::QuadraticQuad:
     case CellType::BiquadraticQuad:
-      return {kQuad, true};
+      return quadratic(kQuad);
     case CellType::QuadraticLinearQuad:
-      return {kQuad, false};
+      return {kQuadraticLinearQuad, 2};
     case CellType::QuadraticTetra:
-      return {kTetra, true};
+      return quadratic(kTetra);
     case CellType::QuadraticHexahedron:
     case CellType::TriquadraticHexahedron:
     case CellType::BiquadraticQuadraticHexahedron:
-      return {kHexahedron, true};
+      return quadratic(kHexahedron);
     case CellType::QuadraticWedge:
     case CellType::BiquadraticQuadraticWedge:
-      return {kWedge, true};
+      return quadratic(kWedge);
+    case CellType::QuadraticLinearWedge:
+      return {kWedge, 6};
     case CellType::QuadraticPyramid:
-      return {kPyramid, true};
+      return quadratic(kPyramid);
     default:
-      return {{}, false};
+      return {};
   }
 }
 
@@ -89,14 +100,23 @@ class EdgeLengths {
   void add(Index a, Index b) {
     if (a == b) return;
     const double length = (points_.row(a) - points_.row(b)).norm();
-    for (const Index n : {a, b}) {
-      lengths_.shortest[n] = std::min(lengths_.shortest[n], length);
-      lengths_.longest[n] = std::max(lengths_.longest[n], length);
-    }
+    add_length(a, length);
+    add_length(b, length);
+  }
+
+  void add_line(std::span<const Index> nodes) {
+    for (std::size_t i = 1; i < nodes.size(); ++i) add(nodes[i - 1], nodes[i]);
   }
 
   void add_loop(std::span<const Index> nodes) {
-    for (std::size_t i = 0; i < nodes.size(); ++i) add(nodes[i], nodes[(i + 1) % nodes.size()]);
+    add_line(nodes);
+    add(nodes.back(), nodes.front());
+  }
+
+  // A node inside a face or cell, on no edge, and the nearest ones around it.
+  void add_centre(Index centre, std::span<const Index> around) {
+    for (const Index node : around)
+      add_length(centre, (points_.row(centre) - points_.row(node)).norm());
   }
 
   IncidentEdges take() {
@@ -106,6 +126,11 @@ class EdgeLengths {
   }
 
  private:
+  void add_length(Index n, double length) {
+    lengths_.shortest[n] = std::min(lengths_.shortest[n], length);
+    lengths_.longest[n] = std::max(lengths_.longest[n], length);
+  }
+
   const Points& points_;
   IncidentEdges lengths_;
 };
@@ -123,13 +148,32 @@ void add_cell(std::span<const Index> nodes, const EdgeTable& table, EdgeLengths&
   const int corners = table_corners(table.edges);
   for (std::size_t e = 0; e < table.edges.size(); ++e) {
     const auto& [a, b] = table.edges[e];
-    if (table.is_quadratic) {
+    if (e < table.mid_nodes) {
       lengths.add(nodes[a], nodes[corners + e]);
       lengths.add(nodes[corners + e], nodes[b]);
     } else {
       lengths.add(nodes[a], nodes[b]);
     }
   }
+}
+
+// Biquadratic shells end with their centre, after the mid nodes of their sides.
+void add_shell_centre(CellType type, std::span<const Index> nodes, EdgeLengths& lengths) {
+  if (type == CellType::BiquadraticQuad) lengths.add_centre(nodes[8], nodes.subspan(4, 4));
+  if (type == CellType::BiquadraticTriangle) lengths.add_centre(nodes[6], nodes.subspan(3, 3));
+}
+
+void add_centres(const Mesh& mesh, Index c, EdgeLengths& lengths) {
+  const CellType type = mesh.types[c];
+  const auto nodes = mesh.cell(c);
+  add_shell_centre(type, nodes, lengths);
+  for (const LocalFace& face : local_faces(type)) {
+    if (face.type != CellType::BiquadraticQuad) continue;
+    std::array<Index, 9> of_face;
+    for (int i = 0; i < face.count; ++i) of_face[i] = nodes[face.nodes[i]];
+    add_shell_centre(face.type, of_face, lengths);
+  }
+  if (type == CellType::TriquadraticHexahedron) lengths.add_centre(nodes[26], nodes.subspan(20, 6));
 }
 
 }  // namespace
@@ -141,8 +185,11 @@ IncidentEdges incident_edges(const Mesh& mesh) {
       add_polyhedron(mesh, c, lengths);
     else if (mesh.types[c] == CellType::Polygon)
       lengths.add_loop(mesh.cell(c));
+    else if (mesh.types[c] == CellType::PolyLine)
+      lengths.add_line(mesh.cell(c));
     else
       add_cell(mesh.cell(c), edge_table(mesh.types[c]), lengths);
+    add_centres(mesh, c, lengths);
   }
   return lengths.take();
 }

@@ -10,7 +10,9 @@ struct IncidentEdges {
   Eigen::VectorXd shortest, longest;
 };
 
-/// Edges of quadratic cells count in halves, corner to mid-side node. O(cells).
+/// Edges of quadratic cells count in halves, corner to mid-side node. The centre node of a face has
+/// the lines to the face's mid-side nodes, that of a cell those to the centres of its faces. The
+/// mesh must pass check_mesh. O(cells).
 IncidentEdges incident_edges(const Mesh& mesh);
 
 }  // namespace cadmorph

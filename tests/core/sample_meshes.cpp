@@ -19,6 +19,19 @@ vtkSmartPointer<vtkCell> vtk_cell(CellType type) {
   return vtkSmartPointer<vtkCell>::Take(vtkGenericCell::InstantiateCell(static_cast<int>(type)));
 }
 
+/// With its nodes numbered in order.
+vtkSmartPointer<vtkCell> numbered_vtk_cell(CellType type) {
+  const auto cell = vtk_cell(type);
+  for (vtkIdType i = 0; i < cell->GetNumberOfPoints(); ++i) cell->GetPointIds()->SetId(i, i);
+  return cell;
+}
+
+std::vector<Index> node_ids(vtkCell* cell) {
+  std::vector<Index> ids;
+  for (vtkIdType i = 0; i < cell->GetNumberOfPoints(); ++i) ids.push_back(cell->GetPointId(i));
+  return ids;
+}
+
 void add_cell(Mesh& mesh, CellType type, const std::vector<Index>& nodes) {
   mesh.types.push_back(type);
   mesh.connectivity.insert(mesh.connectivity.end(), nodes.begin(), nodes.end());
@@ -218,15 +231,17 @@ std::vector<RowMatrix> vtk_derivatives_at_nodes(CellType type) {
 }
 
 std::vector<std::vector<Index>> vtk_faces(CellType type) {
-  const auto cell = vtk_cell(type);
-  for (vtkIdType i = 0; i < cell->GetNumberOfPoints(); ++i) cell->GetPointIds()->SetId(i, i);
+  const auto cell = numbered_vtk_cell(type);
   std::vector<std::vector<Index>> faces;
-  for (int f = 0; f < cell->GetNumberOfFaces(); ++f) {
-    vtkIdList* ids = cell->GetFace(f)->GetPointIds();
-    auto& face = faces.emplace_back();
-    for (vtkIdType i = 0; i < ids->GetNumberOfIds(); ++i) face.push_back(ids->GetId(i));
-  }
+  for (int f = 0; f < cell->GetNumberOfFaces(); ++f) faces.push_back(node_ids(cell->GetFace(f)));
   return faces;
+}
+
+std::vector<std::vector<Index>> vtk_edges(CellType type) {
+  const auto cell = numbered_vtk_cell(type);
+  std::vector<std::vector<Index>> edges;
+  for (int e = 0; e < cell->GetNumberOfEdges(); ++e) edges.push_back(node_ids(cell->GetEdge(e)));
+  return edges;
 }
 
 Points shaken(const Points& points, double amount, unsigned seed) {

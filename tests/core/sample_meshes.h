@@ -33,6 +33,9 @@ std::vector<RowMatrix> vtk_derivatives_at_nodes(CellType type);
 /// VTK's own faces of a cell type as local node lists (VTK's order).
 std::vector<std::vector<Index>> vtk_faces(CellType type);
 
+/// VTK's own edges of a cell type as local node lists: two ends, then the mid node, if any.
+std::vector<std::vector<Index>> vtk_edges(CellType type);
+
 /// A mesh whose nodes have moved by up to `amount` in each direction (uniform, fixed seed).
 Points shaken(const Points& points, double amount, unsigned seed);
 

@@ -78,6 +78,19 @@ TEST_CASE("An affine motion of the surface moves every node by it", "[volume]") 
     }
 }
 
+TEST_CASE("Cells of every type follow an affine motion of their surface", "[volume]") {
+  Eigen::Matrix3d linear;
+  linear << 1.3, 0.2, -0.1, 0.4, 0.8, 0.3, -0.2, 0.1, 1.1;
+  for (const CellType type : solid_types()) {
+    const Mesh mesh = cube(type, 2);
+    const auto surface = cube_surface(mesh);
+    INFO("type " << static_cast<int>(type));
+    const Points all = mesh.points * linear.transpose();
+    const Points result = VolumeMorph(mesh, surface).morph(rows_of(all, surface));
+    CHECK((result - all).cwiseAbs().maxCoeff() < 1e-12);  // rounding, in a cube of size 1
+  }
+}
+
 TEST_CASE("Surface nodes end exactly where they are told to", "[volume]") {
   const Mesh mesh = shaken_cube(CellType::Tetra);
   const auto surface = cube_surface(mesh);
