@@ -16,8 +16,22 @@ namespace fs = std::filesystem;
 namespace cadmorph {
 namespace {
 
+constexpr int kMaxLinks = 40;  // as Linux follows
+
 [[noreturn]] void fail(const fs::path& target, const std::string& why) {
   throw IoError("can't write " + target.string() + ": " + why);
+}
+
+// The last target of a link, which need not be there yet.
+fs::path follow_links(const fs::path& target) {
+  std::error_code error;
+  fs::path path = target;
+  for (int links = 0; fs::is_symlink(fs::symlink_status(path, error)); ++links) {
+    if (links == kMaxLinks) fail(target, std::strerror(ELOOP));
+    path = path.parent_path() / fs::read_symlink(path, error);
+    if (error) fail(target, error.message());
+  }
+  return path;
 }
 
 fs::path resolve(const fs::path& target) {
@@ -25,7 +39,7 @@ fs::path resolve(const fs::path& target) {
   const auto status = fs::status(target, error);
   if (fs::is_directory(status)) fail(target, "it is a folder");
   if (fs::exists(status) && !fs::is_regular_file(status)) fail(target, "it is no regular file");
-  return fs::is_symlink(fs::symlink_status(target, error)) ? fs::weakly_canonical(target) : target;
+  return follow_links(target);
 }
 
 }  // namespace

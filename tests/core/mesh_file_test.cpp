@@ -589,6 +589,23 @@ TEST_CASE("a link to an older result stays a link", "[core][mesh_file]") {
   REQUIRE(MeshFile(folder / "real.vtu").mesh().points == file.mesh().points);
 }
 
+TEST_CASE("a link to what is not there yet stays a link, and a ring of links is refused",
+          "[core][mesh_file]") {
+  const Folder folder;
+  write_mesh(folder / "in.vtu", cube(CellType::Tetra, 1));
+  const MeshFile file(folder / "in.vtu");
+  fs::create_directory(folder / "results");
+  fs::create_symlink("results/second.vtu", folder / "first.vtu");
+  fs::create_symlink("new.vtu", folder / "results/second.vtu");
+  file.write(folder / "first.vtu", file.mesh().points);
+  CHECK(fs::is_symlink(folder / "first.vtu"));
+  CHECK(fs::is_symlink(folder / "results/second.vtu"));
+  CHECK(MeshFile(folder / "results/new.vtu").mesh().points == file.mesh().points);
+  fs::create_symlink("b.vtu", folder / "a.vtu");
+  fs::create_symlink("a.vtu", folder / "b.vtu");
+  REQUIRE_THROWS_AS(file.write(folder / "a.vtu", file.mesh().points), IoError);
+}
+
 TEST_CASE("the input can be replaced by its own copy", "[core][mesh_file]") {
   const Folder folder;
   write_mesh(folder / "in.vtu", cube(CellType::Tetra, 1));
