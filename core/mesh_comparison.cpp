@@ -75,6 +75,20 @@ void compare_texts(const DataArray& reference, const DataArray& array, ArrayDiff
       result.worst_row = static_cast<Index>(i);
 }
 
+// 0 for equal values; infinite when one of them is not a number.
+double difference(const DataArray& reference, const DataArray& array, Index row, Index column) {
+  if (!reference.wide_integers.empty()) {
+    const auto at = static_cast<std::size_t>(row * reference.values.cols() + column);
+    const auto apart = static_cast<std::uint64_t>(reference.wide_integers[at]) -
+                       static_cast<std::uint64_t>(array.wide_integers[at]);
+    return static_cast<double>(std::min(apart, -apart));
+  }
+  const double a = reference.values(row, column), b = array.values(row, column);
+  if (a == b || (std::isnan(a) && std::isnan(b))) return 0;
+  const double apart = std::abs(a - b);
+  return std::isnan(apart) ? INFINITY : apart;
+}
+
 void compare_values(const DataArray& reference, const DataArray& array, double tolerance,
                     ArrayDifference& result) {
   double magnitude = 0;
@@ -83,12 +97,8 @@ void compare_values(const DataArray& reference, const DataArray& array, double t
   const double allowed = reference.is_integral ? 0 : tolerance * magnitude;
   for (Index row = 0; row < reference.values.rows(); ++row) {
     double largest = 0;
-    for (Index k = 0; k < reference.values.cols(); ++k) {
-      const double a = reference.values(row, k), b = array.values(row, k);
-      if (a == b || (std::isnan(a) && std::isnan(b))) continue;
-      const double difference = std::abs(a - b);
-      largest = std::isnan(difference) ? INFINITY : std::max(largest, difference);
-    }
+    for (Index k = 0; k < reference.values.cols(); ++k)
+      largest = std::max(largest, difference(reference, array, row, k));
     if (largest > allowed) ++result.differing;
     if (largest > result.largest) {
       result.largest = largest;

@@ -88,6 +88,10 @@ DataArray to_array(vtkAbstractArray* source, ArrayLocation location) {
     result.is_integral = type != VTK_FLOAT && type != VTK_DOUBLE;
     result.values.resize(tuples, numbers->GetNumberOfComponents());
     for (Index i = 0; i < tuples; ++i) numbers->GetTuple(i, result.values.row(i).data());
+    if (result.is_integral && numbers->GetDataTypeSize() == sizeof(std::int64_t)) {
+      const auto* first = static_cast<const std::int64_t*>(numbers->GetVoidPointer(0));
+      result.wide_integers.assign(first, first + numbers->GetNumberOfValues());
+    }
   } else {
     for (Index i = 0; i < source->GetNumberOfValues(); ++i)
       result.texts.push_back(source->GetVariantValue(i).ToString());

@@ -24,7 +24,9 @@ struct DataArray {
   ArrayLocation location = ArrayLocation::Point;
   std::string type;  ///< as VTK names it: double, int, vtktypeint64, string, ...
   bool is_integral = false;
-  RowMatrix values = {};                ///< tuples x components; empty for texts
+  RowMatrix values = {};  ///< tuples x components; empty for texts
+  /// Bits of 64-bit integers, which `values` may round, tuple after tuple; empty for other types.
+  std::vector<std::int64_t> wide_integers = {};
   std::vector<std::string> texts = {};  ///< of an array of strings
 };
 
