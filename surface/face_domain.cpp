@@ -140,6 +140,13 @@ RowMatrix FaceDomain::embed(const Parameters& uv) const {
   return x;
 }
 
+// Of displacements, so that what a solution misses compares with the samples' distances.
+Parameters FaceDomain::in_lengths(const Parameters& d) const { return d * scale_.asDiagonal(); }
+
+Parameters FaceDomain::in_parameters(const Parameters& d) const {
+  return d * scale_.cwiseInverse().asDiagonal();
+}
+
 bool FaceDomain::is_within_tolerance(const Parameters& misfit) const {
   for (Index i = 0; i < misfit.rows(); ++i)
     for (int a = 0; a < 2; ++a)
@@ -173,7 +180,7 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
     const std::lock_guard lock(mutex_);
     if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());
   }
-  return system_->solve(values).evaluate(embed(at));
+  return in_parameters(system_->solve(in_lengths(values)).evaluate(embed(at)));
 }
 
 // The linear part comes first, whole: half-way through a reversal the domain would be a point.
@@ -185,7 +192,8 @@ Parameters FaceDomain::interpolate_in_steps(const Parameters& values, const Para
   Parameters samples = sample_uv_ + carried, moved = at + linear_basis(at) * linear;
   const Parameters step = (values - carried) / steps;
   for (int k = 0; k < steps; ++k) {
-    moved += RbfSystem(embed(samples), Kernel::biharmonic_2d()).solve(step).evaluate(embed(moved));
+    const RbfSystem system(embed(samples), Kernel::biharmonic_2d());
+    moved += in_parameters(system.solve(in_lengths(step)).evaluate(embed(moved)));
     samples += step;
   }
   return moved - at;

@@ -226,3 +226,18 @@ TEST_CASE("a singular system is refused", "[core][rbf]") {
             .solve(values),
         SolverError);
 }
+
+TEST_CASE("noise on centres that nearly coincide is interpolated to a part of their distance",
+          "[core][rbf]") {
+  // Twins 1e-5 apart with values that differ by 1e-10: the system misses more than a millionth of
+  // the values, and by far less than the twins are apart.
+  srand(12);
+  RowMatrix centres = RowMatrix::Random(400, 3);
+  centres.bottomRows(200) = centres.topRows(200) + 1e-5 * RowMatrix::Random(200, 3);
+  const RowMatrix values = 1e-10 * RowMatrix::Random(400, 3);
+  const RbfField field = RbfSystem(centres, Kernel::triharmonic_3d()).solve(values);
+  CHECK((field.evaluate(centres) - values).cwiseAbs().maxCoeff() < 1e-10);
+  CHECK(field.report().max_residual <= 1e-5);
+  // Values as large as the set is wide would be missed by more.
+  CHECK_THROWS_AS(RbfSystem(centres, Kernel::triharmonic_3d()).solve(1e10 * values), SolverError);
+}
