@@ -9,6 +9,7 @@
 #include "surface/free_patches.h"
 #include "surface/mesh_unit.h"
 #include "surface/node_feet.h"
+#include "surface/straight_nodes.h"
 #include "surface/surface_mesh.h"
 
 namespace cadmorph {
@@ -17,9 +18,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// A node belongs to a corner or curve when it is nearer than this part of its shortest mesh edge:
-// far above the digits that exchange formats cut, far below any mesh size.
-constexpr double kOnEntity = 1e-3;
 // Where a face of a touching solid holds the node, only within this multiple of its distance from
 // the voted faces: the curve is as near where they meet at 30 degrees or more.
 constexpr double kMeetingFaces = 2;
@@ -55,6 +53,7 @@ class Associator {
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
       for (Index n = begin; n < end; ++n) classify_by_vote(n);
     });
+    find_straight_nodes(model_, surface_, is_off_voted_, result_);
     return std::move(result_);
   }
 
@@ -65,6 +64,8 @@ class Associator {
     result_.uv.setZero(nodes, 2);
     result_.distance.setZero(nodes);
     result_.is_free.assign(static_cast<std::size_t>(nodes), 0);
+    result_.is_amid.assign(static_cast<std::size_t>(nodes), 0);
+    is_off_voted_.assign(static_cast<std::size_t>(nodes), 0);
     result_.facet_face.assign(surface_.facets.size(), -1);
   }
 
@@ -228,7 +229,8 @@ class Associator {
     if (votes.empty() || result_.dimension[n] == CadDimension::None) return;
     if (result_.dimension[n] == CadDimension::Vertex) return take_voted_corner(n, votes);
     if (result_.dimension[n] == CadDimension::Edge) return take_voted_edge(n, votes);
-    if (votes.size() > 1 && is_off_any(n, votes) && take_voted_entity(n, votes)) return;
+    is_off_voted_[n] = votes.size() > 1 && is_off_any(n, votes);
+    if (is_off_voted_[n] && take_voted_entity(n, votes)) return;
     const auto most =
         std::max_element(votes.begin(), votes.end(),
                          [](const auto& a, const auto& b) { return a.second < b.second; });
@@ -296,7 +298,7 @@ class Associator {
 
   // A node off the CAD between facets of several faces: their common corner or curve.
   bool take_voted_entity(Index n, const std::map<int, int>& votes) {
-    const double limit = kVotedCurve * surface_.local_length[n];
+    const double limit = finder_.edge_reach(n);
     if (votes.size() > 2) {
       const auto [corner, distance] = nearest_corner(n);
       if (corner >= 0 && distance <= limit && may_meet(n, votes, faces_at(n, corner), distance)) {
@@ -318,6 +320,7 @@ class Associator {
   const SurfaceMesh& surface_;
   std::vector<int> body_;
   std::vector<double> senses_;
+  std::vector<char> is_off_voted_;  // off one of the faces that the node's facets voted for
   FootFinder finder_;
   std::vector<NodeFeet> feet_;
   Association result_;
@@ -338,7 +341,7 @@ void count(Association& a) {
         ++a.face_nodes;
         break;
       case CadDimension::None:
-        a.unmatched_nodes += !a.is_free[n];
+        (a.is_amid[n] ? a.amid_nodes : a.unmatched_nodes) += !a.is_free[n];
         continue;
     }
     ++matched;

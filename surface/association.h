@@ -10,7 +10,8 @@
 namespace cadmorph {
 
 struct AssociationOptions {
-  /// Largest distance of a surface node from the CAD, in units of its shortest incident mesh edge.
+  /// Largest distance of a surface node from the CAD, in units of its shortest incident mesh edge,
+  /// of a mid-side node in units of its own. Nodes amid straight edges may be further off.
   double tolerance = 0.1;
   /// Millimetres per mesh unit; 0: detect (mm, m, cm, inch, foot).
   double mesh_unit_mm = 0;
@@ -27,17 +28,19 @@ struct Association {
   Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> uv;  ///< face: (u, v); edge: (t, 0)
   Eigen::VectorXd distance;     ///< to that entity, millimetres; 0 for unmatched nodes
   std::vector<char> is_free;    ///< on an interface that is not in the CAD: follows the volume
+  std::vector<char> is_amid;    ///< off the CAD, in the middle of a straight edge or facet: stays
   std::vector<int> facet_face;  ///< CAD face of each boundary facet, -1
   Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0;
   Index unmatched_nodes = 0;  ///< on the outside but on no CAD face
-  double max_distance = 0;    ///< millimetres
+  Index amid_nodes = 0;
+  double max_distance = 0;  ///< millimetres
   double mean_distance = 0;
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
 
   template <class Archive>
   void serialize(Archive& archive) {
-    archive(dimension, entity, uv, distance, is_free, facet_face, vertex_nodes, edge_nodes,
-            face_nodes, unmatched_nodes, max_distance, mean_distance, mesh_unit_mm);
+    archive(dimension, entity, uv, distance, is_free, is_amid, facet_face, vertex_nodes, edge_nodes,
+            face_nodes, unmatched_nodes, amid_nodes, max_distance, mean_distance, mesh_unit_mm);
   }
 };
 

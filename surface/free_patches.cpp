@@ -28,14 +28,17 @@ constexpr double kBeyondCad = 1.2;
 constexpr double kLeastCovered = 0.25;
 constexpr std::size_t kMaxCentres = 2000;
 
+bool is_unmatched_node(const Association& association, int n) {
+  return association.dimension[n] == CadDimension::None && !association.is_amid[n];
+}
+
 std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
                                    const Association& association) {
   std::vector<char> is_unmatched(surface.facets.size(), 0);
   for (std::size_t f = 0; f < surface.facets.size(); ++f)
     is_unmatched[f] = boundary.neighbour[f] < 0 &&
-                      std::any_of(surface.facets[f].begin(), surface.facets[f].end(), [&](int n) {
-                        return association.dimension[n] == CadDimension::None;
-                      });
+                      std::any_of(surface.facets[f].begin(), surface.facets[f].end(),
+                                  [&](int n) { return is_unmatched_node(association, n); });
   return is_unmatched;
 }
 
@@ -116,6 +119,7 @@ void sort_nodes(const SurfaceMesh& surface, const Association& association,
   std::sort(nodes.begin(), nodes.end());
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
   for (const int n : nodes) {
+    if (association.is_amid[n]) continue;
     if (association.dimension[n] != CadDimension::None) {
       patch.touched.push_back(n);
       continue;
@@ -214,7 +218,7 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
     for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
       is_outside |= boundary.neighbour[surface.incident_facets[i]] < 0;
     outside += is_outside;
-    if (association.dimension[n] != CadDimension::None) continue;
+    if (!is_unmatched_node(association, n)) continue;
     association.is_free[n] = !is_outside;
     if (!is_outside) continue;
     ++unmatched;

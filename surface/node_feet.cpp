@@ -83,7 +83,7 @@ void FootFinder::retry_globally(Index n, const Vector3d& x, int face, NodeFeet& 
 
 void FootFinder::find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) const {
   if (!edge_tree_) return;
-  const double radius = edge_spacing_ + std::max(reach(n), kVotedCurve * surface_.local_length[n]);
+  const double radius = edge_spacing_ + edge_reach(n);
   std::vector<int> seen;
   for (const Neighbour& near : edge_tree_->within(x.data(), radius)) {
     const auto [edge, t] = edge_seeds_[near.index];
@@ -98,8 +98,7 @@ void FootFinder::find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) cons
 // The nearest near edge of a face; null without one.
 const EdgeFoot* FootFinder::near_wire(Index n, int face, const NodeFeet& feet) const {
   for (const EdgeFoot& foot : feet.edges)
-    if (foot.distance <=
-        kVotedCurve * surface_.local_length[n] + model_.edges()[foot.edge].tolerance)
+    if (foot.distance <= edge_reach(n) + model_.edges()[foot.edge].tolerance)
       for (const int c : model_.edges()[foot.edge].coedges)
         if (model_.coedges()[c].face == face) return &foot;
   return nullptr;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -15,6 +16,10 @@ namespace cadmorph {
 
 /// A node off the CAD may go to a curve within this distance, in units of its shortest mesh edge.
 inline constexpr double kVotedCurve = 0.5;
+
+/// A node belongs to a corner or curve when it is nearer than this part of its shortest mesh edge:
+/// far above the digits that exchange formats cut, far below any mesh size.
+inline constexpr double kOnEntity = 1e-3;
 
 /// A face that a node may lie on.
 struct FaceCandidate {
@@ -34,7 +39,8 @@ struct NodeFeet {
 /// kd-trees give seeds, Newton steps the feet. Both model and mesh must outlive it.
 class FootFinder {
  public:
-  /// `tolerance`: largest distance from a face, in units of a node's shortest mesh edge.
+  /// `tolerance`: largest distance from a face, in units of a node's shortest mesh edge; of a
+  /// mid-side node's own.
   FootFinder(const CadModel& model, const SurfaceMesh& surface, double tolerance);
 
   /// Faces and edges near a node. Thread-safe.
@@ -44,9 +50,14 @@ class FootFinder {
   /// by a global search. Thread-safe.
   Eigen::Vector2d seed(int face, const Eigen::Vector3d& x, double radius) const;
 
+  /// Largest distance of a node from a curve that it may go to, millimetres.
+  double edge_reach(Index node) const {
+    return std::max(reach(node), kVotedCurve * surface_.local_length[node]);
+  }
+
  private:
   void sample_edges();
-  double reach(Index node) const { return tolerance_ * surface_.local_length[node]; }
+  double reach(Index node) const { return tolerance_ * surface_.own_length[node]; }
   void retry_globally(Index node, const Eigen::Vector3d& x, int face, NodeFeet& feet) const;
   void find_edge_feet(Index node, const Eigen::Vector3d& x, NodeFeet& feet) const;
   const EdgeFoot* near_wire(Index node, int face, const NodeFeet& feet) const;

@@ -36,7 +36,61 @@ void add_local_lengths(SurfaceMesh& surface) {
   }
 }
 
+// Of a facet's edges, the one whose middle is nearest to x: its first corner's position.
+int nearest_edge(const SurfaceMesh& surface, std::size_t facet, const Eigen::Vector3d& x) {
+  const auto& nodes = surface.facets[facet];
+  const int corners = surface.corners[facet];
+  int best = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < corners; ++i) {
+    const Eigen::Vector3d middle =
+        0.5 * (surface.points.row(nodes[i]) + surface.points.row(nodes[(i + 1) % corners]));
+    if (const double d = (middle - x).squaredNorm(); d < least) {
+      least = d;
+      best = i;
+    }
+  }
+  return best;
+}
+
+// Nodes behind the corners and mid-side nodes lie in the middle of the facet.
+void add_middles(SurfaceMesh& surface) {
+  surface.between.assign(static_cast<std::size_t>(surface.points.rows()), {-1, -1, -1, -1});
+  surface.own_length = surface.local_length;
+  for (std::size_t f = 0; f < surface.facets.size(); ++f) {
+    const auto& nodes = surface.facets[f];
+    const int corners = surface.corners[f];
+    for (int i = corners; i < static_cast<int>(nodes.size()); ++i) {
+      auto& between = surface.between[nodes[i]];
+      if (i >= 2 * corners) {
+        std::copy_n(nodes.begin(), std::min(corners, 4), between.begin());
+        continue;
+      }
+      const int edge = nearest_edge(surface, f, surface.points.row(nodes[i]));
+      between = {nodes[edge], nodes[(edge + 1) % corners], -1, -1};
+      surface.own_length[nodes[i]] =
+          (surface.points.row(between[0]) - surface.points.row(between[1])).norm();
+    }
+  }
+  for (std::size_t f = 0; f < surface.facets.size(); ++f)
+    for (int i = 0; i < surface.corners[f]; ++i) {
+      surface.between[surface.facets[f][i]].fill(-1);
+      surface.own_length[surface.facets[f][i]] = surface.local_length[surface.facets[f][i]];
+    }
+}
+
 }  // namespace
+
+Eigen::Vector3d SurfaceMesh::middle(int node, const Points& at) const {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (const int other : between[node]) {
+    if (other < 0) break;
+    sum += at.row(other).transpose();
+    ++count;
+  }
+  return sum / count;
+}
 
 SurfaceMesh make_surface_mesh(const Mesh& mesh, const Boundary& boundary, double unit_mm) {
   SurfaceMesh surface;
@@ -55,6 +109,7 @@ SurfaceMesh make_surface_mesh(const Mesh& mesh, const Boundary& boundary, double
   }
   add_incidence(surface);
   add_local_lengths(surface);
+  add_middles(surface);
   return surface;
 }
 

@@ -89,6 +89,7 @@ struct SurfaceMorph::Impl {
     return options.snap ? Vector3d::Zero() : Vector3d(surface.points.row(row) - feet.row(row));
   }
   double least_stretch(int row, const Points& moved_feet) const;
+  void move_amid(Points& moved) const;
   std::vector<std::string> slide(Points& moved) const;
 };
 
@@ -303,11 +304,19 @@ double SurfaceMorph::Impl::least_stretch(int row, const Points& moved_feet) cons
   if (offset(row).isZero(0)) return 1;
   for (int i = surface.incident_offsets[row]; i < surface.incident_offsets[row + 1]; ++i)
     for (const int other : surface.facets[surface.incident_facets[i]]) {
+      if (association.dimension[other] == CadDimension::None) continue;
       const double before = (feet.row(other) - feet.row(row)).norm();
       if (before > 0)
         least = std::min(least, (moved_feet.row(other) - moved_feet.row(row)).norm() / before);
     }
   return std::isfinite(least) ? least : 1;
+}
+
+// Nodes amid straight edges and facets stay amid them.
+void SurfaceMorph::Impl::move_amid(Points& moved) const {
+  for (int n = 0; n < static_cast<int>(moved.rows()); ++n)
+    if (association.is_amid[n])
+      moved.row(n) += surface.middle(n, moved) - surface.middle(n, surface.points);
 }
 
 std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
@@ -364,6 +373,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
+  self.move_amid(moved);
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
   result.distance = Eigen::VectorXd::Zero(moved.rows());

@@ -48,9 +48,10 @@ void MorphBase::fill_report() {
   report.vertex_nodes = association.vertex_nodes;
   report.edge_nodes = association.edge_nodes;
   report.face_nodes = association.face_nodes;
+  report.amid_nodes = association.amid_nodes;
   report.unmatched_nodes = association.unmatched_nodes;
   report.interior_nodes = report.nodes - report.vertex_nodes - report.edge_nodes -
-                          report.face_nodes - report.unmatched_nodes;
+                          report.face_nodes - report.amid_nodes - report.unmatched_nodes;
   report.mesh_unit_mm = association.mesh_unit_mm;
   report.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
   set_quality(report.before, quality, validity, checks);

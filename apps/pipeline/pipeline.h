@@ -104,6 +104,7 @@ struct PipelineReport {
   std::filesystem::path mesh_file;
   Index nodes = 0, cells = 0;
   Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0, unmatched_nodes = 0, interior_nodes = 0;
+  Index amid_nodes = 0;          ///< in the middle of straight edges, off the CAD
   double mesh_unit_mm = 1;       ///< millimetres per mesh unit
   bool is_unit_detected = true;  ///< not given by the user
   std::string matched_by;        ///< see TopologyMatch::how

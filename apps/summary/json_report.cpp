@@ -184,6 +184,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["nodes"] = {{"vertex", report.vertex_nodes},
                    {"edge", report.edge_nodes},
                    {"face", report.face_nodes},
+                   {"amid_straight_edges", report.amid_nodes},
                    {"unmatched", report.unmatched_nodes},
                    {"interior", report.interior_nodes}};
   json["match"] = {{"how", report.matched_by},

@@ -33,6 +33,8 @@ std::string node_line(const PipelineReport& report) {
       format("%s vertex, %s edge, %s face, %s interior", with_commas(report.vertex_nodes).c_str(),
              with_commas(report.edge_nodes).c_str(), with_commas(report.face_nodes).c_str(),
              with_commas(report.interior_nodes).c_str());
+  if (report.amid_nodes > 0)
+    text += ", " + with_commas(report.amid_nodes) + " amid straight edges off the CAD";
   if (report.unmatched_nodes > 0)
     text += ", " + with_commas(report.unmatched_nodes) + " on no CAD face";
   return text;

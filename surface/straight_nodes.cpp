@@ -1,0 +1,65 @@
+#include "surface/straight_nodes.h"
+
+#include <algorithm>
+
+#include "surface/node_feet.h"
+
+namespace cadmorph {
+namespace {
+
+// Of the edge's length: above what formats of single precision leave, below what an edge that
+// follows a curve bends.
+constexpr double kStraight = 1e-4;
+
+double tolerance_of(const CadModel& model, CadDimension dimension, int entity) {
+  switch (dimension) {
+    case CadDimension::Vertex:
+      return model.vertices()[entity].tolerance;
+    case CadDimension::Edge:
+      return model.edges()[entity].tolerance;
+    default:
+      return model.faces()[entity].tolerance;
+  }
+}
+
+// Whether a facet of the node lies on one CAD face with all its corners.
+bool is_on_voted_facet(const SurfaceMesh& surface, const Association& association, int n) {
+  const auto facets = surface.incident_facets.begin();
+  return std::any_of(facets + surface.incident_offsets[n], facets + surface.incident_offsets[n + 1],
+                     [&](int f) { return association.facet_face[f] >= 0; });
+}
+
+bool is_off(const CadModel& model, const SurfaceMesh& surface, const Association& association,
+            int n) {
+  if (association.dimension[n] == CadDimension::None) return true;
+  return association.distance[n] >
+         tolerance_of(model, association.dimension[n], association.entity[n]) +
+             kOnEntity * surface.local_length[n];
+}
+
+bool is_amid_corners(const SurfaceMesh& surface, const Association& association, int n) {
+  if (surface.is_corner(n) || !is_on_voted_facet(surface, association, n)) return false;
+  for (const int corner : surface.between[n])
+    if (corner >= 0 && association.dimension[corner] == CadDimension::None) return false;
+  const Eigen::Vector3d x = surface.points.row(n);
+  return (surface.middle(n, surface.points) - x).norm() <= kStraight * surface.own_length[n];
+}
+
+}  // namespace
+
+void find_straight_nodes(const CadModel& model, const SurfaceMesh& surface,
+                         const std::vector<char>& is_off_voted, Association& association) {
+  const auto nodes = static_cast<int>(surface.points.rows());
+  for (int n = 0; n < nodes; ++n)
+    association.is_amid[n] = (is_off_voted[n] || is_off(model, surface, association, n)) &&
+                             is_amid_corners(surface, association, n);
+  for (int n = 0; n < nodes; ++n) {
+    if (!association.is_amid[n]) continue;
+    association.dimension[n] = CadDimension::None;
+    association.entity[n] = -1;
+    association.uv.row(n).setZero();
+    association.distance[n] = 0;
+  }
+}
+
+}  // namespace cadmorph
