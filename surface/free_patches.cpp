@@ -6,9 +6,12 @@
 #include <functional>
 #include <map>
 #include <sstream>
+#include <utility>
 
 #include "cad/alignment.h"
+#include "cad/face_sampler.h"
 #include "core/errors.h"
+#include "core/kd_tree.h"
 #include "core/rbf/rbf_system.h"
 
 namespace cadmorph {
@@ -27,6 +30,10 @@ constexpr double kBeyondCad = 1.2;
 // body between two symmetry planes stay bare.
 constexpr double kLeastCovered = 0.25;
 constexpr std::size_t kMaxCentres = 2000;
+// Nodes that are off the CAD by no more than this part of their shortest mesh edge, and what
+// samples of its faces leave unknown, belong to it.
+constexpr double kOffCad = 0.5, kSamplesApart = 1.5;
+constexpr Index kSamples = 100'000;
 
 bool is_unmatched_node(const Association& association, int n) {
   return association.dimension[n] == CadDimension::None && !association.is_amid[n];
@@ -182,6 +189,47 @@ std::string other_part(const CadModel& base, const SurfaceMesh& surface, double 
   return text.str();
 }
 
+// Grows from an unmatched node over the outside through unmatched nodes only.
+std::vector<int> unmatched_around(const SurfaceMesh& surface, const Association& association,
+                                  const std::vector<char>& is_open, int seed,
+                                  std::vector<char>& is_seen) {
+  std::vector<int> nodes{seed};
+  is_seen[seed] = 1;
+  for (std::size_t k = 0; k < nodes.size(); ++k)
+    for (int i = surface.incident_offsets[nodes[k]]; i < surface.incident_offsets[nodes[k] + 1];
+         ++i) {
+      if (!is_open[surface.incident_facets[i]]) continue;
+      for (const int n : surface.facets[surface.incident_facets[i]])
+        if (is_unmatched_node(association, n) && !std::exchange(is_seen[n], 1)) nodes.push_back(n);
+    }
+  return nodes;
+}
+
+// A far field or symmetry plane goes somewhere. Nodes that all stay by the CAD belong to it, but
+// lie off: they would be left behind.
+void refuse_left_behind(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
+                        const Association& association, Index outside) {
+  const FaceSamples samples = sample_faces(base, kSamples);
+  const KdTree tree(samples.points);
+  const auto is_open = unmatched_facets(surface, boundary, association);
+  std::vector<char> is_seen(association.dimension.size(), 0);
+  const auto is_near = [&](int n) {
+    const double reach = kOffCad * surface.local_length[n] + kSamplesApart * samples.spacing;
+    const Vector3d x = surface.points.row(n);
+    return tree.nearest(x.data(), 1)[0].squared_distance <= reach * reach;
+  };
+  for (std::size_t f = 0; f < is_open.size(); ++f) {
+    if (!is_open[f]) continue;
+    for (const int n : surface.facets[f]) {
+      if (!is_unmatched_node(association, n) || is_seen[n]) continue;
+      const auto nodes = unmatched_around(surface, association, is_open, n, is_seen);
+      if (std::all_of(nodes.begin(), nodes.end(), is_near))
+        refuse(base, boundary, surface, n, static_cast<Index>(nodes.size()), outside,
+               "; they lie near it amid nodes that are on it, so they are no far field.");
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
@@ -232,6 +280,7 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
   if (size < kBeyondCad * base.diagonal())
     refuse(base, boundary, surface, example, unmatched, outside,
            "; and the mesh reaches no further than the CAD, so they are no far field.");
+  refuse_left_behind(base, boundary, surface, association, outside);
 }
 
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved) {

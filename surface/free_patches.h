@@ -24,7 +24,8 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
 
 /// Marks unmatched nodes on interfaces between regions as free, and throws AssociationError where
 /// the unmatched outside can't be a far field or a symmetry plane: the mesh covers less than a
-/// quarter of the CAD's faces by half their area, or reaches no further than 1.2 times the CAD.
+/// quarter of the CAD's faces by half their area, or reaches no further than 1.2 times the CAD, or
+/// unmatched nodes lie by the CAD amid matched ones.
 void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                      Association& association);
 

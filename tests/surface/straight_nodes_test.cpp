@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "cad/topology_match.h"
+#include "core/errors.h"
 #include "morph_case.h"
 #include "triangulation.h"
 
@@ -130,4 +131,18 @@ TEST_CASE("long curved edges of slender facets may lie off the CAD by a part of 
   const Points expected = images(surface_points(c.boundary, c.mesh.points),
                                  [&](const Vector3d& x) { return apply(map, x); });
   CHECK(largest_difference(result.positions, expected) <= kKnown * c.diagonal);
+}
+
+TEST_CASE("nodes off the body are refused, not left behind with the far field",
+          "[surface][far-field][errors]") {
+  MorphCase c = shape_case("sphere_far_field");
+  Index moved = 0;
+  for (Index n = 0; n < c.mesh.node_count() && moved < 3; ++n) {
+    if (std::abs(c.mesh.points.row(n).norm() - 10) > 1e-6) continue;
+    c.mesh.points.row(n) *= 1.04;
+    ++moved;
+  }
+  REQUIRE(moved == 3);
+  CHECK_THROWS_WITH(SurfaceMorph(c.base, c.mesh, c.boundary),
+                    Catch::Matchers::Contains("amid nodes that are on it"));
 }
