@@ -1,18 +1,15 @@
 #include "apps/batch/batch.h"
 
-#include <oneapi/tbb/concurrent_queue.h>
 #include <oneapi/tbb/parallel_pipeline.h>
 #include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
 #include <chrono>
 #include <map>
-#include <mutex>
 #include <optional>
-#include <thread>
 #include <utility>
 
-#include "apps/batch/step_worker.h"
+#include "apps/batch/step_readers.h"
 #include "apps/pipeline/exit_code.h"
 #include "apps/summary/summary.h"
 #include "cad/packed_model.h"
@@ -37,91 +34,25 @@ double seconds_since(Clock::time_point start) {
 
 // A variant on its way.
 struct Work {
-  const Variant* variant = nullptr;
-  StepReply step;
+  StepRead read;
   double seconds = 0;
   std::optional<MorphResult> result;
   ResultRow row;
 };
 
-using WorkPointer = std::shared_ptr<Work>;  // null: one reader has no more
-
+using WorkPointer = std::shared_ptr<Work>;
 using Block = std::vector<WorkPointer>;
 
-// Reads the STEP files of variants in processes, a few ahead of who takes them.
-class StepReaders {
- public:
-  StepReaders(std::vector<const Variant*> variants, double timeout_s, std::size_t ahead,
-              const std::atomic<bool>& is_stopped)
-      : variants_(std::move(variants)), timeout_(timeout_s), is_stopped_(is_stopped) {
-    open_ = std::min<std::size_t>(thread_count(), variants_.size());
-    queue_.set_capacity(static_cast<std::ptrdiff_t>(ahead));
-    for (std::size_t i = 0; i < open_; ++i) threads_.emplace_back([this] { run(); });
-  }
-  // Takes what the readers still push, so that none of them waits for room.
-  ~StepReaders() {
-    is_closed_ = true;
-    while (open_ > 0) pop();
-  }
-  StepReaders(const StepReaders&) = delete;
-  StepReaders& operator=(const StepReaders&) = delete;
-
-  /// The next variants read: waits for one and takes what else is there, `most` at most; none at
-  /// the end, or when the batch was stopped. Throws what kept a reader from working.
-  Block next(std::size_t most) {
-    Block block;
-    while (open_ > 0 && !is_over() && (block.empty() || (block.size() < most && !queue_.empty())))
-      if (WorkPointer work = pop()) block.push_back(std::move(work));
-    if (error_) std::rethrow_exception(error_);
-    if (is_over()) block.clear();
-    return block;
-  }
-
- private:
-  bool is_over() const { return is_closed_ || is_stopped_; }
-
-  WorkPointer pop() {
-    WorkPointer work;
-    queue_.pop(work);
-    if (!work) --open_;
-    return work;
-  }
-
-  void run() {
-    try {
-      StepWorker worker;
-      while (!is_over()) {
-        const std::size_t i = next_++;
-        if (i >= variants_.size()) break;
-        queue_.push(read(worker, *variants_[i]));
-      }
-    } catch (...) {
-      const std::lock_guard guard(mutex_);
-      error_ = std::current_exception();
-    }
-    queue_.push(nullptr);
-  }
-
-  WorkPointer read(StepWorker& worker, const Variant& variant) const {
-    const auto start = Clock::now();
+Block work_on(std::vector<StepRead> files) {
+  Block block;
+  for (StepRead& file : files) {
     auto work = std::make_shared<Work>();
-    work->variant = &variant;
-    work->step = worker.read(variant.step, timeout_, [this] { return is_over(); });
-    work->seconds = seconds_since(start);
-    return work;
+    work->seconds = file.seconds;
+    work->read = std::move(file);
+    block.push_back(std::move(work));
   }
-
-  std::vector<const Variant*> variants_;
-  std::chrono::duration<double> timeout_;
-  const std::atomic<bool>& is_stopped_;
-  std::atomic<bool> is_closed_ = false;
-  std::atomic<std::size_t> next_ = 0;
-  tbb::concurrent_bounded_queue<WorkPointer> queue_;
-  std::size_t open_ = 0;  ///< readers whose end has not been seen
-  std::mutex mutex_;
-  std::exception_ptr error_;
-  std::vector<std::jthread> threads_;
-};
+  return block;
+}
 
 // A request to stop while the base is set up.
 struct Interrupted {};
@@ -272,7 +203,7 @@ class BatchRun {
     const auto held = static_cast<std::size_t>(thread_count());
     StepReaders readers(todo_, options_.timeout_s, most > held ? most - held : 1, is_stopped_);
     const auto next = [&](tbb::flow_control& flow) {
-      Block block = readers.next(most);
+      Block block = work_on(readers.next(most));
       if (block.empty()) flow.stop();
       return block;
     };
@@ -308,7 +239,7 @@ class BatchRun {
       begin_row(*work);
       if (work->row.exit_code == 0)
         call_for(work->row, [&] {
-          variants.push_back(unpack_model(std::exchange(work->step.model, {})));
+          variants.push_back(unpack_model(std::exchange(work->read.reply.model, {})));
           good.push_back(work);
         });
     }
@@ -324,11 +255,12 @@ class BatchRun {
 
   static void begin_row(Work& work) {
     ResultRow& row = work.row;
-    row.id = work.variant->id;
-    row.step = work.variant->step;
-    row.exit_code = work.step.exit_code;
-    row.message = work.step.message;
-    row.step_hash = work.step.is_lost ? "" : work.step.hash;
+    const StepReply& reply = work.read.reply;
+    row.id = work.read.variant->id;
+    row.step = work.read.variant->step;
+    row.exit_code = reply.exit_code;
+    row.message = reply.message;
+    row.step_hash = reply.is_lost ? "" : reply.hash;
   }
 
   // What a call throws becomes the row's.
@@ -353,7 +285,7 @@ class BatchRun {
     row.seconds = work.seconds + seconds_since(start);
     if (const auto begun = rows_.find(row.id); begun != rows_.end())
       row.revision = begun->second.revision + 1;
-    folder_.append(*work.variant, row);
+    folder_.append(*work.read.variant, row);
     count(row);
     count_.seconds = seconds_since(start_);
     if (progress_) progress_(row, count_);
@@ -363,9 +295,10 @@ class BatchRun {
     ResultRow& row = work.row;
     PipelineReport& report = work.result->report;
     const bool is_done = report.outcome == Outcome::Done;
-    row.out = is_done ? work.variant->out : failed_out(work.variant->out);
-    const fs::path staged = job_->write(
-        *work.result, folder_.staging() / work.variant->out.filename(), options_.has_diagnostics);
+    row.out = is_done ? work.read.variant->out : failed_out(work.read.variant->out);
+    const fs::path staged =
+        job_->write(*work.result, folder_.staging() / work.read.variant->out.filename(),
+                    options_.has_diagnostics);
     row.out_bytes = fs::file_size(staged);
     folder_.publish(staged, row.out);
     report.written = folder_.path_of(row.out);

@@ -98,6 +98,20 @@ TEST_CASE("A reader that someone kills is replaced and nothing is lost", "[apps]
   CHECK(meshes_of(place, "out").size() == 4);
 }
 
+#ifndef __SANITIZE_ADDRESS__  // which needs all of the address space
+TEST_CASE("A batch that gets no threads for its readers ends", "[apps][batch]") {
+  const Workplace place;
+  // Stacks so large that there is room for those of the BLAS and of one reader.
+  const RunResult batch =
+      place.run("batch box.step box.vtu " + place.make_boxes(12) + " -o out --threads 2",
+                "ulimit -s 2097152; ulimit -v 6000000; OPENBLAS_NUM_THREADS=2 timeout 60");
+  INFO(batch.err);
+  CHECK(batch.exit_code == 6);
+  CHECK_THAT(batch.err, Contains("can't start a thread that reads STEP files"));
+  check_no_leftovers(place, "out");
+}
+#endif
+
 TEST_CASE("A variant whose reader is killed twice fails, and is tried again on --resume",
           "[apps][batch]") {
   const Workplace place;
