@@ -44,6 +44,14 @@ struct Patience {
   }
 };
 
+// The clock counts 292 years; who waits for longer waits for ever.
+Clock::time_point end_of(std::chrono::duration<double> timeout) {
+  const Clock::time_point now = Clock::now();
+  const std::chrono::duration<double> countable = (Clock::time_point::max() - now) / 2;
+  if (timeout > countable) return Clock::time_point::max();
+  return now + std::chrono::duration_cast<Clock::duration>(timeout);
+}
+
 bool send_all(int socket, const char* data, std::size_t size) {
   while (size > 0) {
     const ssize_t count = send(socket, data, size, MSG_NOSIGNAL);
@@ -187,8 +195,7 @@ StepReply StepWorker::read(const std::filesystem::path& path, std::chrono::durat
                            const std::function<bool()>& is_stopped) {
   for (bool is_first = true;; is_first = false) {
     start();
-    const Patience patience{Clock::now() + std::chrono::duration_cast<Clock::duration>(timeout),
-                            is_stopped};
+    const Patience patience{end_of(timeout), is_stopped};
     Wait why = Wait::Ready;
     if (send_text(socket_, path.string()))
       if (std::optional<StepReply> reply = receive_reply(socket_, patience, why)) return *reply;

@@ -63,6 +63,21 @@ TEST_CASE("A STEP file that hangs its reader fails alone after the timeout", "[a
   CHECK(meshes_of(place, "out").size() == 3);
 }
 
+TEST_CASE("A timeout of any length is one", "[apps][batch]") {
+  const Workplace place;
+  const std::string command = "batch box.step box.vtu box_moved.step --timeout ";
+  for (const std::string seconds : {"1e9", "1e10", "1e11", "1e300"}) {
+    INFO(seconds);
+    CHECK(place.run(command + seconds + " -o " + seconds).exit_code == 0);
+  }
+  for (const std::string seconds : {"0", "-1", "nan", "inf", "soon"}) {
+    const RunResult run = place.run(command + seconds + " -o out");
+    INFO(seconds << run.err);
+    CHECK(run.exit_code == 1);
+    CHECK_THAT(run.err, Contains("--timeout: " + seconds + ": give a number of seconds"));
+  }
+}
+
 TEST_CASE("A STEP file that crashes its reader fails alone", "[apps][batch]") {
   const Workplace place;
   make_hanging(place, "bad.step");
