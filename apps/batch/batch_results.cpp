@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -223,14 +222,13 @@ std::string lacking(const VariantList& plan, const VariantList& list) {
   for (const Variant& variant : plan.variants)
     if (!given.contains(variant.id) && ++count <= kNamed)
       text.append(count > 1 ? ", " : "").append(variant.id);
-  if (count > kNamed) text += " and " + std::to_string(count - kNamed) + " more";
+  if (count > kNamed) text += std::string(" and ") + std::to_string(count - kNamed) + " more";
   return text;
 }
 
 // Whole lines of a file, without their ends.
 std::vector<std::string> whole_lines(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::string text = read_bytes(path);
   std::vector<std::string> lines;
   for (std::size_t begin = 0, end; (end = text.find('\n', begin)) != std::string::npos;
        begin = end + 1)
@@ -284,10 +282,10 @@ struct BatchFolder::Impl {
 
   Json read_plan() const {
     const fs::path path = folder / kPlan;
-    std::ifstream file(path);
-    if (!file) throw IoError(path.string() + ": can't be read; is this the folder of a batch?");
+    if (!fs::exists(path))
+      throw IoError(path.string() + ": can't be read; is this the folder of a batch?");
     try {
-      Json plan = Json::parse(file);
+      Json plan = Json::parse(read_bytes(path));
       if (plan.at("format") != kPlanFormat)
         throw InvalidInputError(path.string() + ": of another version of cadmorph");
       difference(plan.at("identity"), plan.at("identity"));  // all must be there

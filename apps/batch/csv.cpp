@@ -3,12 +3,8 @@
 #include <csv.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 
-#include "core/errors.h"
+#include "apps/pipeline/output_file.h"
 
 namespace cadmorph {
 namespace {
@@ -76,10 +72,7 @@ std::string quoted(const std::string& field) {
 }  // namespace
 
 std::vector<CsvRecord> read_csv(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (!file || std::filesystem::is_directory(path))
-    throw IoError(path.string() + ": can't be read (" + std::strerror(errno) + ")");
+  const std::string text = read_bytes(path);
   std::string_view rest = text;
   if (rest.starts_with(kByteOrderMark)) rest.remove_prefix(kByteOrderMark.size());
   return Parser(path.string()).run(rest);

@@ -2,8 +2,10 @@
 
 #include <unistd.h>
 
+#include <array>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
-#include <iterator>
 #include <system_error>
 
 #include "core/temporary_file.h"
@@ -48,8 +50,12 @@ fs::path failed_path(const fs::path& output) {
 
 std::string read_bytes(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(file), {}};
-  if (!file) throw IoError("can't read " + path.string());
+  std::string bytes;
+  std::array<char, 1 << 16> block;
+  while (file.read(block.data(), block.size()), file.gcount() > 0)
+    bytes.append(block.data(), static_cast<std::size_t>(file.gcount()));
+  if (!file.is_open() || file.bad())
+    throw IoError(path.string() + ": can't be read (" + std::strerror(errno) + ")");
   return bytes;
 }
 

@@ -180,6 +180,27 @@ TEST_CASE("A manifest that makes no sense is refused with 2, and the line named"
   check("id,step\na,\"box\n", {"list.csv:2", "quote"});
 }
 
+TEST_CASE("A manifest that can't be read is refused with 2, and why", "[apps][batch]") {
+  const Workplace place;
+  std::filesystem::create_directory(place.folder() / "folder");
+  for (const auto& [manifest, why] : std::map<std::string, std::string>{
+           {"folder", "Is a directory"}, {"none.csv", "No such file"}}) {
+    const RunResult batch = place.run("batch box.step box.vtu --manifest " + manifest + " -o out");
+    INFO(batch.err);
+    CHECK(batch.exit_code == 2);
+    CHECK_THAT(batch.err, Contains(manifest + ": can't be read (" + why));
+  }
+}
+
+TEST_CASE("Results that can't be read stop a batch with 2, and the file named", "[apps][batch]") {
+  const Workplace place;
+  std::filesystem::create_directories(place.folder() / "out/results.1-of-9.jsonl");
+  const RunResult batch = place.run("batch box.step box.vtu box_moved.step -o out --resume");
+  INFO(batch.err);
+  CHECK(batch.exit_code == 2);
+  CHECK_THAT(batch.err, Contains("out/results.1-of-9.jsonl: can't be read (Is a directory)"));
+}
+
 TEST_CASE("Bad usage of batch is refused with 1", "[apps][batch]") {
   const Workplace place;
   std::filesystem::create_directory(place.folder() / "sub");
