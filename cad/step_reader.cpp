@@ -5,6 +5,7 @@
 #include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
+#include <NCollection_DataMap.hxx>
 #include <OSD.hxx>
 #include <STEPControl_Reader.hxx>
 #include <Standard_ErrorHandler.hxx>
@@ -12,13 +13,18 @@
 #include <StepRepr_RepresentationItem.hxx>
 #include <TColStd_SequenceOfAsciiString.hxx>
 #include <TCollection_HAsciiString.hxx>
+#include <TopTools_OrientedShapeMapHasher.hxx>
+#include <TopTools_ShapeMapHasher.hxx>
 #include <TopoDS_Face.hxx>
+#include <TransferBRep.hxx>
+#include <Transfer_TransientProcess.hxx>
 #include <XSControl_TransferReader.hxx>
 #include <XSControl_WorkSession.hxx>
 #include <algorithm>
 #include <array>
 #include <csignal>
 #include <fstream>
+#include <functional>
 
 #include "cad/brep_builder.h"
 #include "cad/packed_model.h"
@@ -75,6 +81,35 @@ std::string length_units(STEPControl_Reader& reader) {
   return units.empty() ? "unknown" : units;
 }
 
+/// Names of faces: those of the entities they came from. As XSControl_TransferReader's
+/// EntityFromShapeResult finds them, which takes a pass over all entities for each face.
+class FaceNames {
+ public:
+  explicit FaceNames(const Handle(Transfer_TransientProcess) & process) {
+    for (int i = 1; i <= process->NbMapped(); ++i) {
+      const auto& entity = process->Mapped(i);
+      const TopoDS_Shape shape = TransferBRep::ShapeResult(process, entity);
+      if (shape.IsNull() || shape.ShapeType() != TopAbs_FACE) continue;
+      if (!oriented_.IsBound(shape)) oriented_.Bind(shape, entity);
+      any_.Bind(shape, entity);
+    }
+  }
+
+  std::string operator()(const TopoDS_Face& face) const {
+    const auto* entity = oriented_.Seek(face);
+    if (!entity) entity = any_.Seek(face);
+    if (!entity) return {};
+    const auto item = Handle(StepRepr_RepresentationItem)::DownCast(*entity);
+    if (item.IsNull() || item->Name().IsNull()) return {};
+    return item->Name()->ToCString();
+  }
+
+ private:
+  NCollection_DataMap<TopoDS_Shape, Handle(Standard_Transient), TopTools_OrientedShapeMapHasher>
+      oriented_;
+  NCollection_DataMap<TopoDS_Shape, Handle(Standard_Transient), TopTools_ShapeMapHasher> any_;
+};
+
 }  // namespace
 
 // OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
@@ -117,14 +152,8 @@ std::string read_step_packed(const std::filesystem::path& path) {
       throw CadError(name +
                      ": holds no shape. The DATA section is empty or has only drawings; export "
                      "the solid or the surfaces.");
-    const auto transfer = reader.WS()->TransferReader();
-    const auto names = [&](const TopoDS_Face& face) -> std::string {
-      const auto item =
-          Handle(StepRepr_RepresentationItem)::DownCast(transfer->EntityFromShapeResult(face, 1));
-      if (item.IsNull() || item->Name().IsNull()) return {};
-      return item->Name()->ToCString();
-    };
-    return pack_shape(shape, {name, unit, names});
+    const FaceNames names(reader.WS()->TransferReader()->TransientProcess());
+    return pack_shape(shape, {name, unit, std::cref(names)});
   } catch (const Standard_Failure& failure) {
     throw CadError(name + ": OCCT fails to read it (" + failure.GetMessageString() +
                    "). Export the part again.");
