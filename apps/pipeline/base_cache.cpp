@@ -1,8 +1,11 @@
 #include <cereal/types/map.hpp>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <map>
 
 #include "apps/pipeline/base_side.h"
+#include "apps/pipeline/loaded_libraries.h"
 #include "core/archive_types.h"
 #include "core/blas.h"
 #include "core/checked_file.h"
@@ -34,7 +37,44 @@ std::string number_of(Enum value) {
   return std::to_string(static_cast<int>(value));
 }
 
-// The program's own bytes count, too: another build may compute otherwise.
+template <class Values>
+std::string hash_of(const Values& values) {
+  return content_hash({reinterpret_cast<const char*>(values.data()),
+                       static_cast<std::size_t>(values.size()) * sizeof(*values.data())});
+}
+
+// A file may have changed since it was read: what was read counts beside the file.
+std::string contents_of(const Mesh& mesh) {
+  return content_hash(hash_of(mesh.points) + hash_of(mesh.types) + hash_of(mesh.offsets) +
+                      hash_of(mesh.connectivity) + hash_of(mesh.polyhedron_offsets) +
+                      hash_of(mesh.polyhedron_faces) + hash_of(mesh.regions));
+}
+
+// Samples of the geometry, which no change of a part leaves as they are.
+std::string contents_of(const CadModel& cad) {
+  std::vector<double> samples;
+  const auto add = [&](const auto& point) {
+    samples.insert(samples.end(), point.data(), point.data() + point.size());
+  };
+  for (const CadVertex& vertex : cad.vertices()) add(vertex.point);
+  for (int i = 0; const CadEdge& edge : cad.edges()) {
+    for (const double t : {0.0, 0.2, 0.4, 0.6, 0.8, 1.0})
+      if (!edge.is_degenerate)
+        add(cad.evaluate_edge(i, edge.first + t * (edge.last - edge.first)).point);
+    ++i;
+  }
+  for (int i = 0; const CadFace& face : cad.faces()) {
+    for (const double u : {0.0, 0.3, 0.7, 1.0})
+      for (const double v : {0.0, 0.3, 0.7, 1.0}) {
+        const Eigen::Vector2d weight(u, v), size = face.upper - face.lower;
+        add(cad.evaluate(i, face.lower + weight.cwiseProduct(size)).point);
+      }
+    ++i;
+  }
+  return hash_of(samples);
+}
+
+// The program's own bytes and its libraries count, too: another build may compute otherwise.
 Key key_of(const BaseInputs& inputs) {
   const VolumeMorphOptions& volume = inputs.options.volume;
   const AssociationOptions& association = inputs.options.surface.association;
@@ -42,8 +82,9 @@ Key key_of(const BaseInputs& inputs) {
   return {{"program", file_hash("/proc/self/exe")},
           {"instruction set", name(simd::best())},
           {"BLAS kernel", blas_info().kernel},
-          {"base CAD", file_hash(inputs.cad->file_name())},
-          {"mesh", file_hash(inputs.file.path())},
+          {"set of libraries", loaded_libraries()},
+          {"base CAD", file_hash(inputs.cad->file_name()) + contents_of(*inputs.cad)},
+          {"mesh", file_hash(inputs.file.path()) + contents_of(inputs.mesh)},
           {"mesh unit", exact(association.mesh_unit_mm)},
           {"association tolerance", exact(association.tolerance)},
           {"method", to_string(volume.method)},
@@ -51,6 +92,7 @@ Key key_of(const BaseInputs& inputs) {
                          std::to_string(kernel.dimension) + "," + exact(kernel.shape)},
           {"solver", number_of(volume.rbf.solver)},
           {"tolerance", exact(volume.rbf.tolerance)},
+          {"set of local lengths", hash_of(volume.rbf.local_length)},
           {"memory limit", exact(volume.rbf.memory_limit)}};
 }
 
@@ -110,6 +152,13 @@ bool is_cache(const fs::path& path) {
   return front == mark.substr(0, length) || back == mark;
 }
 
+// Why a file that is there can't be opened; empty when it can.
+std::string obstacle(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error) || std::ifstream(path).is_open()) return {};
+  return std::strerror(errno);
+}
+
 void check_place(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error) || is_cache(path)) return;
@@ -150,6 +199,12 @@ void write(const BaseSide& side, const Key& key, CacheReport& report) {
 
 BaseSide cached_base_side(const BaseInputs& inputs, PhaseClock& clock, CacheReport& report) {
   report.file = inputs.options.cache;
+  if (const std::string why = obstacle(report.file); !why.empty()) {
+    report.use = CacheUse::NotWritten;
+    report.remark =
+        report.file.string() + ": can't be read (" + why + "); the base side is not kept";
+    return set_up_base_side(inputs, clock);
+  }
   check_place(report.file);
   clock.start("cache reading");
   const Key key = key_of(inputs);

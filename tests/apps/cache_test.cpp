@@ -26,13 +26,16 @@ class BoxJob {
       : base_(std::make_shared<const CadModel>(read_step(place.folder() / "box.step"))),
         variant_(read_step(place.folder() / "box_moved.step")),
         mesh_(std::make_shared<const MeshFile>(place.folder() / "box.vtu")) {
-    options_.cache = place.folder() / "box.cache";
+    options.cache = place.folder() / "box.cache";
   }
 
+  PipelineOptions options;
   CacheReport cache;  // of the last morph
 
+  Index surface_nodes() const { return std::ssize(extract_boundary(mesh_->mesh()).nodes); }
+
   Points morph() {
-    const MorphJob job(base_, mesh_, options_);
+    const MorphJob job(base_, mesh_, options);
     cache = job.cache();
     return job.morph(variant_).positions;
   }
@@ -43,7 +46,6 @@ class BoxJob {
   std::shared_ptr<const CadModel> base_;
   CadModel variant_;
   std::shared_ptr<const MeshFile> mesh_;
-  PipelineOptions options_;
 };
 
 }  // namespace
@@ -146,6 +148,54 @@ TEST_CASE("Another build of the program makes its own cache", "[apps][cache]") {
   CHECK_THAT(job.cache.remark, Contains("another") && Contains("program"));
 }
 
+TEST_CASE("A cache is of what was read, whatever the files hold by then", "[apps][cache]") {
+  const Workplace place;
+  place.make_boxes(2);
+  const auto check = [&](const std::function<void()>& change) {
+    fs::remove(place.folder() / "box.cache");
+    BoxJob early(place);
+    change();
+    early.morph();
+    REQUIRE(early.cache.use == CacheUse::Written);
+    BoxJob late(place);
+    CHECK(late.morph() == late.morph_without());
+    CHECK(late.cache.use == CacheUse::Written);
+    CHECK(late.morph() == late.morph_without());
+    CHECK(late.cache.use == CacheUse::Used);
+  };
+  check([&] {
+    Mesh mesh = box_mesh(3);
+    mesh.points.row(mesh.node_count() / 2).array() += 0.1;
+    write_mesh(place.folder() / "box.vtu", mesh);
+  });
+  check([&] { place.write("box.step", place.read("v1.step")); });
+}
+
+TEST_CASE("Local lengths of one's own make a cache of one's own", "[apps][cache]") {
+  const Workplace place;
+  BoxJob job(place);
+  job.options.volume.rbf.solver = SolverKind::Fast;
+  job.options.volume.rbf.tolerance = 1e-2;
+  job.morph();
+  REQUIRE(job.cache.use == CacheUse::Written);
+  job.options.volume.rbf.local_length = Eigen::VectorXd::Constant(job.surface_nodes(), 0.01);
+  job.morph();
+  CHECK(job.cache.use == CacheUse::Written);
+  CHECK_THAT(job.cache.remark, Contains("another set of local lengths"));
+}
+
+TEST_CASE("Other libraries make their own cache", "[apps][cache]") {
+  const Workplace place;
+  const std::string job =
+      "box.step box_moved.step box.vtu -o x.vtu --json r.json --cache box.cache";
+  for (const std::string preloaded : {"", "LD_PRELOAD=libutil.so.1"}) {
+    REQUIRE(place.run(job, preloaded).exit_code == 0);
+    CHECK(cache_of(place, "r.json")["use"] == "written");
+    REQUIRE(place.run(job, preloaded).exit_code == 0);
+    CHECK(cache_of(place, "r.json")["use"] == "used");
+  }
+}
+
 TEST_CASE("A damaged cache is made anew, wherever the damage is", "[apps][cache]") {
   const Workplace place;
   write_mesh(place.folder() / "box.vtu", box_mesh(2));
@@ -210,6 +260,23 @@ TEST_CASE("A cache that can't be written stops nothing", "[apps][cache]") {
   for (const std::string& name : place.files()) CHECK_FALSE(Catch::contains(name, ".tmp"));
 }
 
+TEST_CASE("A file that can't be opened is left as it is, with a warning", "[apps][cache]") {
+  const Workplace place;
+  place.write("box.cache", "secret");
+  fs::permissions(place.folder() / "box.cache", fs::perms::none);
+  // Root can open it, unless it has lost its capabilities.
+  const bool is_root = std::ifstream(place.folder() / "box.cache").is_open();
+  const RunResult run =
+      place.run("box.step box_moved.step box.vtu -o x.vtu --json r.json --cache box.cache",
+                is_root ? "setpriv --inh-caps=-all --bounding-set=-all" : "");
+  INFO(run.err);
+  CHECK(run.exit_code == 0);
+  CHECK_THAT(run.err, Contains("box.cache: can't be read (Permission denied)"));
+  CHECK(cache_of(place, "r.json")["use"] == "not written");
+  fs::permissions(place.folder() / "box.cache", fs::perms::owner_read);
+  CHECK(place.read("box.cache") == "secret");
+}
+
 TEST_CASE("A file that is no cache is not overwritten", "[apps][cache]") {
   const Workplace place;
   place.write("thesis.txt", "Ten years of work.\n");
@@ -235,7 +302,7 @@ TEST_CASE("Programs that share a cache at the same time don't disturb each other
             "--cache",
             "bore.cache",
             "-o",
-            "m" + std::to_string(i) + ".vtu",
+            std::to_string(i) + ".vtu",
             "--threads",
             "1"};
   };
@@ -247,7 +314,7 @@ TEST_CASE("Programs that share a cache at the same time don't disturb each other
       running.push_back(std::make_unique<Background>(place.folder(), arguments(i)));
     for (int i = 0; i < 4; ++i) {
       CHECK(running[i]->wait() == 0);
-      CHECK(place.read("m" + std::to_string(i) + ".vtu") == place.read("one.vtu"));
+      CHECK(place.read(std::to_string(i) + ".vtu") == place.read("one.vtu"));
     }
   }
   for (const std::string& name : place.files()) CHECK_FALSE(Catch::contains(name, ".tmp"));
