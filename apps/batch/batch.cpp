@@ -127,7 +127,7 @@ class BatchRun {
                           ". What was finished is kept: mend this and go on with --resume.");
       }
     }
-    count_.is_stopped = is_stopped_;
+    count_.is_stopped = is_stopped_ && count_.done + count_.failed < count_.total;
     folder_.write_rows(options_.list, rows_);
     return count_;
   }

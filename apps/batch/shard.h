@@ -19,7 +19,7 @@ struct Shard {
 Shard parse_shard(const std::string& text);
 
 /// The share of this task of a job array, from the variables of its scheduler: Slurm's
-/// SLURM_ARRAY_TASK_ID, _MIN, _MAX, _STEP and _COUNT; Grid Engine's SGE_TASK_ID, _FIRST, _LAST and
+/// SLURM_ARRAY_TASK_ID, _MIN, _STEP and _COUNT; Grid Engine's SGE_TASK_ID, _FIRST, _LAST and
 /// _STEPSIZE; PBS's PBS_ARRAY_INDEX (PBS Pro, OpenPBS) or PBS_ARRAYID (Torque), which count from 1
 /// and come with no count: that is `pbs_count`, without which it throws UsageError. 1/1 outside of
 /// arrays.

@@ -207,6 +207,22 @@ TEST_CASE("An interrupted batch ends in order and tells how to go on", "[apps][b
   check_same_batch(place, "out", "whole");
 }
 
+TEST_CASE("An interrupt of a batch that has all its variants changes nothing", "[apps][batch]") {
+  const Workplace place;
+  REQUIRE(place.run("batch box.step box.vtu box_moved.step -o out").exit_code == 0);
+  // What an earlier run left takes a while to clear away.
+  const std::filesystem::path leftovers = place.folder() / "out/.results.partial";
+  std::filesystem::create_directory(leftovers);
+  for (int i = 0; i < 20000; ++i) std::ofstream(leftovers / std::to_string(i));
+  Background batch(place.folder(), words_of("batch box.step box.vtu box_moved.step -o out "
+                                            "--resume"));
+  const std::string owner = "process " + std::to_string(batch.id()) + " ";
+  REQUIRE(wait_for([&] { return place.read("out/.results.lock").starts_with(owner); }));
+  batch.send(SIGTERM);
+  CHECK(batch.wait() == 0);
+  CHECK(place.read("background.err").empty());
+}
+
 TEST_CASE("An interrupt does not wait for a reader that hangs", "[apps][batch]") {
   const Workplace place;
   make_hanging(place, "hang.step");
