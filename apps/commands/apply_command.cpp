@@ -22,10 +22,11 @@ struct ApplyCommand {
   int threads = 0;  ///< 0: all
 };
 
-void check_names(const ApplyCommand& command) {
-  if (command.output.extension() != command.mesh.extension())
-    throw UsageError("the output " + command.output.string() + " must be a " +
-                     command.mesh.extension().string() + " file, as the mesh is");
+void check_files(const ApplyCommand& command) {
+  check_outputs(
+      {{"-o", command.output}, {"-o", failed_path(command.output)}, json_output(command.json)},
+      {command.field, command.mesh});
+  check_format(command.output, command.mesh);
 }
 
 void warn(const ApplyReport& report) {
@@ -39,7 +40,6 @@ void warn(const ApplyReport& report) {
 
 ExitCode run_apply(const ApplyCommand& command) {
   set_thread_count(command.threads);
-  check_json_output(command.json, {command.field, command.mesh});
   const ApplyReport report = apply_files(command.field, command.mesh, command.output);
   if (!command.is_quiet) warn(report);
   const ExitCode code = report.bad_cells.empty() ? ExitCode::Done : ExitCode::Quality;
@@ -69,9 +69,9 @@ void add_apply_command(CLI::App& app, Action& action) {
   parser->add_flag("--quiet", command->is_quiet, "print errors only");
   add_threads_option(*parser, command->threads);
   parser->callback([&action, command] {
-    if (command->output.empty()) command->output = default_output(command->mesh);
-    check_names(*command);
     action.json = command->json;
+    if (command->output.empty()) command->output = default_output(command->mesh);
+    check_files(*command);
     action.run = [command] { return run_apply(*command); };
   });
 }

@@ -5,6 +5,25 @@
 #include "apps/pipeline/output_file.h"
 
 namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+
+void check_clashes(const std::vector<Output>& outputs, const std::vector<fs::path>& inputs) {
+  for (auto output = outputs.begin(); output != outputs.end(); ++output) {
+    if (output->file.empty()) continue;
+    for (const fs::path& input : inputs)
+      if (!input.empty() && is_same_file(output->file, input))
+        throw UsageError("the output " + output->file.string() +
+                         " is one of the inputs; name another file with " + output->option);
+    for (auto other = outputs.begin(); other != output; ++other)
+      if (!other->file.empty() && is_same_file(output->file, other->file))
+        throw UsageError("two outputs (" + std::string(other->option) + ", " + output->option +
+                         ") can't both go to " + output->file.string());
+  }
+}
+
+}  // namespace
 
 std::string troubleshooting_line(ExitCode code) {
   return "cadmorph: more under \"Exit code " + std::to_string(static_cast<int>(code)) +
@@ -25,9 +44,21 @@ void hand_over(const std::string& json, bool is_quiet, const std::string& summar
     print(summary);
 }
 
-void check_json_output(const std::string& json, const std::vector<std::filesystem::path>& inputs) {
-  if (json.empty() || json == "-") return;
-  check_output(json, inputs);
+Output json_output(const std::string& json) {
+  return {.option = "--json", .file = json == "-" ? fs::path() : fs::path(json)};
+}
+
+void check_outputs(const std::vector<Output>& outputs, const std::vector<fs::path>& inputs) {
+  check_clashes(outputs, inputs);
+  for (const Output& output : outputs)
+    if (output.is_needed && !output.file.empty()) check_output(output.file, {});
+}
+
+void check_format(const fs::path& output, const fs::path& mesh) {
+  const fs::path format = mesh.extension();
+  if ((format == ".vtu" || format == ".vtk") && output.extension() != format)
+    throw UsageError("the output " + output.string() + " must be a " + format.string() +
+                     " file, as the mesh is");
 }
 
 }  // namespace cadmorph

@@ -39,7 +39,22 @@ void print(const std::string& text);
 void hand_over(const std::string& json, bool is_quiet, const std::string& summary,
                const std::string& report);
 
-/// Refuses a report that can't be written or would replace an input. Throws what check_output does.
-void check_json_output(const std::string& json, const std::vector<std::filesystem::path>& inputs);
+/// A file that a command is to write.
+struct Output {
+  const char* option;          ///< that names it
+  std::filesystem::path file;  ///< empty: not asked for
+  bool is_needed = true;       ///< the command fails where it can't be written
+};
+
+/// The report that `json` asks for.
+Output json_output(const std::string& json);
+
+/// Refuses, before any work, outputs that would take the place of an input or of each other
+/// (UsageError), and needed ones that can't be written (OutputError). Empty inputs are left out.
+void check_outputs(const std::vector<Output>& outputs,
+                   const std::vector<std::filesystem::path>& inputs);
+
+/// Refuses a name for a moved mesh that is not of the mesh's format. Throws UsageError.
+void check_format(const std::filesystem::path& output, const std::filesystem::path& mesh);
 
 }  // namespace cadmorph

@@ -115,9 +115,6 @@ void write_difference(const MeshFile& reference, const MeshComparison& compariso
 }
 
 ExitCode run_compare(const CompareCommand& command) {
-  check_json_output(command.json, {command.reference, command.mesh});
-  if (!command.difference.empty())
-    check_output(command.difference, {command.reference, command.mesh});
   const MeshFile reference(command.reference), mesh(command.mesh);
   const MeshComparison comparison = compare_meshes(reference, mesh, command.options);
   const ExitCode code = comparison.is_same() ? ExitCode::Done : ExitCode::Different;
@@ -155,6 +152,8 @@ void add_compare_command(CLI::App& app, Action& action) {
   add_json_option(*parser, command->json);
   parser->callback([&action, command] {
     action.json = command->json;
+    check_outputs({json_output(command->json), {"--difference", command->difference}},
+                  {command->reference, command->mesh});
     action.run = [command] { return run_compare(*command); };
   });
 }

@@ -28,6 +28,11 @@ void check(const FieldCommand& command) {
     throw UsageError(
         "--untangle always and --improve move single nodes, which a field of the position can't "
         "hold; leave them out, or morph the mesh by the main command");
+  std::vector<std::filesystem::path> inputs = command.files.inputs();
+  inputs.push_back(command.options.face_map);
+  check_outputs(
+      {{"-o", command.files.output}, json_output(command.json), {"--cache", pipeline.cache, false}},
+      inputs);
 }
 
 std::string field_summary(const FieldReport& report) {
@@ -38,7 +43,6 @@ std::string field_summary(const FieldReport& report) {
 
 ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
   set_thread_count(command.threads);
-  check_json_output(command.json, command.files.inputs());
   ProgressBar bar(!command.is_quiet);
   options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
   const FieldReport report = field_files(command.files, options);
@@ -82,8 +86,8 @@ void add_field_command(CLI::App& app, Action& action) {
   add_threads_option(*parser, command->threads);
   add_morph_options(*parser, command->options);
   parser->callback([&action, command] {
-    check(*command);
     action.json = command->json;
+    check(*command);
     const PipelineOptions options = resolve(command->options);
     action.needs_fast_blas = is_dense(options);
     action.run = [command, options] { return run_field(*command, options); };

@@ -16,7 +16,6 @@ struct MatchCommand {
 };
 
 ExitCode run_match(const MatchCommand& command) {
-  check_json_output(command.json, {command.base, command.variant});
   MatchOptions options;
   if (!command.face_map.empty()) options.given_faces = read_face_map(command.face_map);
   const CadModel base = read_step(command.base);
@@ -38,6 +37,8 @@ void add_match_command(CLI::App& app, Action& action) {
   add_json_option(*parser, command->json);
   parser->callback([&action, command] {
     action.json = command->json;
+    check_outputs({json_output(command->json)},
+                  {command->base, command->variant, command->face_map});
     action.run = [command] { return run_match(*command); };
   });
 }

@@ -62,25 +62,18 @@ void check_inputs(const MorphFiles& files) {
                      "; usage: cadmorph BASE.step VARIANT.step MESH [-o OUT] (see --help)");
 }
 
-void check_outputs(const MorphCommand& command) {
+void check_files(const MorphCommand& command) {
   const MorphFiles& files = command.files;
-  const std::vector<fs::path> outputs = {files.output, command.json, command.show.report,
-                                         command.show.picture, command.options.pipeline.cache};
-  std::error_code ignored;
-  for (const fs::path& input : files.inputs())
-    for (const fs::path& output : outputs)
-      if (output == input || fs::equivalent(output, input, ignored))
-        throw UsageError("the output " + output.string() +
-                         " is one of the inputs; name another file");
-  for (std::size_t i = 0; i < outputs.size(); ++i)
-    for (std::size_t j = 0; j < i; ++j)
-      if (!outputs[i].empty() && outputs[i] == outputs[j])
-        throw UsageError("two outputs can't both go to " + outputs[i].string());
-  if (files.mesh.extension() != ".vtu" && files.mesh.extension() != ".vtk") return;
-  if (files.output.extension() != files.mesh.extension() &&
-      (!fs::exists(files.output, ignored) || fs::is_regular_file(files.output, ignored)))
-    throw UsageError("the output " + files.output.string() + " must be a " +
-                     files.mesh.extension().string() + " file, as the mesh is");
+  std::vector<fs::path> inputs = files.inputs();
+  inputs.push_back(command.options.face_map);
+  check_outputs({{"-o", files.output},
+                 {"-o", failed_path(files.output)},
+                 json_output(command.json),
+                 {"--report", command.show.report},
+                 {"--picture", command.show.picture},
+                 {"--cache", command.options.pipeline.cache, false}},
+                inputs);
+  check_format(files.output, files.mesh);
 }
 
 void complain(const PipelineReport& report, const PipelineOptions& options) {
@@ -91,9 +84,6 @@ void complain(const PipelineReport& report, const PipelineOptions& options) {
 
 ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   set_thread_count(command.threads);
-  check_json_output(command.json, command.files.inputs());
-  for (const fs::path& output : {command.show.report, command.show.picture})
-    if (!output.empty()) check_output(output, command.files.inputs());
   ProgressBar bar(!command.is_quiet);
   options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
   MorphShowing showing(command.show);
@@ -122,11 +112,11 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
 }
 
 void prepare(MorphCommand& command, Action& action) {
+  action.json = command.json;
   MorphFiles& files = command.files;
   check_inputs(files);
   files.output = command.output.empty() ? default_output(files.mesh) : fs::path(command.output);
-  check_outputs(command);
-  action.json = command.json;
+  check_files(command);
   if (!files.via.empty() && !command.options.face_map.empty())
     throw UsageError("--map names faces of two CAD models and can't be used with --via");
   const PipelineOptions options = resolve(command.options);

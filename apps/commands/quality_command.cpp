@@ -32,8 +32,6 @@ void draw(const QualityCommand& command, const DrawnMesh& drawn) {
 
 ExitCode run_quality(const QualityCommand& command) {
   set_thread_count(command.threads);
-  check_json_output(command.json, {command.mesh});
-  if (!command.picture.empty()) check_output(command.picture, {command.mesh});
   const MeshFile file(command.mesh);
   const Mesh& mesh = file.mesh();
   const Orientation orientation = detect_orientation(mesh);
@@ -76,6 +74,7 @@ void add_quality_command(CLI::App& app, Action& action) {
   add_threads_option(*parser, command->threads);
   parser->callback([&action, command] {
     action.json = command->json;
+    check_outputs({json_output(command->json), {"--picture", command->picture}}, {command->mesh});
     action.run = [command] { return run_quality(*command); };
   });
 }

@@ -111,7 +111,7 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options)
 }
 
 ApplyReport apply_files(const fs::path& field, const fs::path& mesh, const fs::path& output) {
-  check_output(output, {field, mesh});
+  check_mesh_output(output, {field, mesh});
   PhaseClock clock;
   clock.start("apply");
   auto terms_to_come = std::async(std::launch::async, [&] { return read_field(field); });

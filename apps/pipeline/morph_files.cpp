@@ -159,7 +159,7 @@ PipelineReport morph_files(const MorphFiles& files, const PipelineOptions& optio
   if (!files.via.empty() && !options.face_map.empty())
     throw InvalidInputError(
         "a face map names faces of two CAD models and can't be used with models on the way");
-  check_output(files.output, files.inputs());
+  check_mesh_output(files.output, files.inputs());
   return Trip(files, options).run();
 }
 

@@ -28,9 +28,9 @@ fs::path folder_of(const fs::path& file) {
 void check_output(const fs::path& output, const std::vector<fs::path>& inputs) {
   std::error_code error;
   for (const fs::path& input : inputs)
-    if (fs::equivalent(output, input, error))
+    if (is_same_file(output, input))
       throw InvalidInputError("the output " + output.string() +
-                              " is one of the inputs; name another file with -o");
+                              " is one of the inputs; name another file");
   const fs::path folder = folder_of(output);
   if (!fs::exists(folder, error)) refuse(output, "there is no folder " + folder.string());
   if (!fs::is_directory(folder, error)) refuse(output, folder.string() + " is no folder");
@@ -38,6 +38,21 @@ void check_output(const fs::path& output, const std::vector<fs::path>& inputs) {
     refuse(output, "no permission to write in the folder " + folder.string());
   if (fs::exists(output, error) && !fs::is_regular_file(output, error))
     refuse(output, "it exists and is no regular file");
+}
+
+void check_mesh_output(const fs::path& output, const std::vector<fs::path>& inputs) {
+  check_output(output, inputs);
+  check_output(failed_path(output), inputs);
+}
+
+bool is_same_file(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  if (fs::equivalent(a, b, error)) return true;
+  const auto full = [&](const fs::path& path) {
+    return fs::weakly_canonical(fs::absolute(path, error), error);
+  };
+  const fs::path full_a = full(a);
+  return !full_a.empty() && full_a == full(b);
 }
 
 fs::path default_output(const fs::path& mesh) {

@@ -20,6 +20,13 @@ class OutputError : public Error {
 void check_output(const std::filesystem::path& output,
                   const std::vector<std::filesystem::path>& inputs);
 
+/// The same for a mesh and the failed one that may be written in its place.
+void check_mesh_output(const std::filesystem::path& output,
+                       const std::vector<std::filesystem::path>& inputs);
+
+/// Whether two paths, which need not exist, lead to one file.
+bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b);
+
 /// Where a morphed mesh goes when not told: `<stem>.morphed.<ext>` beside the mesh.
 std::filesystem::path default_output(const std::filesystem::path& mesh);
 

@@ -178,6 +178,32 @@ TEST_CASE("An output that is an input is refused with 1", "[apps][bad]") {
   check_failure(place, "box.step box_moved.step box.vtu -o link.vtu", 1, {"input"});
 }
 
+TEST_CASE("Every command keeps its outputs from its inputs and from each other", "[apps][bad]") {
+  const Workplace place;
+  place.write("map.csv", "base,variant\n1,1\n");
+  std::filesystem::copy(place.folder() / "box.vtu", place.folder() / "x.failed.vtu");
+  const std::string morph = "box.step box_moved.step box.vtu ";
+  for (const std::string call :
+       {"box.step box_moved.step x.failed.vtu -o x.vtu", "field " + morph + "-o box.vtu",
+        "field " + morph + "-o x.cmf --map map.csv --json map.csv",
+        "field " + morph + "-o x.cmf --cache box.step", "apply x.cmf box.vtu -o ./box.vtu",
+        "apply x.cmf x.failed.vtu -o x.vtu", "apply x.cmf box.vtu -o y.vtu --json x.cmf",
+        "match box.step box_moved.step --json box.step",
+        "match box.step box_moved.step --map map.csv --json map.csv",
+        "quality box.vtu --json box.vtu", "quality box.vtu --picture box.vtu",
+        "compare box.vtu x.failed.vtu --difference box.vtu"})
+    check_failure(place, call, 1, {"is one of the inputs"});
+  for (const std::string call :
+       {morph + "-o x.vtu --json ./x.vtu", morph + "-o y.vtu --json y.failed.vtu",
+        morph + "-o y.vtu --cache y.vtu", "field " + morph + "-o g.cmf --json g.cmf",
+        "apply x.cmf box.vtu -o y.vtu --json y.vtu", "quality box.vtu --json q --picture q",
+        "compare box.vtu x.failed.vtu --difference d --json d"})
+    check_failure(place, call, 1, {"two outputs"});
+  check_failure(place, "quality box.vtu --json box.vtu", 1, {"another file with --json"});
+  place.write("nodes.csv", "1,2,3\n");
+  check_failure(place, "apply box.vtu nodes.csv -o y.vtu", 2, {"cadmorph"});
+}
+
 TEST_CASE("An output that can't be written is refused with 6 before any work", "[apps][bad]") {
   const Workplace place;
   std::filesystem::create_directory(place.folder() / "folder.vtu");

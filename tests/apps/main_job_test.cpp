@@ -111,6 +111,14 @@ TEST_CASE("An error is told in JSON as well when that was asked for", "[apps][ma
   const Json report = Json::parse(result.out);
   CHECK(report["exit_code"] == 2);
   CHECK_THAT(report["error"].get<std::string>(), Catch::Matchers::Contains("none.step"));
+  for (const std::string call :
+       {"box.step box_moved.step --json -", "box.step box_moved.step box.vtu -o box.vtu --json -",
+        "apply x.cmf box.vtu -o x.vtk --json -",
+        "field box.step box_moved.step box.vtu -o x.cmf --improve 0.1 --json -"}) {
+    const RunResult usage = place.run(call);
+    CHECK(usage.exit_code == 1);
+    CHECK(Json::parse(usage.out)["exit_code"] == 1);
+  }
 }
 
 TEST_CASE("Diagnostics add the arrays of the design", "[apps][main]") {

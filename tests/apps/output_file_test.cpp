@@ -28,6 +28,16 @@ TEST_CASE("Outputs that can't be are refused", "[apps][output]") {
   CHECK_THROWS_AS(check_output(place.folder() / "none/x.vtu", {box}), OutputError);
   CHECK_THROWS_AS(check_output(place.folder(), {box}), OutputError);
   CHECK_NOTHROW(check_output(place.folder() / "x.vtu", {box}));
+  const auto failed = place.folder() / "x.failed.vtu";
+  CHECK_NOTHROW(check_mesh_output(place.folder() / "x.vtu", {box}));
+  CHECK_THROWS_AS(check_mesh_output(place.folder() / "x.vtu", {failed}), InvalidInputError);
+}
+
+TEST_CASE("Paths to one file are known as such, though it is not there yet", "[apps][output]") {
+  CHECK(is_same_file("x.vtu", "./x.vtu"));
+  CHECK(is_same_file("none/../x.vtu", std::filesystem::absolute("x.vtu")));
+  CHECK_FALSE(is_same_file("x.vtu", "y.vtu"));
+  CHECK_FALSE(is_same_file("", "x.vtu"));
 }
 
 }  // namespace cadmorph
