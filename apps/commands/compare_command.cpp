@@ -1,11 +1,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/commands/command.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/output_file.h"
+#include "apps/summary/json_text.h"
 #include "apps/summary/text_table.h"
 #include "core/mesh_comparison.h"
 
@@ -73,8 +73,7 @@ std::string comparison_text(const CompareCommand& command, const MeshComparison&
 
 std::string comparison_json(const CompareCommand& command, const MeshComparison& comparison,
                             ExitCode code) {
-  nlohmann::ordered_json json;
-  json["exit_code"] = static_cast<int>(code);
+  nlohmann::ordered_json json = json_header(static_cast<int>(code));
   json["is_same"] = comparison.is_same();
   json["reference"] = command.reference.string();
   json["mesh"] = command.mesh.string();
@@ -97,30 +96,30 @@ std::string comparison_json(const CompareCommand& command, const MeshComparison&
                               {"differing_rows", array.differing},
                               {"worst_row", array.worst_row},
                               {"largest", array.largest}});
-  return json.dump(2) + "\n";
+  return json_text(json);
 }
 
-// The reference with the displacement from it to the mesh as a point array.
+// The reference with the displacement from it to the mesh, which has as many nodes, as a point
+// array.
 void write_difference(const MeshFile& reference, const MeshComparison& comparison,
                       const fs::path& path) {
-  if (comparison.displacement.rows() == 0)
-    throw OutputError("can't write " + path.string() + ": the meshes have not as many nodes");
   ExtraArrays extra;
   extra.point_arrays["cadmorph_difference"] = comparison.displacement;
-  try {
-    reference.write(path, reference.mesh().points, extra);
-  } catch (const IoError& error) {
-    throw OutputError(error.what());
-  }
+  as_output([&] { reference.write(path, reference.mesh().points, extra); });
 }
 
 ExitCode run_compare(const CompareCommand& command) {
   const MeshFile reference(command.reference), mesh(command.mesh);
   const MeshComparison comparison = compare_meshes(reference, mesh, command.options);
   const ExitCode code = comparison.is_same() ? ExitCode::Done : ExitCode::Different;
-  if (!command.difference.empty()) write_difference(reference, comparison, command.difference);
   hand_over(command.json, command.is_quiet, comparison_text(command, comparison),
             comparison_json(command, comparison, code));
+  if (command.difference.empty()) return code;
+  if (comparison.displacement.rows() > 0)
+    write_difference(reference, comparison, command.difference);
+  else if (!command.is_quiet)
+    std::fprintf(stderr, "cadmorph: warning: there is no %s: the meshes have not as many nodes\n",
+                 command.difference.c_str());
   return code;
 }
 

@@ -75,13 +75,11 @@ std::string read_bytes(const fs::path& path) {
 }
 
 void write_text(const fs::path& path, const std::string& text) {
-  try {
+  as_output([&] {
     TemporaryFile file(path);
     file.write(text.data(), text.size(), 0);
     file.commit();
-  } catch (const IoError& error) {
-    throw OutputError(error.what());
-  }
+  });
 }
 
 }  // namespace cadmorph

@@ -36,6 +36,16 @@ std::filesystem::path failed_path(const std::filesystem::path& output);
 /// Returns the contents of a file. Throws IoError.
 std::string read_bytes(const std::filesystem::path& path);
 
+/// Calls what writes an output: its IoError becomes an OutputError.
+template <class Write>
+void as_output(Write&& write) {
+  try {
+    write();
+  } catch (const IoError& error) {
+    throw OutputError(error.what());
+  }
+}
+
 /// Writes a small file whole or not at all: beside, then renamed. Throws OutputError.
 void write_text(const std::filesystem::path& path, const std::string& text);
 

@@ -1,22 +1,17 @@
 #include "apps/summary/field_summary.h"
 
-#include <cmath>
-#include <nlohmann/json.hpp>
-
+#include "apps/summary/json_text.h"
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
-#include "apps/version.h"
 
 namespace cadmorph {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
 Json to_json(const QualityReport& quality, const ValidityReport& validity) {
-  return {{"min_scaled_jacobian", number(quality.min)},
-          {"mean_scaled_jacobian", number(quality.mean)},
+  return {{"min_scaled_jacobian", json_number(quality.min)},
+          {"mean_scaled_jacobian", json_number(quality.mean)},
           {"worst_cell", quality.worst_cell},
           {"inverted_corner_jacobian", quality.inverted},
           {"invalid_exact", validity.invalid}};
@@ -61,7 +56,7 @@ std::string apply_text(const ApplyReport& report) {
 
 std::string apply_json(const ApplyReport& report, int exit_code) {
   const FieldFigures& field = report.field;
-  Json json = {{"program", "cadmorph"}, {"version", kVersion}, {"exit_code", exit_code}};
+  Json json = json_header(exit_code);
   json["field"] = {{"file", field.file.string()},
                    {"base_cad", field.base_cad},
                    {"variant_cad", field.variant_cad},
@@ -72,13 +67,13 @@ std::string apply_json(const ApplyReport& report, int exit_code) {
   json["mesh"] = {{"file", report.mesh.string()}, {"nodes", report.nodes}, {"cells", report.cells}};
   json["exact_nodes"] = report.at_nodes;
   json["nodes_outside"] = report.outside;
-  json["max_displacement"] = number(report.max_displacement);
+  json["max_displacement"] = json_number(report.max_displacement);
   json["before"] = to_json(report.quality_before, report.validity_before);
   json["after"] = to_json(report.quality_after, report.validity_after);
   json["bad_cells"] = report.bad_cells;
   json["seconds"] = report.seconds;
   json["written"] = report.written.string();
-  return json.dump(2) + "\n";
+  return json_text(json);
 }
 
 }  // namespace cadmorph

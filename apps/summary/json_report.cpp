@@ -1,20 +1,16 @@
 #include "apps/summary/json_report.h"
 
-#include <cmath>
-#include <nlohmann/json.hpp>
-
+#include "apps/summary/json_text.h"
 #include "apps/summary/summary.h"
-#include "apps/version.h"
 
 namespace cadmorph {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-// JSON has no infinity.
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
-Json to_json(const Eigen::Vector3d& v) { return {number(v[0]), number(v[1]), number(v[2])}; }
+Json to_json(const Eigen::Vector3d& v) {
+  return {json_number(v[0]), json_number(v[1]), json_number(v[2])};
+}
 
 Json to_json(const CadFigures& cad) {
   return {{"file", cad.file.string()},
@@ -23,28 +19,28 @@ Json to_json(const CadFigures& cad) {
           {"edges", cad.edges},
           {"vertices", cad.vertices},
           {"solids", cad.solids},
-          {"diagonal_mm", number(cad.diagonal)}};
+          {"diagonal_mm", json_number(cad.diagonal)}};
 }
 
 Json to_json(const QualityChecks& checks) {
-  return {{"max_non_orthogonality_deg", number(checks.max_non_orthogonality_deg)},
-          {"mean_non_orthogonality_deg", number(checks.mean_non_orthogonality_deg)},
+  return {{"max_non_orthogonality_deg", json_number(checks.max_non_orthogonality_deg)},
+          {"mean_non_orthogonality_deg", json_number(checks.mean_non_orthogonality_deg)},
           {"faces_above_70_deg", checks.severely_non_orthogonal},
-          {"max_skewness", number(checks.max_skewness)},
+          {"max_skewness", json_number(checks.max_skewness)},
           {"faces_above_skewness_4", checks.highly_skew},
-          {"max_aspect_ratio", number(checks.max_aspect_ratio)},
+          {"max_aspect_ratio", json_number(checks.max_aspect_ratio)},
           {"cells_above_aspect_1000", checks.high_aspect},
-          {"min_volume", number(checks.min_volume)}};
+          {"min_volume", json_number(checks.min_volume)}};
 }
 
 Json to_json(const MeshFigures& figures, double diagonal) {
   const double per_diagonal = diagonal > 0 ? 1 / diagonal : 0;
-  return {{"max_distance_mm", number(figures.max_distance)},
-          {"mean_distance_mm", number(figures.mean_distance)},
-          {"max_distance_per_diagonal", number(figures.max_distance * per_diagonal)},
-          {"mean_distance_per_diagonal", number(figures.mean_distance * per_diagonal)},
-          {"min_scaled_jacobian", number(figures.min_scaled_jacobian)},
-          {"mean_scaled_jacobian", number(figures.mean_scaled_jacobian)},
+  return {{"max_distance_mm", json_number(figures.max_distance)},
+          {"mean_distance_mm", json_number(figures.mean_distance)},
+          {"max_distance_per_diagonal", json_number(figures.max_distance * per_diagonal)},
+          {"mean_distance_per_diagonal", json_number(figures.mean_distance * per_diagonal)},
+          {"min_scaled_jacobian", json_number(figures.min_scaled_jacobian)},
+          {"mean_scaled_jacobian", json_number(figures.mean_scaled_jacobian)},
           {"worst_cell", figures.worst_cell},
           {"inverted_corner_jacobian", figures.inverted},
           {"invalid_exact", figures.invalid},
@@ -58,10 +54,10 @@ Json to_json(const RbfReport& report, const Kernel& kernel) {
           {"centres", report.centres},
           {"merged_centres", report.merged},
           {"polynomial_terms", report.polynomial_terms},
-          {"reciprocal_condition", number(report.reciprocal_condition)},
+          {"reciprocal_condition", json_number(report.reciprocal_condition)},
           {"iterations", report.iterations},
-          {"max_residual_local_lengths", number(report.max_residual)},
-          {"seconds", number(report.seconds)}};
+          {"max_residual_local_lengths", json_number(report.max_residual)},
+          {"seconds", json_number(report.seconds)}};
 }
 
 Json to_json(const SteppingReport& stepping) {
@@ -72,9 +68,9 @@ Json to_json(const SteppingReport& stepping) {
 }
 
 Json to_json(const UntangleReport& report) {
-  return {{"invalid_before", report.before},     {"invalid_after", report.after},
-          {"free_nodes", report.moved_nodes},    {"rings", report.rings},
-          {"max_move", number(report.max_move)}, {"seconds", number(report.seconds)}};
+  return {{"invalid_before", report.before},          {"invalid_after", report.after},
+          {"free_nodes", report.moved_nodes},         {"rings", report.rings},
+          {"max_move", json_number(report.max_move)}, {"seconds", json_number(report.seconds)}};
 }
 
 Json to_json(const Diagnosis& diagnosis) {
@@ -90,7 +86,7 @@ Json to_json(const Diagnosis& diagnosis) {
           {"nearest_face", diagnosis.face + 1},
           {"nearest_face_type", diagnosis.face_type},
           {"nearest_face_name", diagnosis.face_name},
-          {"first_inversion_share", number(diagnosis.first_inversion)},
+          {"first_inversion_share", json_number(diagnosis.first_inversion)},
           {"advice", diagnosis.advice}};
 }
 
@@ -100,7 +96,7 @@ Json to_json(const LegReport& leg) {
                {"after", to_json(leg.after, leg.cad.diagonal)},
                {"stepping", to_json(leg.stepping)}};
   if (leg.untangling) json["untangling"] = to_json(*leg.untangling);
-  json["seconds"] = number(leg.seconds);
+  json["seconds"] = json_number(leg.seconds);
   return json;
 }
 
@@ -126,15 +122,6 @@ const char* outcome_name(Outcome outcome) {
   return "";
 }
 
-Json header(int exit_code) {
-  return {{"program", "cadmorph"}, {"version", kVersion}, {"exit_code", exit_code}};
-}
-
-std::string dump(const Json& json) {
-  // File names need not be UTF-8.
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
 // Edges are the physical ones (CadSkeleton::curves), numbered from 1.
 Json matched_edges(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   Json edges = Json::array();
@@ -146,9 +133,9 @@ Json matched_edges(const CadModel& base, const CadModel& variant, const Topology
     edges.push_back({{"base", c + 1},
                      {"variant", match.curves[c] + 1},
                      {"base_faces", faces},
-                     {"base_length", number(from.length)},
-                     {"variant_length", number(to.length)},
-                     {"confidence", number(match.curve_confidence[c])}});
+                     {"base_length", json_number(from.length)},
+                     {"variant_length", json_number(to.length)},
+                     {"confidence", json_number(match.curve_confidence[c])}});
   }
   return edges;
 }
@@ -156,7 +143,7 @@ Json matched_edges(const CadModel& base, const CadModel& variant, const Topology
 Json matched_vertices(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   const auto point = [](const CadModel& model, std::size_t corner) {
     const Eigen::Vector3d& p = model.vertices()[model.skeleton().corners[corner]].point;
-    return Json{number(p.x()), number(p.y()), number(p.z())};
+    return Json{json_number(p.x()), json_number(p.y()), json_number(p.z())};
   };
   Json vertices = Json::array();
   for (std::size_t c = 0; c < match.corners.size(); ++c)
@@ -164,14 +151,14 @@ Json matched_vertices(const CadModel& base, const CadModel& variant, const Topol
                         {"variant", match.corners[c] + 1},
                         {"base_point", point(base, c)},
                         {"variant_point", point(variant, match.corners[c])},
-                        {"confidence", number(match.corner_confidence[c])}});
+                        {"confidence", json_number(match.corner_confidence[c])}});
   return vertices;
 }
 
 }  // namespace
 
 std::string to_json(const PipelineReport& report, int exit_code) {
-  Json json = header(exit_code);
+  Json json = json_header(exit_code);
   json["outcome"] = outcome_name(report.outcome);
   json["base_cad"] = to_json(report.base_cad);
   json["variant_cad"] = to_json(report.variant_cad);
@@ -188,24 +175,24 @@ std::string to_json(const PipelineReport& report, int exit_code) {
                    {"unmatched", report.unmatched_nodes},
                    {"interior", report.interior_nodes}};
   json["match"] = {{"how", report.matched_by},
-                   {"least_confidence", number(report.least_confidence)},
-                   {"scale", number(report.alignment.scale)}};
+                   {"least_confidence", json_number(report.least_confidence)},
+                   {"scale", json_number(report.alignment.scale)}};
   json["before"] = to_json(report.before, report.base_cad.diagonal);
   json["after"] = to_json(report.after, report.variant_cad.diagonal);
-  json["max_displacement_mm"] = number(report.max_displacement);
+  json["max_displacement_mm"] = json_number(report.max_displacement);
   json["method"] = to_string(report.method);
   json["volume_morph"] = report.method == MorphMethod::Rbf
                              ? to_json(report.solver, report.kernel)
                              : Json{{"surface_nodes", report.solver.centres},
-                                    {"seconds", number(report.solver.seconds)}};
+                                    {"seconds", json_number(report.solver.seconds)}};
   json["stepping"] = to_json(report.stepping);
   if (report.untangling) json["untangling"] = to_json(*report.untangling);
   if (report.improving)
     json["improving"] = {{"below", report.improving->below},
                          {"poor_before", report.improving->poor_before},
                          {"poor_after", report.improving->poor_after},
-                         {"min_before", number(report.improving->min_before)},
-                         {"min_after", number(report.improving->min_after)}};
+                         {"min_before", json_number(report.improving->min_before)},
+                         {"min_after", json_number(report.improving->min_after)}};
   if (report.diagnosis) json["diagnosis"] = to_json(*report.diagnosis);
   for (const LegReport& leg : report.legs) json["legs"].push_back(to_json(leg));
   if (report.cache.use != CacheUse::None) json["cache"] = to_json(report.cache);
@@ -216,54 +203,54 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["threads"] = report.threads;
   json["blas_kernel"] = report.blas_kernel;
   json["written"] = report.written.string();
-  return dump(json);
+  return json_text(json);
 }
 
 std::string quality_json(const std::filesystem::path& mesh, Index nodes,
                          const QualityReport& quality, const ValidityReport& validity,
                          const QualityChecks& checks, int exit_code) {
-  Json json = header(exit_code);
+  Json json = json_header(exit_code);
   json["mesh"] = mesh.string();
   json["nodes"] = nodes;
   json["cells"] = quality.values.size();
   json["measured_cells"] = quality.cells;
-  json["min_scaled_jacobian"] = number(quality.min);
-  json["mean_scaled_jacobian"] = number(quality.mean);
+  json["min_scaled_jacobian"] = json_number(quality.min);
+  json["mean_scaled_jacobian"] = json_number(quality.mean);
   json["worst_cell"] = quality.worst_cell;
   json["inverted_corner_jacobian"] = quality.inverted;
   json["invalid_exact"] = validity.invalid;
   json["invalid_cells"] = validity.invalid_cells;
   json["checks"] = to_json(checks);
-  return dump(json);
+  return json_text(json);
 }
 
 std::string match_json(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
-  Json json = header(0);
+  Json json = json_header(0);
   json["base"] = base.file_name();
   json["variant"] = variant.file_name();
   json["how"] = match.how;
-  json["scale"] = number(match.alignment.scale);
+  json["scale"] = json_number(match.alignment.scale);
   Json faces = Json::array();
   for (std::size_t f = 0; f < match.faces.size(); ++f)
     faces.push_back({{"base", f + 1},
                      {"variant", match.faces[f] + 1},
                      {"base_type", to_string(base.faces()[f].type)},
                      {"variant_type", to_string(variant.faces()[match.faces[f]].type)},
-                     {"confidence", number(match.face_confidence[f])},
+                     {"confidence", json_number(match.face_confidence[f])},
                      {"name", base.faces()[f].name}});
   json["faces"] = faces;
   const CadModel base_edges = match.joins_edges ? base.with_joined_edges() : base;
   const CadModel variant_edges = match.joins_edges ? variant.with_joined_edges() : variant;
   json["edges"] = matched_edges(base_edges, variant_edges, match);
   json["vertices"] = matched_vertices(base_edges, variant_edges, match);
-  return dump(json);
+  return json_text(json);
 }
 
 std::string error_json(const std::string& message, int exit_code) {
-  Json json = header(exit_code);
+  Json json = json_header(exit_code);
   json["outcome"] = "error";
   json["error"] = message;
-  return dump(json);
+  return json_text(json);
 }
 
 }  // namespace cadmorph

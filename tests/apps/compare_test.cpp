@@ -87,7 +87,10 @@ TEST_CASE("Other cells, counts and node orders are told", "[apps][compare]") {
     write_mesh(place.folder() / "b.vtu", box_mesh(3));
     const auto json = compare(place, "", 7);
     CHECK(json["structure"].size() == 2);
-    CHECK(place.run("compare a.vtu b.vtu --difference d.vtu").exit_code == 6);
+    const RunResult run = place.run("compare a.vtu b.vtu --difference d.vtu");
+    CHECK(run.exit_code == 7);
+    CHECK(run.out.starts_with("different: "));
+    CHECK_THAT(run.err, Catch::Matchers::Contains("there is no d.vtu"));
     CHECK(!place.has("d.vtu"));
   }
 }

@@ -1,4 +1,5 @@
 #include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
 
 #include "command_line.h"
 
@@ -25,6 +26,20 @@ TEST_CASE("Names with spaces and umlauts are files like others", "[apps][options
   std::filesystem::rename(place.folder() / "box.step", place.folder() / "größe 1.step");
   CHECK(place.run("'größe 1.step' box_moved.step box.vtu -o 'neu ä.vtu' --quiet").exit_code == 0);
   CHECK(place.has("neu ä.vtu"));
+}
+
+TEST_CASE("Names that are not UTF-8 are files like others", "[apps][options]") {
+  const Workplace place;
+  const std::string name = "b\xff.vtu";
+  std::filesystem::rename(place.folder() / "box.vtu", place.folder() / name);
+  const std::string job = "box.step box_moved.step '" + name + "' ";
+  CHECK(place.run(job + "-o 'x\xfe.vtu' --json -").exit_code == 0);
+  CHECK(place.run("quality '" + name + "'").exit_code == 0);
+  CHECK(place.run("compare '" + name + "' '" + name + "' --json -").exit_code == 0);
+  REQUIRE(place.run("field " + job + "-o x.cmf").exit_code == 0);
+  const RunResult applied = place.run("apply x.cmf '" + name + "' -o y.vtu --json -");
+  CHECK(applied.exit_code == 0);
+  CHECK(nlohmann::json::parse(applied.out)["mesh"]["file"] == "b\xef\xbf\xbd.vtu");
 }
 
 TEST_CASE("The incremental QR solver is there, with its tolerance", "[apps][options]") {
