@@ -93,11 +93,12 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
       showing.collect(job, variant, result);
     };
   const PipelineReport report = morph_files(files, options);
-  const ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
+  ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
   std::vector<std::string> warnings = report.warnings;
   if (!report.cache.remark.empty()) warnings.push_back(report.cache.remark);
   ShowReport shown;
   if (!command.show.is_empty()) shown = showing.write(report, static_cast<int>(code));
+  if (!shown.failures.empty() && code == ExitCode::Done) code = ExitCode::Resources;
   warnings.insert(warnings.end(), shown.warnings.begin(), shown.warnings.end());
   bar.erase();
   for (const std::string& warning : warnings)
@@ -107,7 +108,9 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   if (!shown.written.picture.empty())
     summary += labelled("Picture", shown.written.picture.string());
   hand_over(command.json, command.is_quiet, summary, to_json(report, static_cast<int>(code)));
-  if (code != ExitCode::Done) complain(report, options);
+  for (const std::string& failure : shown.failures)
+    std::fprintf(stderr, "cadmorph: error: %s\n", failure.c_str());
+  if (report.outcome != Outcome::Done) complain(report, options);
   return code;
 }
 

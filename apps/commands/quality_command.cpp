@@ -23,11 +23,11 @@ struct QualityCommand {
 
 void draw(const QualityCommand& command, const DrawnMesh& drawn) {
   PictureProcess drawing(drawn, {overview(drawn)});
-  const std::string failure = drawing.wait();
-  if (failure.empty())
-    write_text(command.picture, drawing.png(overview(drawn).output));
+  const DrawnPictures pictures = drawing.wait();
+  if (pictures.failure.empty())
+    write_text(command.picture, pictures.bytes.begin()->second);
   else
-    std::fprintf(stderr, "cadmorph: warning: there is no picture: %s\n", failure.c_str());
+    std::fprintf(stderr, "cadmorph: warning: there is no picture: %s\n", pictures.failure.c_str());
 }
 
 ExitCode run_quality(const QualityCommand& command) {

@@ -61,12 +61,12 @@ std::string describe(int status, const fs::path& folder) {
 
 }  // namespace
 
+// The want of a picture must not cost what it shows.
 PictureProcess::PictureProcess(const DrawnMesh& drawn, std::vector<Picture> pictures) {
-  write_surfaces(drawn, folder_.path());
-  write_scene(folder_.path(), {.cut_axis = drawn.cut_axis, .pictures = std::move(pictures)});
-  if (const int error = start(folder_.path(), process_); error != 0) {
-    process_ = -1;
-    failure_ = std::string("can't start ") + kProgram + ": " + std::strerror(error);
+  try {
+    begin(drawn, std::move(pictures));
+  } catch (const std::exception& error) {
+    failure_ = error.what();
   }
 }
 
@@ -76,24 +76,43 @@ PictureProcess::~PictureProcess() {
   waitpid(process_, nullptr, 0);
 }
 
-std::string PictureProcess::wait() {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
-  int status = 0;
-  while (process_ > 0) {
-    if (waitpid(process_, &status, WNOHANG) == process_) {
-      process_ = -1;
-      failure_ = describe(status, folder_.path());
-    } else if (std::chrono::steady_clock::now() > deadline) {
-      return std::string(kProgram) + " did not end within two minutes";
-    } else {
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
+void PictureProcess::begin(const DrawnMesh& drawn, std::vector<Picture> pictures) {
+  for (const Picture& picture : pictures) names_.push_back(picture.output);
+  folder_.emplace();
+  write_surfaces(drawn, folder_->path());
+  write_scene(folder_->path(), {.cut_axis = drawn.cut_axis, .pictures = std::move(pictures)});
+  if (const int error = start(folder_->path(), process_); error != 0) {
+    process_ = -1;
+    failure_ = std::string("can't start ") + kProgram + ": " + std::strerror(error);
   }
-  return failure_;
 }
 
-std::string PictureProcess::png(const std::string& output) const {
-  return read_bytes(folder_.path() / output);
+DrawnPictures PictureProcess::wait() {
+  DrawnPictures result;
+  try {
+    if (failure_.empty()) failure_ = wait_for_end();
+    if (failure_.empty())
+      for (const std::string& name : names_)
+        result.bytes[name] = read_bytes(folder_->path() / name);
+  } catch (const std::exception& error) {
+    failure_ = error.what();
+    result.bytes.clear();
+  }
+  result.failure = failure_;
+  return result;
+}
+
+// Returns what went wrong; empty for nothing.
+std::string PictureProcess::wait_for_end() {
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  int status = 0;
+  while (waitpid(process_, &status, WNOHANG) != process_) {
+    if (std::chrono::steady_clock::now() > deadline)
+      return std::string(kProgram) + " did not end within two minutes";
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  process_ = -1;
+  return describe(status, folder_->path());
 }
 
 }  // namespace cadmorph

@@ -17,10 +17,30 @@ std::string surface_note(const nlohmann::ordered_json& surface) {
          ", their corners true nodes of the mesh.";
 }
 
+// Writes a file, or tells why not; returns whether it is there.
+bool try_to_write(const std::filesystem::path& file, const std::string& text, ShowReport& result) {
+  try {
+    write_text(file, text);
+    return true;
+  } catch (const OutputError& error) {
+    result.failures.emplace_back(error.what());
+    return false;
+  }
+}
+
 }  // namespace
 
 void MorphShowing::collect(const MorphJob& job, const CadModel& variant,
                            const MorphResult& result) {
+  try {
+    draw(job, result);
+    if (!files_.report.empty()) describe(job, variant, result);
+  } catch (const std::exception& error) {
+    failure_ = error.what();
+  }
+}
+
+void MorphShowing::draw(const MorphJob& job, const MorphResult& result) {
   const DrawnMesh drawn{.mesh = job.mesh(),
                         .neighbours = job.neighbours(),
                         .before = job.base_quality(),
@@ -28,12 +48,19 @@ void MorphShowing::collect(const MorphJob& job, const CadModel& variant,
                         .after = &result.quality,
                         .unit = unit_name(result.report.mesh_unit_mm)};
   std::vector<Picture> pictures;
-  if (!files_.picture.empty()) pictures.push_back(overview(drawn));
+  if (!files_.picture.empty()) {
+    pictures.push_back(overview(drawn));
+    overview_ = pictures.back().output;
+  }
   if (!files_.report.empty())
     for (Picture& picture : separate_pictures(drawn)) pictures.push_back(std::move(picture));
-  for (const Picture& picture : pictures) names_.push_back(picture.output);
   drawing_.emplace(drawn, std::move(pictures));
-  if (files_.report.empty()) return;
+}
+
+void MorphShowing::describe(const MorphJob& job, const CadModel& variant,
+                            const MorphResult& result) {
+  contents_.pictured_base = result.report.base_cad.file;
+  contents_.pictured_move = result.report.max_displacement;
   contents_.details = gather_details(job, result);
   contents_.matches = match_tables(job.base(), variant, result.match);
   for (const CadFace& face : variant.faces())
@@ -45,19 +72,21 @@ void MorphShowing::collect(const MorphJob& job, const CadModel& variant,
 
 ShowReport MorphShowing::write(const PipelineReport& report, int exit_code) {
   ShowReport result;
-  contents_.no_picture = drawing_->wait();
-  if (contents_.no_picture.empty())
-    for (const std::string& name : names_) contents_.pictures[name] = drawing_->png(name);
-  else
+  if (!failure_.empty()) {
+    result.failures.push_back("can't show the result: " + failure_);
+    return result;
+  }
+  DrawnPictures drawn = drawing_->wait();
+  contents_.pictures = std::move(drawn.bytes);
+  contents_.no_picture = std::move(drawn.failure);
+  if (!contents_.no_picture.empty())
     result.warnings.push_back("there is no picture: " + contents_.no_picture);
-  if (!files_.picture.empty() && contents_.no_picture.empty()) {
-    write_text(files_.picture, contents_.pictures[names_.front()]);
+  else if (!files_.picture.empty() &&
+           try_to_write(files_.picture, contents_.pictures[overview_], result))
     result.written.picture = files_.picture;
-  }
-  if (!files_.report.empty()) {
-    write_text(files_.report, report_page(report, contents_, exit_code));
+  if (!files_.report.empty() &&
+      try_to_write(files_.report, report_page(report, contents_, exit_code), result))
     result.written.report = files_.report;
-  }
   return result;
 }
 

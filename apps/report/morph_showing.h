@@ -22,6 +22,7 @@ struct ShowFiles {
 struct ShowReport {
   ShowFiles written;  ///< empty paths: not asked for, or not possible
   std::vector<std::string> warnings;
+  std::vector<std::string> failures;  ///< of files that could be made but not written
 };
 
 /// The report page and the picture of one morph, in the making.
@@ -30,15 +31,20 @@ class MorphShowing {
   explicit MorphShowing(ShowFiles files) : files_(std::move(files)) {}
 
   /// Takes what is to be shown from the result and starts to draw. Call before the job is gone.
+  /// Throws nothing, for the result is yet to be written: failures are told by `write`.
   void collect(const MorphJob& job, const CadModel& variant, const MorphResult& result);
 
   /// Waits for the pictures and writes the files. What can't be drawn is left out and told in the
-  /// warnings. Throws OutputError.
+  /// warnings.
   ShowReport write(const PipelineReport& report, int exit_code);
 
  private:
+  void draw(const MorphJob& job, const MorphResult& result);
+  void describe(const MorphJob& job, const CadModel& variant, const MorphResult& result);
+
   ShowFiles files_;
-  std::vector<std::string> names_;  ///< of the pictures, the overview first
+  std::string overview_;  ///< name of the picture for `files_.picture`
+  std::string failure_;   ///< of `collect`
   std::optional<PictureProcess> drawing_;
   PageContents contents_;
 };

@@ -132,10 +132,10 @@ list picture_list(const PipelineReport& report, const PageContents& contents) {
   };
   list result;
   for (const Caption& caption :
-       {Caption{"base.png", "Base", report.base_cad.file.filename().string()},
+       {Caption{"base.png", "Base", contents.pictured_base.filename().string()},
         Caption{"variant.png", "Variant", report.variant_cad.file.filename().string()},
         Caption{"displacement.png", "Displacement",
-                "light: 0, dark blue: " + millimetres(report.max_displacement)},
+                "light: 0, dark blue: " + millimetres(contents.pictured_move)},
         Caption{"cut.png", "Cut open", "the worst 5 % of the elements in red"}}) {
     const auto bytes = contents.pictures.find(caption.file);
     if (bytes == contents.pictures.end()) continue;
@@ -231,26 +231,15 @@ std::vector<MatchTable> match_tables(const CadModel& base, const CadModel& varia
   const auto face = [](const CadModel& model, int f) {
     return std::to_string(f + 1) + " " + to_string(model.faces()[f].type);
   };
-  const auto curve = [](const CadModel& model, int c) {
-    std::string numbers;
-    for (const CurveLink& link : model.skeleton().curves[c].links)
-      numbers += (numbers.empty() ? "" : " + ") + std::to_string(link.edge + 1);
-    return numbers;
-  };
   for (std::size_t f = 0; f < match.faces.size(); ++f)
     faces.rows.push_back({face(base, static_cast<int>(f)), face(variant, match.faces[f]),
                           format("%.2f", match.face_confidence[f]), base.faces()[f].name});
-  const CadModel joined_base = match.joins_edges ? base.with_joined_edges() : base;
-  const CadModel joined_variant = match.joins_edges ? variant.with_joined_edges() : variant;
   for (std::size_t c = 0; c < match.curves.size(); ++c)
-    edges.rows.push_back({curve(joined_base, static_cast<int>(c)),
-                          curve(joined_variant, match.curves[c]),
+    edges.rows.push_back({std::to_string(c + 1), std::to_string(match.curves[c] + 1),
                           format("%.2f", match.curve_confidence[c]), ""});
   for (std::size_t v = 0; v < match.corners.size(); ++v)
-    vertices.rows.push_back(
-        {std::to_string(joined_base.skeleton().corners[v] + 1),
-         std::to_string(joined_variant.skeleton().corners[match.corners[v]] + 1),
-         format("%.2f", match.corner_confidence[v]), ""});
+    vertices.rows.push_back({std::to_string(v + 1), std::to_string(match.corners[v] + 1),
+                             format("%.2f", match.corner_confidence[v]), ""});
   return {std::move(faces), std::move(edges), std::move(vertices)};
 }
 

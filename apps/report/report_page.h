@@ -28,6 +28,8 @@ struct PageContents {
   MorphDetails details;
   std::vector<MatchTable> matches;
   std::vector<std::string> variant_face_types;
+  std::filesystem::path pictured_base;          ///< CAD model the morph in the pictures is from
+  double pictured_move = 0;                     ///< its largest displacement, millimetres
   std::string surface;                          ///< JSON, see surface_data
   std::string surface_note;                     ///< what the 3D view leaves out; may be empty
   std::map<std::string, std::string> pictures;  ///< bytes of PNG files by their names

@@ -218,6 +218,45 @@ TEST_CASE("Without a display the report says that there is no picture, and the j
   CHECK(place.has("out.vtu"));
 }
 
+TEST_CASE("A picture that can't be prepared costs nothing else", "[apps][report]") {
+  const testing::Workplace place;
+  const std::string nowhere = "export TMPDIR=/nonexistent;";
+  const auto result = place.run(
+      "box.step box_moved.step box.vtu -o out.vtu --picture p.png --report page.html", nowhere);
+  CHECK(result.exit_code == 0);
+  CHECK_THAT(result.err, Catch::Contains("there is no picture: can't make a temporary folder"));
+  CHECK_THAT(place.read("page.html"), Catch::Contains("There is no picture"));
+  CHECK(place.has("out.vtu"));
+  CHECK(place.run("quality box.vtu --picture p.png", nowhere).exit_code == 0);
+  CHECK_FALSE(place.has("p.png"));
+}
+
+TEST_CASE("A report that can't be written costs neither mesh nor summary", "[apps][report]") {
+  const testing::Workplace place;
+  // Room for the mesh and the figures, in blocks of 512 bytes, not for the page.
+  const auto result =
+      place.run("box.step box_moved.step box.vtu -o out.vtu --report page.html --json x.json",
+                "unset DISPLAY; PATH=/nonexistent; ulimit -f 30;");
+  CHECK(result.exit_code == 6);
+  CHECK_THAT(result.err, Catch::Contains("error: can't write page.html"));
+  CHECK_THAT(result.out, Catch::Contains("Written       out.vtu"));
+  CHECK(nlohmann::json::parse(place.read("x.json"))["exit_code"] == 6);
+  CHECK(place.has("out.vtu"));
+  CHECK_FALSE(place.has("page.html"));
+}
+
+TEST_CASE("The pictures of a series are named after its last morph", "[apps][report]") {
+  const testing::Workplace place;
+  place.make_boxes(3);
+  REQUIRE(
+      place.run("v0.step v2.step box.vtu --via v1.step -o out.vtu --report page.html").exit_code ==
+      0);
+  const std::string page = place.read("page.html");
+  if (page.find("There is no picture") != std::string::npos) return;
+  CHECK_THAT(page, Catch::Contains("<figcaption>Base<span class=\"note\">v1.step</span>"));
+  CHECK_THAT(page, Catch::Contains("dark blue: 0.1 mm"));  // of 0.2 mm in all
+}
+
 TEST_CASE("Names in the page can't break it", "[apps][report]") {
   const testing::Workplace place;
   const std::string name = "<b>'&.vtu";
