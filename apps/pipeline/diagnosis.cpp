@@ -3,19 +3,12 @@
 #include <algorithm>
 #include <map>
 
-#include "core/kd_tree.h"
-#include "volume/held_cells.h"
+#include "apps/pipeline/nearest_face.h"
 
 namespace cadmorph {
 namespace {
 
 constexpr double kShareTolerance = 0.01;
-
-Eigen::Vector3d centroid(const Points& points, std::span<const Index> nodes) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Index node : nodes) sum += points.row(node).transpose();
-  return sum / static_cast<double>(nodes.size());
-}
 
 // Counts as pairs (key, count), the largest count first, equal ones by key.
 std::vector<std::pair<int, Index>> most_first(const std::map<int, Index>& counts) {
@@ -26,19 +19,9 @@ std::vector<std::pair<int, Index>> most_first(const std::map<int, Index>& counts
 
 int most_frequent_face(const Mesh& mesh, const Boundary& boundary, const Association& association,
                        const std::vector<Index>& bad_cells) {
-  std::vector<Index> facets;
-  for (Index f = 0; f < boundary.facet_count(); ++f)
-    if (association.facet_face[f] >= 0) facets.push_back(f);
-  if (facets.empty()) return -1;
-  RowMatrix centres(facets.size(), 3);
-  for (std::size_t i = 0; i < facets.size(); ++i)
-    centres.row(i) = centroid(mesh.points, boundary.facet(facets[i])).transpose();
-  const KdTree tree(centres);
+  const NearestFace nearest(boundary, association.facet_face, mesh.points);
   std::map<int, Index> votes;
-  for (const Index c : bad_cells) {
-    const Eigen::Vector3d centre = centroid(mesh.points, mesh.cell(c));
-    ++votes[association.facet_face[facets[tree.nearest(centre.data(), 1).front().index]]];
-  }
+  for (const Index c : bad_cells) ++votes[nearest(centre_of(mesh.cell(c), mesh.points))];
   return most_first(votes).front().first;
 }
 
@@ -61,16 +44,13 @@ double first_inversion(const Mesh& mesh, const Orientation& orientation,
 
 Diagnosis diagnose(const CadModel& cad, const Mesh& mesh, const Boundary& boundary,
                    const Association& association, const std::vector<Index>& bad_cells,
-                   const Orientation& orientation, const std::vector<char>& is_fixed,
-                   const PositionsAt& positions_at) {
+                   const Orientation& orientation, const PositionsAt& positions_at) {
   Diagnosis result;
-  const Points whole = positions_at(1);
   result.bad_cells = static_cast<Index>(bad_cells.size());
   const auto in_base = check_validity(mesh, mesh.points, orientation).invalid_cells;
   std::map<int, Index> regions;
   for (const Index c : bad_cells) {
     ++regions[mesh.region(c)];
-    if (is_held(mesh, whole, is_fixed, c)) ++result.held_cells;
     if (std::ranges::binary_search(in_base, c)) ++result.bad_in_base;
   }
   result.regions = most_first(regions);

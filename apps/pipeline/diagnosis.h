@@ -16,7 +16,7 @@ namespace cadmorph {
 struct Diagnosis {
   Index bad_cells = 0;    ///< inverted, or below the asked quality
   Index bad_in_base = 0;  ///< of these: inverted in the input already
-  Index held_cells = 0;   ///< of these: held by their surface nodes (is_held)
+  Index held_cells = 0;   ///< inverted and held so by their surface nodes (is_held)
   Index worst_cell = -1;
   Eigen::Vector3d location = Eigen::Vector3d::Zero();  ///< of its centroid, in the mesh's unit
   std::vector<std::pair<int, Index>> regions;  ///< region id and bad cells in it, most first
@@ -33,10 +33,9 @@ using PositionsAt = std::function<Points(double share)>;
 
 /// Locates `bad_cells` (at least one) on the CAD by the nearest facet of the base mesh's surface,
 /// and finds by bisection to 1 % where the first inversion appears on the way `positions_at`
-/// describes. `is_fixed` marks the nodes (N) whose positions are prescribed.
+/// describes.
 Diagnosis diagnose(const CadModel& cad, const Mesh& mesh, const Boundary& boundary,
                    const Association& association, const std::vector<Index>& bad_cells,
-                   const Orientation& orientation, const std::vector<char>& is_fixed,
-                   const PositionsAt& positions_at);
+                   const Orientation& orientation, const PositionsAt& positions_at);
 
 }  // namespace cadmorph

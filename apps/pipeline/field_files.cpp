@@ -25,6 +25,7 @@ FieldFigures figures_of(const fs::path& file, const DeformationTerms& terms) {
 PipelineOptions without_repair(PipelineOptions options) {
   options.untangle = UntangleMode::Never;
   options.improve_below.reset();
+  options.can_repair = false;
   return options;
 }
 
@@ -55,11 +56,7 @@ fs::path write(const MeshFile& mesh, const Points& moved, const ApplyReport& rep
     extra.cell_integers["cadmorph_bad"] = std::move(is_bad);
   }
   const fs::path path = report.bad_cells.empty() ? output : failed_path(output);
-  try {
-    mesh.write(path, moved, extra);
-  } catch (const IoError& error) {
-    throw OutputError(error.what());
-  }
+  as_output([&] { mesh.write(path, moved, extra); });
   return path;
 }
 
@@ -98,11 +95,7 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options)
     terms.base_cad = files.base_cad.string();
     terms.variant_cad = files.variant_cad.string();
     terms.mesh_file = files.mesh.string();
-    try {
-      write_field(files.output, terms);
-    } catch (const IoError& error) {
-      throw OutputError(error.what());
-    }
+    as_output([&] { write_field(files.output, terms); });
     report.field = figures_of(files.output, terms);
     return files.output;
   };

@@ -20,8 +20,7 @@ struct FieldReport {
 
 /// Morphs as morph_files does, without repair by optimisation, and writes the deformation field to
 /// `files.output`, or nothing when elements stay inverted or poor: the outcome and diagnosis tell.
-/// Throws as morph_files does; InvalidInputError for models on the way and for what
-/// record_deformation refuses.
+/// Throws as morph_files does; InvalidInputError for what record_deformation refuses.
 FieldReport field_files(const MorphFiles& files, const PipelineOptions& options = {});
 
 struct ApplyReport {

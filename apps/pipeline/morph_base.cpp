@@ -59,6 +59,7 @@ void MorphBase::fill_report() {
   report.before.mean_distance = association.mean_distance;
   report.method = options.volume.method;
   report.kernel = options.volume.kernel;
+  report.can_repair = options.can_repair;
   report.threads = thread_count();
   report.blas_kernel = blas_info().kernel;
   if (validity.invalid > 0)

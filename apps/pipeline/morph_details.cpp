@@ -3,16 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/kd_tree.h"
+#include "apps/pipeline/nearest_face.h"
 
 namespace cadmorph {
 namespace {
-
-Eigen::Vector3d centre_of(std::span<const Index> nodes, const Points& positions) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Index node : nodes) sum += positions.row(node).transpose();
-  return sum / static_cast<double>(nodes.size());
-}
 
 std::size_t bin_of(double value, double low, double high, std::size_t bins) {
   const double position = (value - low) / (high - low) * static_cast<double>(bins);
@@ -75,31 +69,6 @@ std::vector<Index> worst_cells(const QualityReport& quality, Index count) {
   return cells;
 }
 
-// The facets on a CAD face as points to search: the nearest facet's face is the nearest face.
-class FaceFinder {
- public:
-  FaceFinder(const MorphJob& job, const MorphResult& result) : match_(result.match) {
-    const Boundary& boundary = job.boundary();
-    for (Index f = 0; f < boundary.facet_count(); ++f)
-      if (job.association().facet_face[f] >= 0)
-        faces_.push_back(match_.faces[job.association().facet_face[f]]);
-    RowMatrix centres(faces_.size(), 3);
-    for (Index f = 0, row = 0; f < boundary.facet_count(); ++f)
-      if (job.association().facet_face[f] >= 0)
-        centres.row(row++) = centre_of(boundary.facet(f), result.positions).transpose();
-    if (!faces_.empty()) tree_.emplace(centres);
-  }
-
-  int nearest(const Eigen::Vector3d& x) const {
-    return tree_ ? faces_[tree_->nearest(x.data(), 1).front().index] : -1;
-  }
-
- private:
-  const TopologyMatch& match_;
-  std::vector<int> faces_;  // of the variant, one a facet
-  std::optional<KdTree> tree_;
-};
-
 }  // namespace
 
 MorphDetails gather_details(const MorphJob& job, const MorphResult& result,
@@ -108,14 +77,15 @@ MorphDetails gather_details(const MorphJob& job, const MorphResult& result,
   details.scaled_jacobian =
       jacobian_histogram(job.base_quality(), result.quality, options.jacobian_bins);
   fill_deviation(details, job, result, options);
-  const FaceFinder faces(job, result);
+  const NearestFace nearest(job.boundary(), job.association().facet_face, result.positions);
   for (const Index c : worst_cells(result.quality, options.worst)) {
     const Eigen::Vector3d centre = centre_of(job.mesh().cell(c), result.positions);
+    const int face = nearest(centre);
     details.worst.push_back({.cell = c,
                              .before = job.base_quality().values[c],
                              .after = result.quality.values[c],
                              .centre = centre,
-                             .face = faces.nearest(centre)});
+                             .face = face < 0 ? -1 : result.match.faces[face]});
   }
   return details;
 }

@@ -31,6 +31,23 @@ void move_surface(const MorphBase& base, const CadModel& variant, MorphResult& r
   figures.warnings.insert(figures.warnings.end(), moved.warnings.begin(), moved.warnings.end());
 }
 
+// Numbers of CAD entities as `cadmorph match` prints them, from 1.
+class EntityNumbers {
+ public:
+  explicit EntityNumbers(const CadModel& matched) : skeleton_(matched.skeleton()) {}
+
+  // 0 for no entity, and for a vertex that only cuts a smooth edge of `match`.
+  int operator()(CadDimension dimension, int entity) const {
+    if (entity < 0) return 0;
+    if (dimension == CadDimension::Vertex) return skeleton_.corner_of_vertex[entity] + 1;
+    if (dimension == CadDimension::Edge) return skeleton_.curve_of_edge[entity] + 1;
+    return entity + 1;
+  }
+
+ private:
+  const CadSkeleton& skeleton_;
+};
+
 void add_diagnostics(const MorphJob& job, const Points& original, const MorphResult& result,
                      ExtraArrays& extra) {
   const Mesh& mesh = job.mesh();
@@ -39,10 +56,12 @@ void add_diagnostics(const MorphJob& job, const Points& original, const MorphRes
   constexpr int kInterior = 3;
   std::vector<int> dimensions(mesh.node_count(), kInterior), entities(mesh.node_count(), 0);
   RowMatrix uv = RowMatrix::Zero(mesh.node_count(), 2);
+  const CadModel matched = result.match.joins_edges ? job.base().with_joined_edges() : job.base();
+  const EntityNumbers number(matched);
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (association.is_free[i]) continue;
     dimensions[nodes[i]] = static_cast<int>(association.dimension[i]);
-    entities[nodes[i]] = association.entity[i] + 1;
+    entities[nodes[i]] = number(association.dimension[i], association.entity[i]);
     if (association.entity[i] >= 0) uv.row(nodes[i]) = association.uv.row(i);
   }
   RowMatrix jacobians(mesh.cell_count(), 1);
@@ -128,11 +147,7 @@ fs::path MorphJob::write(const MorphResult& result, const fs::path& output,
     for (const Index c : bad_cells(*base_, result)) is_bad[c] = 1;
     extra.cell_integers["cadmorph_bad"] = std::move(is_bad);
   }
-  try {
-    base_->mesh_file->write(path, result.positions, extra);
-  } catch (const IoError& error) {
-    throw OutputError(error.what());
-  }
+  as_output([&] { base_->mesh_file->write(path, result.positions, extra); });
   return path;
 }
 

@@ -39,6 +39,9 @@ struct PipelineOptions {
   std::optional<double> improve_below;
   /// The result is refused when any cell's scaled Jacobian is below.
   std::optional<double> min_scaled_jacobian;
+  /// False: the result is to be a function of the position, as a field is. Repair by optimisation,
+  /// which moves single nodes, is then not advised.
+  bool can_repair = true;
   /// Base and variant face numbers (1-based) given by the user.
   std::vector<std::pair<int, int>> face_map;
   /// File to keep the base side in for other runs; empty: none (docs/batch.md).
@@ -118,6 +121,7 @@ struct PipelineReport {
   SteppingReport stepping;
   std::optional<UntangleReport> untangling;
   std::optional<ImproveReport> improving;
+  bool can_repair = true;              ///< see PipelineOptions
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
   std::vector<LegReport> legs;         ///< all of a series of morphs; else empty
   CacheReport cache = {};
@@ -175,7 +179,8 @@ class MorphJob {
   /// Writes a result: to `output` when it is good, else, with the inverted cells marked in the cell
   /// array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the arrays
   /// cadmorph_displacement, _cad_dimension (0 vertex, 1 edge, 2 face, 3 interior, -1 on no CAD
-  /// entity), _cad_entity (1-based as in `cadmorph match`; 0: none), _uv and _scaled_jacobian; the
+  /// entity), _cad_entity (1-based as in `cadmorph match`; 0: none there), _uv and
+  /// _scaled_jacobian; the
   /// displacement from the file's positions, the entities of this job's base CAD.
   /// Returns the path written. Throws OutputError.
   std::filesystem::path write(const MorphResult& result, const std::filesystem::path& output,

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <sstream>
 
+#include "apps/pipeline/nearest_face.h"
+#include "volume/held_cells.h"
+
 namespace cadmorph {
 namespace {
 
@@ -26,7 +29,7 @@ std::string short_number(double value) {
 }
 
 std::string percent(double share) {
-  return std::to_string(static_cast<int>(std::floor(100 * share))) + " %";
+  return std::to_string(std::max(1, static_cast<int>(std::floor(100 * share)))) + " %";
 }
 
 // Cells the result is refused for: invalid ones, and those whose corners inverted on the way.
@@ -46,10 +49,11 @@ Index worst_of(const std::vector<Index>& cells, const QualityReport& quality) {
       cells, {}, [&](Index c) { return std::isnan(quality.values[c]) ? 1.0 : quality.values[c]; });
 }
 
-Eigen::Vector3d centre_of(const Mesh& mesh, Index cell, const Points& positions) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Index node : mesh.cell(cell)) sum += positions.row(node).transpose();
-  return sum / static_cast<double>(mesh.cell(cell).size());
+// Those of the inverted cells that no move of the inner nodes can help.
+Index held_among(const std::vector<Index>& inverted, const MorphBase& base, const Points& full) {
+  const std::vector<char> is_fixed = base.fixed_nodes();
+  return std::ranges::count_if(inverted,
+                               [&](Index c) { return is_held(base.mesh(), full, is_fixed, c); });
 }
 
 std::vector<std::string> advice(const PipelineOptions& options, const PipelineReport& figures) {
@@ -62,10 +66,11 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         "refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
         "the surface, or a facet on it turns a corner inwards)");
-  if (figures.outcome == Outcome::PoorQuality && !options.improve_below)
+  if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)
     lines.push_back("raise the poor cells: --improve " +
                     short_number(*options.min_scaled_jacobian));
-  if (figures.outcome == Outcome::Inverted && options.untangle == UntangleMode::Never)
+  if (figures.outcome == Outcome::Inverted && options.can_repair &&
+      options.untangle == UntangleMode::Never)
     lines.push_back("let the inverted cells be repaired: --untangle auto");
   if (figures.outcome == Outcome::Inverted && options.stepping.steps > 0)
     lines.push_back("let the number of steps grow: --steps auto");
@@ -92,19 +97,21 @@ std::vector<Index> bad_cells(const MorphBase& base, const MorphResult& result) {
 }
 
 void judge(const MorphBase& base, MorphResult& result) {
-  const auto bad = bad_cells(base, result);
+  const auto inverted = inverted_cells(base, result);
+  const auto bad = sorted_union(inverted, poor_cells(base, result));
   if (bad.empty()) return;
   PipelineReport& figures = result.report;
-  figures.outcome = inverted_cells(base, result).empty() ? Outcome::PoorQuality : Outcome::Inverted;
+  figures.outcome = inverted.empty() ? Outcome::PoorQuality : Outcome::Inverted;
   const Points full = base.volume->morph(result.surface_positions);
   const auto positions_at = [&](double share) -> Points {
     return base.mesh().points + share * (full - base.mesh().points);
   };
   figures.diagnosis = diagnose(*base.cad, base.mesh(), base.boundary, base.surface->association(),
-                               bad, base.orientation, base.fixed_nodes(), positions_at);
+                               bad, base.orientation, positions_at);
+  figures.diagnosis->held_cells = held_among(inverted, base, full);
   figures.diagnosis->worst_cell = worst_of(bad, result.quality);
   figures.diagnosis->location =
-      centre_of(base.mesh(), figures.diagnosis->worst_cell, result.positions);
+      centre_of(base.mesh().cell(figures.diagnosis->worst_cell), result.positions);
   figures.diagnosis->advice = advice(base.options, figures);
 }
 

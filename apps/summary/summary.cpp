@@ -120,7 +120,7 @@ std::string leg_text(const LegReport& leg) {
 std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
-  if (report.outcome != Outcome::Done || report.improving || after >= kPoor ||
+  if (report.outcome != Outcome::Done || report.improving || !report.can_repair || after >= kPoor ||
       after >= kLoss * before)
     return "";
   return format(

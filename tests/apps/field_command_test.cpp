@@ -128,8 +128,9 @@ TEST_CASE("Pieces of a mesh moved one by one agree on their common nodes", "[app
   const Workplace place;
   REQUIRE(place
               .run("field " + bore("base.step") + " " + bore("step20.step") + " " +
-                   bore("tet.vtu") + " -o field.cmf --quiet")
+                   bore("tet.vtu") + " -o field.cmf > summary.txt")
               .exit_code == 0);
+  CHECK_THAT(place.read("summary.txt"), Contains("Written") && !Contains("Hint"));
   const Mesh mesh = MeshFile(bore("hex.vtu")).mesh();  // another mesh of the same part
   REQUIRE(place.run("apply field.cmf " + bore("hex.vtu") + " -o whole.vtu --quiet").exit_code == 0);
   const Points whole = points_of(place, "whole.vtu");
@@ -219,6 +220,11 @@ TEST_CASE("Where steps are needed the field holds them; repair it refuses", "[ap
   const RunResult refused = place.run("field " + sphere_morph() + " -o no.cmf --steps 1");
   CHECK(refused.exit_code == 5);
   CHECK_THAT(refused.err, Contains("was not written") && Contains("nearest CAD face"));
+  CHECK_THAT(refused.err, !Contains("--untangle"));  // which `field` has no use for
+  const RunResult poor =
+      place.run("field " + sphere_morph() + " -o no.cmf --steps 10 --min-scaled-jacobian 0.5");
+  CHECK(poor.exit_code == 5);
+  CHECK_THAT(poor.err, Contains("try: ") && !Contains("--improve") && !Contains("--untangle"));
   CHECK(place.files() == before);
   for (const std::string option : {"--untangle always", "--improve 0.2"})
     CHECK(place.run("field " + sphere_morph() + " -o no.cmf " + option).exit_code == 1);

@@ -1,9 +1,13 @@
 #include "apps/pipeline/pipeline.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+#include <set>
 
 #include "cad/step_reader.h"
 #include "command_line.h"
+#include "core/mesh_file.h"
 
 namespace cadmorph {
 namespace {
@@ -90,6 +94,46 @@ TEST_CASE("The progress of the whole trip is told", "[apps][pipeline]") {
   CHECK(report.written == place.folder() / "out.vtu");
   for (const char* phase : {"reading", "association", "volume morph", "writing"})
     CHECK(std::count(phases.begin(), phases.end(), phase) >= 1);
+}
+
+TEST_CASE("CAD entities have the numbers that match prints", "[apps][pipeline]") {
+  const Workplace place;
+  const std::string bore = source_file("models/bore/");
+  const std::string cad = bore + "base.step " + bore + "step20.step ";
+  REQUIRE(place.run(cad + bore + "hex.vtu -o out.vtu --diagnostics --quiet").exit_code == 0);
+  const nlohmann::json match = nlohmann::json::parse(place.run("match " + cad + "--json -").out);
+  const Points points = MeshFile(bore + "hex.vtu").mesh().points;
+  const MeshFile result(place.folder() / "out.vtu");
+  const auto arrays = result.arrays();
+  const auto values = [&](const std::string& name) -> RowMatrix {
+    return std::ranges::find(arrays, name, &DataArray::name)->values;
+  };
+  const RowMatrix dimension = values("cadmorph_cad_dimension");
+  const RowMatrix entity = values("cadmorph_cad_entity");
+  std::set<int> edges;
+  for (Index n = 0; n < points.rows(); ++n) {
+    const int number = static_cast<int>(entity(n, 0));
+    if (dimension(n, 0) == 1) edges.insert(number);
+    if (dimension(n, 0) != 0) continue;
+    const nlohmann::json& at = match["vertices"].at(number - 1)["base_point"];
+    for (int k = 0; k < 3; ++k) CHECK(points(n, k) == Approx(at[k].get<double>()).margin(1e-6));
+  }
+  CHECK(edges.size() == match["edges"].size());
+  CHECK(*edges.rbegin() == static_cast<int>(match["edges"].size()));
+}
+
+TEST_CASE("Poor cells that are not inverted are not called held inverted", "[apps][pipeline]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(1);  // all its nodes lie on the surface
+  REQUIRE(mesh.points.row(6) == Eigen::RowVector3d(0, 0, 10));
+  mesh.points(6, 2) += 2;  // along its edge
+  write_mesh(place.folder() / "box.vtu", mesh);
+  PipelineOptions options;
+  options.min_scaled_jacobian = 0.99;
+  const MorphResult result =
+      box_job(place, options).morph(read_step(place.folder() / "box_moved.step"));
+  REQUIRE(result.report.outcome == Outcome::PoorQuality);
+  CHECK(result.report.diagnosis->held_cells == 0);
 }
 
 }  // namespace cadmorph
