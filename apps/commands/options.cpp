@@ -67,12 +67,12 @@ Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
 
 // The choices of the RBF warp mean nothing to another method.
 void check_method(const MorphOptions& options) {
-  const VolumeMorphOptions& volume = options.pipeline.volume;
-  if (volume.method == MorphMethod::Rbf) return;
-  if (options.kernel != KernelName::Triharmonic || options.shape ||
-      volume.rbf.solver != SolverKind::Auto)
-    throw UsageError("--kernel, --shape and --solver choose within --method rbf; " +
-                     to_string(volume.method) + " has none of them");
+  const MorphMethod method = options.pipeline.volume.method;
+  if (method == MorphMethod::Rbf) return;
+  if (options.kernel || options.shape || options.solver || options.tolerance || options.memory)
+    throw UsageError(
+        "--kernel, --shape, --solver, --tolerance and --memory choose within --method rbf; " +
+        to_string(method) + " has none of them");
 }
 
 void add_method_options(CLI::App& app, MorphOptions& raw) {
@@ -103,7 +103,7 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
          "1 / mesh unit")
       ->check(CLI::PositiveNumber)
       ->group(group);
-  add_choice(app, "--solver", volume.rbf.solver,
+  add_choice(app, "--solver", raw.solver,
              {{"auto", SolverKind::Auto},
               {"lu", SolverKind::Lu},
               {"ldlt", SolverKind::Ldlt},
@@ -112,10 +112,9 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
               {"fast", SolverKind::Fast}},
              "linear solver of the volume morph (default: auto)")
       ->group(group);
-  app.add_option("--tolerance", volume.rbf.tolerance,
-                 "residual of the fast and the iqr solver, in local edge lengths")
+  app.add_option("--tolerance", raw.tolerance,
+                 "residual of the fast and the iqr solver, in local edge lengths (default: 1e-05)")
       ->check(CLI::PositiveNumber)
-      ->capture_default_str()
       ->group(group);
   app.add_option("--memory", raw.memory,
                  "most that a solver may take: bytes, or with a suffix as in 16GB (default: 8GB)")
@@ -205,8 +204,12 @@ PipelineOptions resolve(const MorphOptions& options) {
   if (!options.mesh_unit.empty())
     result.surface.association.mesh_unit_mm = parse_unit(options.mesh_unit);
   result.stepping.steps = parse_steps(options.steps);
-  result.volume.kernel = make_kernel(options.kernel, options.shape);
-  if (options.memory) result.volume.rbf.memory_limit = static_cast<double>(*options.memory);
+  result.volume.kernel =
+      make_kernel(options.kernel.value_or(KernelName::Triharmonic), options.shape);
+  RbfOptions& rbf = result.volume.rbf;
+  rbf.solver = options.solver.value_or(rbf.solver);
+  rbf.tolerance = options.tolerance.value_or(rbf.tolerance);
+  if (options.memory) rbf.memory_limit = static_cast<double>(*options.memory);
   if (!options.face_map.empty()) result.face_map = read_face_map(options.face_map);
   return result;
 }

@@ -30,8 +30,11 @@ enum class KernelName {
 struct MorphOptions {
   PipelineOptions pipeline;  ///< what needs no second look
   std::string mesh_unit, steps = "auto", face_map;
-  KernelName kernel = KernelName::Triharmonic;
+  // Of --method rbf alone.
+  std::optional<KernelName> kernel;
   std::optional<double> shape;
+  std::optional<SolverKind> solver;
+  std::optional<double> tolerance;      ///< of the solver
   std::optional<std::uint64_t> memory;  ///< bytes
 };
 
