@@ -5,12 +5,15 @@ include(CMakePackageConfigHelpers)
 set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/cadmorph)
 
 install(
-  TARGETS cadmorph_core cadmorph_cad cadmorph_surface cadmorph_volume cadmorph_pipeline
+  TARGETS
+    cadmorph_core cadmorph_cad cadmorph_surface cadmorph_volume cadmorph_outputs cadmorph_pipeline
   EXPORT cadmorphTargets)
-foreach(folder core cad surface volume apps)
+foreach(folder core cad surface volume)
   install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cadmorph
     FILES_MATCHING PATTERN "*.h")
 endforeach()
+install(DIRECTORY apps/pipeline DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cadmorph/apps
+  FILES_MATCHING PATTERN "*.h")
 install(EXPORT cadmorphTargets NAMESPACE cadmorph:: DESTINATION ${config_dir})
 
 configure_package_config_file(cmake/cadmorphConfig.cmake.in

@@ -27,7 +27,7 @@ void check_clashes(const std::vector<Output>& outputs, const std::vector<fs::pat
 
 std::string troubleshooting_line(ExitCode code) {
   return "cadmorph: more under \"Exit code " + std::to_string(static_cast<int>(code)) +
-         "\" in docs/troubleshooting.md\n";
+         "\" in troubleshooting.md of the documentation\n";
 }
 
 void print(const std::string& text) {

@@ -10,6 +10,7 @@
 #include "apps/picture/picture_renderer.h"
 #include "apps/picture/scratch_folder.h"
 #include "apps/picture/visible_surface.h"
+#include "apps/pipeline/exit_code.h"
 #include "apps/pipeline/output_file.h"
 #include "core/mesh_file.h"
 
@@ -117,11 +118,8 @@ int main(int argc, char** argv) {
     return 0;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 1;
-  } catch (const cadmorph::SolverError& error) {
-    std::fprintf(stderr, "cadmorph-picture: %s\n", error.what());
-    return 6;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "cadmorph-picture: %s\n", error.what());
-    return 2;
+    return static_cast<int>(cadmorph::exit_code_of(error));
   }
 }

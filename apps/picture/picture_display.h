@@ -6,9 +6,9 @@ namespace cadmorph {
 
 /// A display to render on. VTK aborts the process when it finds no X server, even off-screen, and a
 /// DISPLAY that is set may lead nowhere; so this starts an Xvfb of its own and points DISPLAY to
-/// it. Where Xvfb is not installed, the DISPLAY of the environment is used as it is. The server
-/// ends with this object, or with the process. Throws SolverError when there is neither Xvfb nor
-/// DISPLAY, or Xvfb does not start.
+/// it. Where Xvfb is not installed or does not start, the DISPLAY of the environment is used as it
+/// is. The server ends with this object, or with the process. Throws SolverError when there is
+/// neither.
 class PrivateDisplay {
  public:
   PrivateDisplay();

@@ -4,8 +4,8 @@
 
 namespace cadmorph {
 
-// The files of apps/report, put into the program by the build. The script and its licences are
-// empty in a build without npm.
+// The files of apps/report/page, put into the program by the build. The script and its licences are
+// empty in a build without npm or its packages.
 extern const std::string_view kPageTemplate;
 extern const std::string_view kBinTableTemplate;
 extern const std::string_view kPageStyle;

@@ -11,7 +11,7 @@ namespace cadmorph {
 /// A count with separators of thousands: 13,056.
 std::string with_commas(long long count);
 
-/// A length in millimetres: "0", "1.23e-07 mm", "0.125 mm", "1250 mm".
+/// A length in millimetres: "0 mm", "1.23e-07 mm", "0.125 mm", "1250 mm".
 std::string millimetres(double length);
 
 /// Rows of cells in columns as wide as their widest cell; the first column to the left, the others

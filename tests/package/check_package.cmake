@@ -8,6 +8,7 @@ set(root ${FOLDER}/root)
 execute_process(COMMAND dpkg-deb -x ${package} ${root} COMMAND_ERROR_IS_FATAL ANY)
 
 foreach(file bin/cadmorph-picture share/man/man1/cadmorph-compare.1
+    share/man/man1/cadmorph-picture.1
     share/bash-completion/completions/cadmorph share/doc/cadmorph/troubleshooting.md)
   if(NOT EXISTS ${root}/usr/${file})
     message(FATAL_ERROR "the package lacks ${file}")

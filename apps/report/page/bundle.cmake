@@ -1,6 +1,7 @@
 # Bundles the page's script with the packages of package-lock.json. Where the packages can't be
-# fetched, SCRIPT and LICENCES are left empty, or, with REQUIRED, the build fails.
-# cmake -DNPM=... -DNODE=... -DFOLDER=<apps/report> -DWORK=... -DSCRIPT=... -DLICENCES=... -P ...
+# fetched, SCRIPT and LICENCES are not made, so that the next build tries again; with REQUIRED, the
+# build fails.
+# cmake -DNPM=... -DNODE=... -DFOLDER=<apps/report/page> -DWORK=... -DSCRIPT=... -DLICENCES=... -P ...
 cmake_minimum_required(VERSION 3.25)
 
 file(GLOB sources ${FOLDER}/*.js ${FOLDER}/*.mjs ${FOLDER}/*.json)
@@ -15,7 +16,7 @@ endif()
 if(failed AND REQUIRED)
   message(FATAL_ERROR "the report's 3D view can't be built:\n${output}")
 elseif(failed)
-  message(WARNING "reports will have no 3D view, for it can't be built:\n${output}")
-  file(WRITE ${SCRIPT} "")
-  file(WRITE ${LICENCES} "")
+  message(WARNING "reports will have no 3D view, for it can't be built "
+    "(-DCADMORPH_REPORT_VIEWER=OFF leaves it out for good):\n${output}")
+  file(REMOVE ${SCRIPT} ${LICENCES})
 endif()

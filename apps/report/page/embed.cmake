@@ -1,10 +1,13 @@
-# Writes OUT, a C++ source that holds the files of the report page.
-# cmake -DOUT=... -DFOLDER=<apps/report> -DSCRIPT=... -DLICENCES=... -P embed.cmake
+# Writes OUT, a C++ source that holds the files of the report page; SCRIPT and LICENCES may be missing.
+# cmake -DOUT=... -DFOLDER=<apps/report/page> -DSCRIPT=... -DLICENCES=... -P embed.cmake
 cmake_minimum_required(VERSION 3.25)
 
 set(source "#include \"apps/report/report_assets.h\"\n\nnamespace cadmorph {\n")
 function(embed name file)
-  file(READ ${file} text)
+  set(text "")
+  if(EXISTS ${file})
+    file(READ ${file} text)
+  endif()
   string(APPEND source
     "\nconst std::string_view ${name} = R\"embedded(${text})embedded\";\n")
   set(source "${source}" PARENT_SCOPE)
@@ -15,4 +18,11 @@ embed(kBinTableTemplate ${FOLDER}/bin_table.mustache)
 embed(kPageStyle ${FOLDER}/page.css)
 embed(kPageScript ${SCRIPT})
 embed(kPageLicences ${LICENCES})
-file(WRITE ${OUT} "${source}\n}  // namespace cadmorph\n")
+string(APPEND source "\n}  // namespace cadmorph\n")
+set(old "")
+if(EXISTS ${OUT})
+  file(READ ${OUT} old)
+endif()
+if(NOT source STREQUAL old)
+  file(WRITE ${OUT} "${source}")
+endif()
