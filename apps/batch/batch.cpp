@@ -169,9 +169,9 @@ class BatchRun {
     for (std::size_t i = 0; i < options_.list.variants.size(); ++i) {
       if (!options_.shard.has(i)) continue;
       const Variant& variant = options_.list.variants[i];
-      fs::create_directories(folder_.path_of(variant.out).parent_path(), error);
-      for (const fs::path& out : {variant.out, failed_out(variant.out)})
-        check_output(folder_.path_of(out), {options_.base_cad, options_.mesh, variant.step});
+      const fs::path out = folder_.path_of(variant.out);
+      fs::create_directories(out.parent_path(), error);
+      check_mesh_output(out, {options_.base_cad, options_.mesh, variant.step});
     }
   }
 
