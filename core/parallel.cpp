@@ -35,11 +35,15 @@ void parallel_for(Index count, Index grain, const std::function<void(Index, Inde
   const Index chunk = std::max<Index>(grain, 1);
   const Index chunks = (count + chunk - 1) / chunk;
   // Isolated: a thread that waits for this loop, perhaps with a lock held, takes no task of others.
+  // A context of its own: when the caller's tasks are cancelled, since another one threw, the loop
+  // would else end with chunks left out.
   tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), [&](const auto& range) {
+    tbb::task_group_context context(tbb::task_group_context::isolated);
+    const auto run = [&](const auto& range) {
       for (Index c = range.begin(); c < range.end(); ++c)
         body(c * chunk, std::min(count, (c + 1) * chunk));
-    });
+    };
+    tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), run, context);
   });
 }
 

@@ -13,7 +13,8 @@ void set_thread_count(int count);
 int thread_count();
 
 /// Runs body(begin, end) on all threads for chunks of exactly `grain` items of [0, count), the last
-/// of what is left: chunk-wise reductions are reproducible. Rethrows exceptions of the body.
+/// of what is left: chunk-wise reductions are reproducible. Rethrows exceptions of the body; else
+/// all chunks have run on return, whatever became of the caller's own parallel loop.
 void parallel_for(Index count, Index grain,
                   const std::function<void(Index begin, Index end)>& body);
 

@@ -82,7 +82,7 @@ class ManifestReader {
     check_new(variant.id, "the id \"" + variant.id + "\"", record.line);
     variant.out = variant.out.lexically_normal();
     for (const fs::path& out : {variant.out, failed_path(variant.out).lexically_normal()})
-      check_new("/" + out.string(), "the output " + out.string(), record.line);
+      check_new('/' + out.string(), "the output " + out.string(), record.line);
     for (std::size_t i = 0; i < columns_; ++i)
       if (i != id_ && i != step_ && i != out_) variant.carried.push_back(fields[i]);
     list_.variants.push_back(std::move(variant));

@@ -45,7 +45,7 @@ void ProgressBar::show(std::string_view phase, double fraction) {
   const int width = std::clamp(room, kLeastWidth, kWidth);
   const int filled = static_cast<int>(width * part);
   const std::string line =
-      "[" + std::string(filled, '#') + std::string(width - filled, '.') + "] " + text;
+      '[' + std::string(filled, '#') + std::string(width - filled, '.') + "] " + text;
   std::fprintf(stderr, "\r%.*s\x1b[K", columns, line.c_str());
   std::fflush(stderr);
 }

@@ -54,7 +54,7 @@ TEST_CASE("Variants that need steps or repair come out of a batch as alone", "[a
   std::string steps;
   for (const int shift : {5, 12, 17}) {
     place.make_moved_sphere(shift);
-    const std::string name = "s" + std::to_string(shift) + ".step";
+    const std::string name = 's' + std::to_string(shift) + ".step";
     std::filesystem::rename(place.folder() / "sphere_moved.step", place.folder() / name);
     steps += name + " ";
   }
