@@ -168,12 +168,10 @@ std::string to_json(const PipelineReport& report, int exit_code) {
                   {"unit", unit_name(report.mesh_unit_mm)},
                   {"unit_mm", report.mesh_unit_mm},
                   {"is_unit_detected", report.is_unit_detected}};
-  json["nodes"] = {{"vertex", report.vertex_nodes},
-                   {"edge", report.edge_nodes},
-                   {"face", report.face_nodes},
-                   {"amid_straight_edges", report.amid_nodes},
-                   {"unmatched", report.unmatched_nodes},
-                   {"interior", report.interior_nodes}};
+  json["nodes"] = {
+      {"vertex", report.vertex_nodes},       {"edge", report.edge_nodes},
+      {"face", report.face_nodes},           {"amid_straight_edges", report.amid_nodes},
+      {"unmatched", report.unmatched_nodes}, {"interior", report.interior_nodes}};
   json["match"] = {{"how", report.matched_by},
                    {"least_confidence", json_number(report.least_confidence)},
                    {"scale", json_number(report.alignment.scale)}};

@@ -116,6 +116,18 @@ OnCad judge(const MorphCase& c, const Points& surface, const TopologyMatch& matc
   return result;
 }
 
+// Morphs the surface of a part along a twist about the z axis.
+void check_twist(const TopoDS_Shape& part) {
+  const auto twist = [](const Vector3d& x) -> Vector3d {
+    return Eigen::AngleAxisd(0.02 * x.z(), Vector3d::UnitZ()) * x;
+  };
+  const MorphCase c = mesh_case(to_model(part), triangulate(part, 0.1));
+  const auto result = morph_surface(c, to_model(warped(part, twist)));
+  const Points expected = images(surface_points(c.boundary, c.mesh.points), twist);
+  // What the B-splines of the warped shape interpolate.
+  CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
+}
+
 }  // namespace
 
 TEST_CASE("facets are given to the face they came from", "[surface][association]") {
@@ -187,14 +199,7 @@ TEST_CASE("a narrow groove follows a twist of the part", "[surface][seam]") {
     part = BRepAlgoAPI_Fuse(part, piece).Shape();
     z += height;
   }
-  const auto twist = [](const Vector3d& x) -> Vector3d {
-    return Eigen::AngleAxisd(0.02 * x.z(), Vector3d::UnitZ()) * x;
-  };
-  const MorphCase c = mesh_case(to_model(part), triangulate(part, 0.1));
-  const auto result = morph_surface(c, to_model(warped(part, twist)));
-  const Points expected = images(surface_points(c.boundary, c.mesh.points), twist);
-  // What the B-splines of the warped shape interpolate.
-  CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
+  check_twist(part);
 }
 
 TEST_CASE("a groove between plane walls follows a twist of the part", "[surface][seam]") {
@@ -214,14 +219,7 @@ TEST_CASE("a groove between plane walls follows a twist of the part", "[surface]
         part = BRepAlgoAPI_Fuse(part, piece).Shape();
         z += height;
       }
-      const auto twist = [](const Vector3d& x) -> Vector3d {
-        return Eigen::AngleAxisd(0.02 * x.z(), Vector3d::UnitZ()) * x;
-      };
-      const MorphCase c = mesh_case(to_model(part), triangulate(part, 0.1));
-      const auto result = morph_surface(c, to_model(warped(part, twist)));
-      const Points expected = images(surface_points(c.boundary, c.mesh.points), twist);
-      // What the B-splines of the warped shape interpolate.
-      CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
+      check_twist(part);
     }
   }
 }
