@@ -20,6 +20,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
 // Weight of the change of volume beside the change of shape, as in the paper's program.
 constexpr double kVolumeWeight = 1.0 / 128;
@@ -36,7 +37,7 @@ constexpr int kIdleAttempts = 2;
 // chi(D, eps) = (D + sqrt(eps^2 + D^2)) / 2 (Garanzha et al. 2021, eq. 3): positive, near D for D >
 // 0.
 double regularised(double d, double epsilon) {
-  const double root = std::hypot(d, epsilon);
+  const double root = std::sqrt(d * d + epsilon * epsilon);
   return d > 0 ? (d + root) / 2 : epsilon * epsilon / (2 * (root - d));
 }
 
@@ -96,10 +97,11 @@ Neighbourhood grow(const Mesh& mesh, const NodeCells& incidence, const std::vect
 
 // Seeds that a move of free nodes may help.
 std::vector<Index> movable(const Mesh& mesh, const Points& positions,
-                           const std::vector<Index>& seeds, const std::vector<char>& is_fixed) {
+                           const std::vector<Index>& seeds, const std::vector<char>& is_fixed,
+                           const Orientation& orientation) {
   std::vector<Index> result;
   for (const Index c : seeds)
-    if (!is_held(mesh, positions, is_fixed, c)) result.push_back(c);
+    if (!is_held(mesh, positions, is_fixed, orientation, c)) result.push_back(c);
   return result;
 }
 
@@ -112,14 +114,16 @@ Matrix3d reference_jacobian(const Matrix3d& base, int orientation) {
 }
 
 // Distortion of the map from the base cells to the moved ones, as a function of the free nodes.
+// Cells held inverted have no say: their energy would outweigh all others.
 class Distortion {
  public:
-  Distortion(const Mesh& mesh, Points positions, const Neighbourhood& neighbourhood,
-             const Orientation& orientation)
+  Distortion(const Mesh& mesh, Points positions, const std::vector<char>& is_fixed,
+             const Neighbourhood& neighbourhood, const Orientation& orientation)
       : mesh_(mesh), positions_(std::move(positions)), around_(neighbourhood) {
     local_.assign(mesh.node_count(), -1);
     for (std::size_t i = 0; i < around_.nodes.size(); ++i) local_[around_.nodes[i]] = i;
-    for (const Index c : around_.cells) add_cell(c, orientation);
+    for (const Index c : around_.cells)
+      if (!is_held(mesh, positions_, is_fixed, orientation, c)) add_cell(c, orientation);
     stiffness_ = stiffness();
   }
 
@@ -156,8 +160,8 @@ class Distortion {
  private:
   struct Cell {
     Index id;
-    std::vector<MatrixXd> gradients;  ///< a sample each, nodes x 3
-    MatrixXd slope;                   ///< of the energy, nodes x 3
+    std::vector<NodeRows> gradients;  ///< a sample each
+    NodeRows slope;                   ///< of the energy
   };
 
   void add_cell(Index id, const Orientation& orientation) {
@@ -165,7 +169,7 @@ class Distortion {
     MatrixXd base(nodes.size(), 3);
     for (std::size_t n = 0; n < nodes.size(); ++n)
       base.row(n) = mesh_.points.row(nodes[n]) - mesh_.points.row(nodes[0]);
-    Cell cell{id, {}, MatrixXd::Zero(nodes.size(), 3)};
+    Cell cell{id, {}, NodeRows::Zero(nodes.size(), 3)};
     const int sign = orientation[static_cast<std::size_t>(mesh_.types[id])];
     if (mesh_.types[id] == CellType::Polyhedron)
       add_polyhedron_samples(cell, base, sign);
@@ -212,7 +216,7 @@ class Distortion {
     VectorXd result = VectorXd::Zero(3 * around_.nodes.size());
     for (const Cell& cell : cells_) {
       const auto nodes = mesh_.cell(cell.id);
-      for (const MatrixXd& gradient : cell.gradients)
+      for (const NodeRows& gradient : cell.gradients)
         for (std::size_t n = 0; n < nodes.size(); ++n)
           if (local_[nodes[n]] >= 0)
             result.segment<3>(3 * local_[nodes[n]]).array() +=
@@ -230,24 +234,27 @@ class Distortion {
   void evaluate(Index i, double epsilon, double& energy, double& least) {
     Cell& cell = cells_[i];
     const auto nodes = mesh_.cell(cell.id);
-    MatrixXd x(nodes.size(), 3);
+    NodeRows x(nodes.size(), 3);
     for (std::size_t n = 0; n < nodes.size(); ++n) x.row(n) = positions_.row(nodes[n]);
     const double weight = 1.0 / static_cast<double>(cell.gradients.size());
     cell.slope.setZero();
     energy = 0;
     least = std::numeric_limits<double>::infinity();
-    for (const MatrixXd& gradient : cell.gradients) {
-      const Matrix3d f = x.transpose() * gradient;
+    for (const NodeRows& gradient : cell.gradients) {
+      const Matrix3d f = x.transpose().lazyProduct(gradient);
       Matrix3d cofactor;
       cofactor << f.col(1).cross(f.col(2)), f.col(2).cross(f.col(0)), f.col(0).cross(f.col(1));
       const double det = f.col(0).dot(cofactor.col(0));
-      const double chi = regularised(det, epsilon), rate = chi / std::hypot(det, epsilon);
-      const double power = std::pow(chi, -2.0 / 3), shape = f.squaredNorm() * power;
+      const double root = std::sqrt(det * det + epsilon * epsilon);
+      const double chi = regularised(det, epsilon), rate = chi / root;
+      const double third = std::cbrt(chi), power = 1 / (third * third);
+      const double shape = f.squaredNorm() * power;
       const double volume = (det * det + 1) / chi;
       energy += weight * (shape + kVolumeWeight * volume);
       const double by_det =
           -2.0 / 3 * shape / chi * rate + kVolumeWeight * (2 * det - volume * rate) / chi;
-      cell.slope += weight * gradient * (2 * power * f + by_det * cofactor).transpose();
+      const Matrix3d by_f = weight * (2 * power * f + by_det * cofactor).transpose();
+      cell.slope += gradient.lazyProduct(by_f);
       least = std::min(least, det);
     }
   }
@@ -317,7 +324,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   seeds.insert(seeds.end(), options.poor_cells.begin(), options.poor_cells.end());
   if (!seeds.empty()) {
     const NodeCells incidence(mesh);
-    seeds = movable(mesh, result.positions, seeds, is_fixed);
+    seeds = movable(mesh, result.positions, seeds, is_fixed, orientation);
     int idle = 0;
     for (int attempt = 0; attempt < options.attempts && !seeds.empty() && idle < kIdleAttempts;
          ++attempt) {
@@ -325,7 +332,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
       const int rings = options.rings << attempt;
       const Neighbourhood around = grow(mesh, incidence, seeds, rings, is_fixed);
       if (around.nodes.empty()) break;
-      Distortion distortion(mesh, result.positions, around, orientation);
+      Distortion distortion(mesh, result.positions, is_fixed, around, orientation);
       Points moved = minimise(distortion, options);
       ValidityReport validity = check_validity(mesh, moved, orientation);
       report.rings = rings;
@@ -335,7 +342,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
         result.positions = std::move(moved);
         report.validity = std::move(validity);
       }
-      seeds = movable(mesh, result.positions, report.validity.invalid_cells, is_fixed);
+      seeds = movable(mesh, result.positions, report.validity.invalid_cells, is_fixed, orientation);
     }
   }
   report.after = report.validity.invalid;

@@ -50,7 +50,9 @@ VolumeMorphOptions options_of(Contender contender) {
     case Contender::SimplexLinear:
       return {.method = MorphMethod::SimplexLinear};
     case Contender::RbfIqr:
-      return {.rbf = {.solver = SolverKind::Iqr, .tolerance = kIqrTolerance}};
+      return {.rbf = {.solver = SolverKind::Iqr,
+                      .tolerance = kIqrTolerance,
+                      .memory_limit = physical_memory()}};
     case Contender::Rbf:
     case Contender::Default:
       break;

@@ -20,6 +20,9 @@ Figures measure(const Series& series, const Points& positions);
 /// Seconds that this process has had of all processors, which a busy machine does not stretch.
 double cpu_seconds();
 
+/// Bytes of memory that this machine has.
+double physical_memory();
+
 class Stopwatch {
  public:
   double seconds() const {

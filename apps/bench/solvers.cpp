@@ -101,10 +101,6 @@ Row row_without_figures(const Subject& subject, const Series& series, const Solv
   return row;
 }
 
-double physical_memory() {
-  return static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGE_SIZE));
-}
-
 // Why a solver is not run; empty: it is.
 std::string why_not(const Solver& solver, const Series& series) {
   constexpr double kGiB = 1 << 30;

@@ -52,8 +52,8 @@ Index worst_of(const std::vector<Index>& cells, const QualityReport& quality) {
 // Those of the inverted cells that no move of the inner nodes can help.
 Index held_among(const std::vector<Index>& inverted, const MorphBase& base, const Points& full) {
   const std::vector<char> is_fixed = base.fixed_nodes();
-  return std::ranges::count_if(inverted,
-                               [&](Index c) { return is_held(base.mesh(), full, is_fixed, c); });
+  return std::ranges::count_if(
+      inverted, [&](Index c) { return is_held(base.mesh(), full, is_fixed, base.orientation, c); });
 }
 
 std::vector<std::string> advice(const PipelineOptions& options, const PipelineReport& figures) {
@@ -65,7 +65,7 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
     lines.push_back(
         "refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
-        "the surface, or a facet on it turns a corner inwards)");
+        "the surface, or facets on it turn an edge or a corner inwards)");
   if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)
     lines.push_back("raise the poor cells: --improve " +
                     short_number(*options.min_scaled_jacobian));

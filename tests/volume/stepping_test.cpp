@@ -207,12 +207,12 @@ TEST_CASE("Cells that the surface holds inverted cause no further steps", "[volu
   const Index bad = result.report.validity.invalid_cells.front();
   std::vector<char> is_fixed(mesh.node_count(), 0);
   for (const Index node : surface) is_fixed[node] = 1;
-  CHECK(is_held(mesh, result.positions, is_fixed, bad));
+  CHECK(is_held(mesh, result.positions, is_fixed, orientation, bad));
   // Not so when a node of the facet may move, or the facet is convex.
   is_fixed.assign(mesh.node_count(), 0);
-  CHECK_FALSE(is_held(mesh, result.positions, is_fixed, bad));
+  CHECK_FALSE(is_held(mesh, result.positions, is_fixed, orientation, bad));
   for (const Index node : surface) is_fixed[node] = 1;
-  CHECK_FALSE(is_held(mesh, mesh.points, is_fixed, bad));
+  CHECK_FALSE(is_held(mesh, mesh.points, is_fixed, orientation, bad));
   // Whatever the free corner of the cell does.
   for (unsigned seed = 0; seed < 20; ++seed) {
     Points points = shaken(mesh.points, 1, seed);

@@ -178,8 +178,30 @@ TEST_CASE("A polyhedron with a dented plane facet on the surface is repaired",
   CHECK(check_validity(mesh, positions, orientation).invalid == 0);
   move({0.5, 0.5, 0.5}, {0.5, 0.5, -1});
   REQUIRE(check_validity(mesh, positions, orientation).invalid_cells.front() == 0);
-  CHECK_FALSE(is_held(mesh, positions, is_fixed, 0));
-  CHECK(is_held(mesh, positions, std::vector<char>(mesh.node_count(), 1), 0));
+  CHECK_FALSE(is_held(mesh, positions, is_fixed, orientation, 0));
+  CHECK(is_held(mesh, positions, std::vector<char>(mesh.node_count(), 1), orientation, 0));
+  CHECK(untangle(mesh, positions, is_fixed, orientation).report.after == 0);
+}
+
+TEST_CASE("Cells whose Jacobian the surface sets inverted are held", "[volume][untangle]") {
+  // Two facets of a curved tetrahedron are on the surface; its last node, opposite their edge, is
+  // free.
+  Mesh mesh = parametric_cell(CellType::QuadraticTetra);
+  const Orientation orientation = detect_orientation(mesh);
+  std::vector<char> is_fixed(10, 1);
+  is_fixed[9] = 0;
+  CHECK_FALSE(is_held(mesh, mesh.points, is_fixed, orientation, 0));
+  Points positions = mesh.points;
+  // Before a quarter of its edge: the edge sets out backwards (slope 4 * 0.2 - 1).
+  positions.row(6) = 0.8 * mesh.points.row(0) + 0.2 * mesh.points.row(2);
+  CHECK(is_held(mesh, positions, is_fixed, orientation, 0));
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    Points points = positions;
+    points.row(9) = shaken(mesh.points, 3, seed).row(9);
+    CHECK(check_validity(mesh, points, orientation).invalid == 1);
+  }
+  is_fixed[6] = 0;
+  CHECK_FALSE(is_held(mesh, positions, is_fixed, orientation, 0));
   CHECK(untangle(mesh, positions, is_fixed, orientation).report.after == 0);
 }
 
