@@ -86,13 +86,12 @@ std::vector<int> seeds(const SurfaceMesh& surface, const std::vector<char>& is_o
 }
 
 // Grows a patch from `seed`, over facets of its plane if is_planar, else over all that are left.
-FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar,
+FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, double tolerance,
                const std::vector<char>& is_open, std::vector<int>& patch_of, int id) {
   FreePatch patch;
   patch.is_planar = is_planar;
   patch.origin = centroid(surface, surface.points, seed);
   patch.normal = area_vector(surface, surface.points, seed).normalized();
-  const double tolerance = kSamePlane * size_of(surface);
   const int waiting = patch_of[seed];
   std::vector<int> stack{seed};
   patch_of[seed] = id;
@@ -238,12 +237,13 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
   const auto bends = bent_facets(surface, is_open);
   std::vector<int> patch_of(surface.facets.size(), kNoPatch);
   std::vector<FreePatch> patches;
+  const double tolerance = kSamePlane * size_of(surface);  // one pass over all nodes
   const std::vector<int> order = seeds(surface, is_open);
   for (const bool is_planar : {true, false})
     for (const int f : order) {
       if (patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
       const int id = static_cast<int>(patches.size());
-      FreePatch patch = grow(surface, f, is_planar, is_open, patch_of, id);
+      FreePatch patch = grow(surface, f, is_planar, tolerance, is_open, patch_of, id);
       const bool is_bent = std::any_of(patch.facets.begin(), patch.facets.end(),
                                        [&](int g) { return bends[g] != 0; });
       if (is_planar && is_bent) {
