@@ -19,9 +19,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSameShape = 0.02;  // coarse meshes cut corners
-constexpr double kSamePlane = 1e-6;  // of the surface's size
-constexpr double kSameNormal = 1 - 1e-8;
+constexpr double kSameShape = 0.02;    // coarse meshes cut corners
+constexpr double kSamePlane = 1e-6;    // of the surface's size: seven digits
 constexpr double kSmoothJoint = 0.86;  // cosine of 30 degrees
 constexpr int kNoPatch = -1, kPartOfCurved = -2;
 // A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
@@ -53,23 +52,18 @@ double size_of(const SurfaceMesh& surface) {
   return (surface.points.colwise().maxCoeff() - surface.points.colwise().minCoeff()).norm();
 }
 
-// Facets that meet a neighbour smoothly but not in its plane: parts of a curved boundary.
-std::vector<char> bent_facets(const SurfaceMesh& surface, const std::vector<char>& is_open) {
-  std::vector<char> bends(surface.facets.size(), 0);
-  for (std::size_t f = 0; f < surface.facets.size(); ++f) {
-    if (!is_open[f]) continue;
-    const Vector3d normal =
-        area_vector(surface, surface.points, static_cast<Index>(f)).normalized();
-    for (const int n : surface.facets[f])
-      for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
-        const int g = surface.incident_facets[i];
-        if (!is_open[g]) continue;
-        const double cosine =
-            std::abs(normal.dot(area_vector(surface, surface.points, g).normalized()));
-        bends[f] |= cosine > kSmoothJoint && cosine < kSameNormal;
-      }
+// How far nodes of a plane may lie off it: coordinates are rounded in proportion to their size.
+double plane_tolerance(const SurfaceMesh& surface) {
+  return kSamePlane * std::max(size_of(surface), surface.points.cwiseAbs().maxCoeff());
+}
+
+double off_plane(const SurfaceMesh& surface, int facet, const FreePatch& patch) {
+  double worst = 0;
+  for (int i = 0; i < surface.corners[facet]; ++i) {
+    const Vector3d x = surface.points.row(surface.facets[facet][i]);
+    worst = std::max(worst, std::abs((x - patch.origin).dot(patch.normal)));
   }
-  return bends;
+  return worst;
 }
 
 // Open facets, the largest first: their planes are the surest.
@@ -85,6 +79,19 @@ std::vector<int> seeds(const SurfaceMesh& surface, const std::vector<char>& is_o
   return result;
 }
 
+// Mean plane of facets: rounding tilts small ones.
+struct MeanPlane {
+  Vector3d area = Vector3d::Zero(), moment = Vector3d::Zero();
+  double weight = 0;
+
+  void add(const SurfaceMesh& surface, int facet) {
+    const Vector3d own = area_vector(surface, surface.points, facet);
+    area += own.dot(area) < 0 ? Vector3d(-own) : own;
+    moment += own.norm() * centroid(surface, surface.points, facet);
+    weight += own.norm();
+  }
+};
+
 // Grows a patch from `seed`, over facets of its plane if is_planar, else over all that are left.
 FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, double tolerance,
                const std::vector<char>& is_open, std::vector<int>& patch_of, int id) {
@@ -92,29 +99,46 @@ FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, double tole
   patch.is_planar = is_planar;
   patch.origin = centroid(surface, surface.points, seed);
   patch.normal = area_vector(surface, surface.points, seed).normalized();
+  MeanPlane plane;
   const int waiting = patch_of[seed];
-  std::vector<int> stack{seed};
-  patch_of[seed] = id;
-  while (!stack.empty()) {
-    const int f = stack.back();
-    stack.pop_back();
-    patch.facets.push_back(f);
+  const auto belongs = [&](int g) {
+    if (!is_open[g] || patch_of[g] != waiting) return false;
+    const Vector3d normal = area_vector(surface, surface.points, g).normalized();
+    return !is_planar || (std::abs(normal.dot(patch.normal)) > kSmoothJoint &&
+                          off_plane(surface, g, patch) <= tolerance);
+  };
+  const auto add = [&](int g) {
+    patch_of[g] = id;
+    patch.facets.push_back(g);
+    plane.add(surface, g);
+    if (!is_planar || plane.weight == 0) return;
+    patch.origin = plane.moment / plane.weight;
+    patch.normal = plane.area.normalized();
+  };
+  add(seed);
+  for (std::size_t before = 0; before < patch.facets.size();) {  // the plane became surer
+    before = patch.facets.size();
+    for (std::size_t k = 0; k < patch.facets.size(); ++k)
+      for (const int n : surface.facets[patch.facets[k]])
+        for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
+          if (belongs(surface.incident_facets[i])) add(surface.incident_facets[i]);
+  }
+  return patch;
+}
+
+// A part of a curved boundary: facets beside it go on smoothly, but leave its plane.
+bool is_bent(const SurfaceMesh& surface, const FreePatch& patch, double tolerance,
+             const std::vector<char>& is_open, const std::vector<int>& patch_of, int id) {
+  for (const int f : patch.facets)
     for (const int n : surface.facets[f])
       for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
         const int g = surface.incident_facets[i];
-        if (!is_open[g] || patch_of[g] != waiting) continue;
-        if (is_planar) {
-          const Vector3d normal = area_vector(surface, surface.points, g).normalized();
-          const Vector3d at = centroid(surface, surface.points, g);
-          if (std::abs(normal.dot(patch.normal)) < kSameNormal ||
-              std::abs((at - patch.origin).dot(patch.normal)) > tolerance)
-            continue;
-        }
-        patch_of[g] = id;
-        stack.push_back(g);
+        if (!is_open[g] || patch_of[g] == id) continue;
+        const Vector3d normal = area_vector(surface, surface.points, g).normalized();
+        if (normal.dot(patch.normal) > kSmoothJoint && off_plane(surface, g, patch) > tolerance)
+          return true;
       }
-  }
-  return patch;
+  return false;
 }
 
 void sort_nodes(const SurfaceMesh& surface, const Association& association,
@@ -234,19 +258,16 @@ void refuse_left_behind(const CadModel& base, const Boundary& boundary, const Su
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
                                          const Association& association) {
   const auto is_open = unmatched_facets(surface, boundary, association);
-  const auto bends = bent_facets(surface, is_open);
   std::vector<int> patch_of(surface.facets.size(), kNoPatch);
   std::vector<FreePatch> patches;
-  const double tolerance = kSamePlane * size_of(surface);  // one pass over all nodes
+  const double tolerance = plane_tolerance(surface);
   const std::vector<int> order = seeds(surface, is_open);
   for (const bool is_planar : {true, false})
     for (const int f : order) {
       if (patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
       const int id = static_cast<int>(patches.size());
       FreePatch patch = grow(surface, f, is_planar, tolerance, is_open, patch_of, id);
-      const bool is_bent = std::any_of(patch.facets.begin(), patch.facets.end(),
-                                       [&](int g) { return bends[g] != 0; });
-      if (is_planar && is_bent) {
+      if (is_planar && is_bent(surface, patch, tolerance, is_open, patch_of, id)) {
         for (const int g : patch.facets) patch_of[g] = kPartOfCurved;
         continue;
       }

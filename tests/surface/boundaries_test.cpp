@@ -261,6 +261,31 @@ TEST_CASE("thin layers whose wall is a little off the symmetry plane do not tilt
   CHECK(slid > 0);
 }
 
+TEST_CASE("oblique symmetry planes in single precision slide", "[surface][far-field]") {
+  // Rounding by up to 2e-6 turns the facets of a layer of 1e-3 by 1e-3.
+  const gp_Trsf map = similarity(0.4, 1, gp_Vec(3, 4, 5));
+  Mesh mesh = ring_around_cylinder();
+  for (Index n = 0; n < mesh.node_count(); ++n) {
+    const double r = mesh.points.row(n).head<2>().norm();
+    mesh.points.row(n).head<2>() *= (5 + 25 * std::pow(std::max(r - 5, 0.0) / 25, 2.4)) / r;
+    mesh.points.row(n) = apply(map, mesh.points.row(n)).cast<float>().cast<double>();
+  }
+  const MorphCase c = mesh_case(to_model(transformed(cylinder(5, 20), map)), mesh);
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  const auto result = morph_surface(c, to_model(transformed(cylinder(8, 20), map)));
+  const gp_Trsf back = map.Inverted();
+  Index slid = 0;
+  for (Index n = 0; n < old.rows(); ++n) {
+    const Vector3d x = apply(back, old.row(n)), y = apply(back, result.positions.row(n));
+    CHECK(std::abs(y.z() - x.z()) <= 1e-5);
+    const double r = x.head<2>().norm();
+    if (r > 15) continue;
+    ++slid;
+    CHECK(y.head<2>().norm() - r > 1);
+  }
+  CHECK(slid > 0);
+}
+
 TEST_CASE("sliding refuses unmatched boundaries that are not planar",
           "[surface][far-field][errors]") {
   const MorphCase c = mesh_case(to_model(cylinder(5, 20)), ring_around_cylinder());
