@@ -22,6 +22,7 @@ using Eigen::Vector3d;
 constexpr double kSameShape = 0.02;    // coarse meshes cut corners
 constexpr double kSamePlane = 1e-6;    // of the surface's size: seven digits
 constexpr double kSmoothJoint = 0.86;  // cosine of 30 degrees
+constexpr double kLeastAngle = 1e-3;   // of two planes that meet in a line
 constexpr int kNoPatch = -1, kPartOfCurved = -2;
 // A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
 constexpr double kBeyondCad = 1.2;
@@ -163,6 +164,77 @@ void sort_nodes(const SurfaceMesh& surface, const Association& association,
   }
 }
 
+std::vector<int> patches_at(const SurfaceMesh& surface, const std::vector<int>& patch_of, int n) {
+  std::vector<int> ids;
+  for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
+    if (const int id = patch_of[surface.incident_facets[i]]; id >= 0) ids.push_back(id);
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  return ids;
+}
+
+void sort_along(const SurfaceMesh& surface, FreeLine& line) {
+  const auto sort = [&] {
+    std::ranges::stable_sort(line.nodes, std::less<>(),
+                             [&](int n) { return surface.points.row(n).dot(line.direction); });
+  };
+  sort();
+  // Its own nodes tell the direction better than planes that meet at a small angle.
+  const Vector3d span =
+      surface.points.row(line.nodes.back()) - surface.points.row(line.nodes.front());
+  if (span.norm() == 0) return;
+  line.direction = span.normalized();
+  sort();
+}
+
+// Finds the lines between two planar patches and gives both patches a copy.
+void add_lines(const SurfaceMesh& surface, const Association& association,
+               const std::vector<int>& patch_of, std::vector<FreePatch>& patches) {
+  std::map<std::pair<int, int>, FreeLine> lines;
+  std::vector<char> is_free(association.dimension.size(), 0), is_seen(is_free);
+  for (const FreePatch& patch : patches)
+    for (const auto* nodes : {&patch.border, &patch.touched})
+      for (const int n : *nodes) {
+        if (std::exchange(is_seen[n], 1)) continue;
+        const std::vector<int> ids = patches_at(surface, patch_of, n);
+        is_free[n] = ids.size() == 2 && is_unmatched_node(association, n);
+        for (std::size_t i = 0; i < ids.size(); ++i)
+          for (std::size_t j = i + 1; j < ids.size(); ++j)
+            if (patches[ids[i]].is_planar && patches[ids[j]].is_planar)
+              lines[{ids[i], ids[j]}].nodes.push_back(n);
+      }
+  for (auto& [pair, line] : lines) {
+    const auto is_touched = [&](int n) { return !is_unmatched_node(association, n); };
+    const Vector3d along = patches[pair.first].normal.cross(patches[pair.second].normal);
+    if (along.norm() < kLeastAngle || std::ranges::none_of(line.nodes, is_touched)) continue;
+    line.direction = along.normalized();
+    sort_along(surface, line);
+    for (const int n : line.nodes) line.is_free.push_back(is_free[n]);
+    line.is_free.front() = line.is_free.back() = 0;
+    patches[pair.first].lines.push_back(line);
+    patches[pair.second].lines.push_back(line);
+  }
+}
+
+void slide_line(const SurfaceMesh& surface, const FreeLine& line, Points& moved) {
+  const auto at = [&](std::size_t i) {
+    return surface.points.row(line.nodes[i]).dot(line.direction);
+  };
+  const auto motion = [&](std::size_t i) {
+    return (moved.row(line.nodes[i]) - surface.points.row(line.nodes[i])).dot(line.direction);
+  };
+  for (std::size_t i = 0, j = 1; j < line.nodes.size(); ++j) {
+    if (line.is_free[j]) continue;
+    for (std::size_t k = i + 1; k < j; ++k) {
+      const double part = at(j) > at(i) ? (at(k) - at(i)) / (at(j) - at(i)) : 0;
+      const double step = (1 - part) * motion(i) + part * motion(j);
+      moved.row(line.nodes[k]) =
+          surface.points.row(line.nodes[k]) + step * line.direction.transpose();
+    }
+    i = j;
+  }
+}
+
 // Part of the CAD's faces that the mesh covers by half of their area or more.
 double covered_faces(const CadModel& base, const SurfaceMesh& surface,
                      const Association& association) {
@@ -275,6 +347,7 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
     }
   for (std::size_t i = 0; i < patches.size(); ++i)
     sort_nodes(surface, association, patch_of, static_cast<int>(i), patches[i]);
+  add_lines(surface, association, patch_of, patches);
   return patches;
 }
 
@@ -305,6 +378,7 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
 }
 
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved) {
+  for (const FreeLine& line : patch.lines) slide_line(surface, line, moved);
   std::vector<int> centres = patch.touched;
   centres.insert(centres.end(), patch.border.begin(), patch.border.end());
   double largest = 0;

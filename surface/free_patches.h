@@ -7,13 +7,21 @@
 
 namespace cadmorph {
 
+/// Where two planar patches that slide meet: nodes of both, in their order along a straight line.
+struct FreeLine {
+  Eigen::Vector3d direction;
+  std::vector<int> nodes;
+  std::vector<char> is_free;  ///< one a node; others are on the CAD, on further patches, or ends
+};
+
 /// A connected part of the mesh's outside that lies on no CAD face: a side of a far field, a
 /// symmetry plane.
 struct FreePatch {
   std::vector<int> facets;
-  std::vector<int> inner;    ///< unmatched nodes of this patch alone
-  std::vector<int> border;   ///< unmatched nodes shared with another patch
-  std::vector<int> touched;  ///< nodes shared with the matched surface
+  std::vector<int> inner;       ///< unmatched nodes of this patch alone
+  std::vector<int> border;      ///< unmatched nodes shared with another patch
+  std::vector<int> touched;     ///< nodes shared with the matched surface
+  std::vector<FreeLine> lines;  ///< of its border, those that the CAD touches
   Eigen::Vector3d origin, normal;
   bool is_planar;
 };
@@ -29,9 +37,11 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
 void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                      Association& association);
 
-/// Moves the inner nodes of a planar patch in its plane with the nodes it touches, by a 2D RBF
-/// (r^2 log r) whose border stays fixed. `moved` holds all surface nodes' new positions
-/// (millimetres) and is updated.
+/// Moves the free nodes of a planar patch's lines along them, linearly between the nodes on either
+/// side, by those nodes' motion along the line; then its inner nodes in its plane with the nodes it
+/// touches, by a 2D RBF (r^2 log r) whose border goes with its lines or stays fixed. `moved` holds
+/// all surface nodes' new positions (millimetres) and is updated. Two patches move their common
+/// line alike.
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
 
 }  // namespace cadmorph

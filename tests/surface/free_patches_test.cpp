@@ -1,0 +1,115 @@
+#include "surface/free_patches.h"
+
+#include <BRepPrimAPI_MakeSphere.hxx>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "core/quality.h"
+#include "morph_case.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+namespace {
+
+constexpr double kRadius = 5, kFar = 30;
+
+/// The part of a ball with x and y positive, up to `angle` from y towards z.
+TopoDS_Shape ball_sector(double radius, double angle) {
+  const gp_Ax2 axes(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0), gp_Dir(0, 1, 0));
+  return BRepPrimAPI_MakeSphere(axes, radius, 0, pi / 2, angle).Solid();
+}
+
+/// Wedges between a ball_sector and a sphere of radius kFar, the first layer 0.015 thick. Three
+/// symmetry planes meet in the three lines where the sector has its corners.
+Mesh around_sector(double angle) {
+  constexpr int kSide = 10, kLayers = 12;
+  const Vector3d a(1, 0, 0), b(0, 1, 0), c(0, std::cos(angle), std::sin(angle));
+  std::vector<Vector3d> directions;
+  std::vector<std::array<Index, 3>> triangles;
+  const auto id = [](Index i, Index j) { return i * (2 * kSide + 3 - i) / 2 + j; };
+  for (int i = 0; i <= kSide; ++i)
+    for (int j = 0; i + j <= kSide; ++j) {
+      const bool is_c = i == 0 && j == 0, is_edge = i == 0 && angle == pi / 2;
+      const Vector3d sum = i * a + j * b + (kSide - i - j) * c;
+      directions.push_back(is_c ? c : sum.normalized());
+      if (is_edge) directions.back().x() = 0;
+      if (i + j < kSide) triangles.push_back({id(i, j), id(i + 1, j), id(i, j + 1)});
+      if (i + j + 1 < kSide) triangles.push_back({id(i + 1, j), id(i + 1, j + 1), id(i, j + 1)});
+    }
+  const auto count = static_cast<Index>(directions.size());
+  Mesh mesh;
+  mesh.points.resize(count * (kLayers + 1), 3);
+  mesh.offsets = {0};
+  for (Index k = 0; k <= kLayers; ++k)
+    for (Index n = 0; n < count; ++n)
+      mesh.points.row(k * count + n) =
+          (kRadius + (kFar - kRadius) * std::pow(double(k) / kLayers, 3)) * directions[n];
+  for (Index k = 0; k < kLayers; ++k)
+    for (const auto& t : triangles) {
+      mesh.types.push_back(CellType::Wedge);
+      for (const Index layer : {k, k + 1})
+        for (const Index n : t) mesh.connectivity.push_back(layer * count + n);
+      mesh.offsets.push_back(std::ssize(mesh.connectivity));
+    }
+  return mesh;
+}
+
+}  // namespace
+
+TEST_CASE("nodes where symmetry planes meet slide along their line", "[surface][far-field]") {
+  for (const double degrees : {90.0, 20.0}) {
+    DYNAMIC_SECTION(degrees << " degrees") {
+      const double angle = degrees * pi / 180;
+      const Vector3d oblique(0, std::cos(angle), std::sin(angle));
+      const MorphCase c = mesh_case(to_model(ball_sector(kRadius, angle)), around_sector(angle));
+      const Orientation orientation = detect_orientation(c.mesh);
+      REQUIRE(measure_quality(c.mesh, c.mesh.points, orientation).inverted == 0);
+      for (const double radius : {8.0, 4.0}) {
+        CAPTURE(radius);
+        const Morphed result = morph(c, to_model(ball_sector(radius, angle)));
+        CHECK(measure_quality(c.mesh, result.points, orientation).inverted == 0);
+        int on_lines = 0;
+        for (Index n = 0; n < c.mesh.node_count(); ++n) {
+          const Vector3d x = c.mesh.points.row(n), y = result.points.row(n);
+          for (const Vector3d& line : {Vector3d(1, 0, 0), Vector3d(0, 1, 0), oblique}) {
+            if (x.cross(line).norm() > 1e-12 * kFar) continue;
+            ++on_lines;
+            // From the body's tip, linearly to nothing at the far field.
+            const double part = (kFar - x.norm()) / (kFar - kRadius);
+            const Vector3d expected = (x.norm() + part * (radius - kRadius)) * line;
+            CHECK((y - expected).norm() <= 1e-9 * kFar);
+            if (line == Vector3d(1, 0, 0)) CHECK((y - x).tail<2>().norm() <= 1e-30);
+          }
+        }
+        CHECK(on_lines == 3 * 13);
+      }
+    }
+  }
+}
+
+TEST_CASE("a line between planes takes of the CAD's motion what is along it",
+          "[surface][far-field]") {
+  const MorphCase c = mesh_case(to_model(ball_sector(kRadius, pi / 2)), around_sector(pi / 2));
+  const SurfaceMorph morph(c.base, c.mesh, c.boundary);
+  const SurfaceMesh surface = make_surface_mesh(c.mesh, c.boundary, 1);
+  const auto patches = find_free_patches(surface, c.boundary, morph.association());
+  const Vector3d step(0.5, 0.3, 0);
+  Points moved = surface.points;
+  for (Index n = 0; n < moved.rows(); ++n)
+    if (morph.association().dimension[n] != CadDimension::None) moved.row(n) += step;
+  for (const FreePatch& patch : patches)
+    if (patch.is_planar) slide_patch(surface, patch, moved);
+  int on_line = 0;
+  for (Index n = 0; n < moved.rows(); ++n) {
+    const Vector3d x = surface.points.row(n), y = moved.row(n);
+    if (x.tail<2>().norm() > 0 || x.x() < kRadius + 1e-9) continue;
+    ++on_line;
+    CHECK(y.tail<2>() == x.tail<2>());
+    CHECK(std::abs(y.x() - x.x() - 0.5 * (kFar - x.x()) / (kFar - kRadius)) <= 1e-9);
+  }
+  CHECK(on_line == 12);
+}
