@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "cad/face_sampler.h"
 
@@ -26,23 +27,33 @@ constexpr double kReach = 0.02;     // of the mesh's size
 
 double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& boundary) {
   const double size = (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).norm();
-  for (const Unit& unit : kUnits)
-    if (std::abs(unit.mm * size / base.diagonal() - 1) < kSameSize) return unit.mm;
   const FaceSamples samples = sample_faces(base, kSamples);
   const KdTree tree(samples.points);
   const auto nodes = static_cast<Index>(boundary.nodes.size());
   const Index stride = std::max<Index>(1, nodes / kProbes);
+  // Places of the CAD that probes lie at, each once, by the part of it that they span: in too small
+  // a unit the body lies at one place, a symmetry plane perhaps on one face.
   const auto hits = [&](double mm) {
-    // A mesh much smaller than the CAD would lie as a whole within the spacing.
     const double reach = std::min(samples.spacing, kReach * mm * size);
-    Index near = 0, count = 0;
-    for (Index i = 0; i < nodes; i += stride, ++count) {
+    std::vector<Index> places;
+    for (Index i = 0; i < nodes; i += stride) {
       const Eigen::Vector3d x = mm * mesh.points.row(boundary.nodes[i]);
-      near += tree.nearest(x.data(), 1)[0].squared_distance <= reach * reach;
+      const Neighbour nearest = tree.nearest(x.data(), 1)[0];
+      if (nearest.squared_distance <= reach * reach) places.push_back(nearest.index);
     }
-    return static_cast<double>(near) / static_cast<double>(std::max<Index>(count, 1));
+    if (places.empty()) return 0.0;
+    std::sort(places.begin(), places.end());
+    places.erase(std::unique(places.begin(), places.end()), places.end());
+    const RowMatrix at = samples.points(places, Eigen::all);
+    const double span =
+        (at.colwise().maxCoeff() - at.colwise().minCoeff()).norm() / base.diagonal();
+    return static_cast<double>(places.size()) * span * span;
   };
-  double best_unit = 1, best = hits(1);
+  // The size alone decides nothing: that of a far field may be the CAD's in another unit.
+  double best_unit = 1;
+  for (const Unit& unit : kUnits)
+    if (std::abs(unit.mm * size / base.diagonal() - 1) < kSameSize) best_unit = unit.mm;
+  double best = hits(best_unit);
   for (const Unit& unit : kUnits) {
     const double found = hits(unit.mm);
     if (found > kClearlyBetter * best) {

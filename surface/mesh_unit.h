@@ -5,8 +5,9 @@
 
 namespace cadmorph {
 
-/// Millimetres per unit of the mesh: of mm, m, cm, inch and foot the one that brings most surface
-/// nodes to the CAD; millimetres where several do equally well.
+/// Millimetres per unit of the mesh: of mm, m, cm, inch and foot the one that brings surface nodes
+/// to most places of the CAD; where several do equally well, the one in which mesh and CAD are of
+/// one size, else millimetres.
 double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& boundary);
 
 /// "mm", "m", "cm", "inch" or "foot" for a factor of detect_mesh_unit, else "<factor> mm".
