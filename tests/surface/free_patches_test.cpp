@@ -23,9 +23,10 @@ TopoDS_Shape ball_sector(double radius, double angle) {
   return BRepPrimAPI_MakeSphere(axes, radius, 0, pi / 2, angle).Solid();
 }
 
-/// Wedges between a ball_sector and a sphere of radius kFar, the first layer 0.015 thick. Three
-/// symmetry planes meet in the three lines where the sector has its corners.
-Mesh around_sector(double angle) {
+/// Wedges between a ball_sector and a sphere of radius kFar or, cutting its edges, the box round
+/// it, the first layer 0.015 thick. Three symmetry planes meet in the three lines where the sector
+/// has its corners.
+Mesh around_sector(double angle, bool is_box = false) {
   constexpr int kSide = 10, kLayers = 12;
   const Vector3d a(1, 0, 0), b(0, 1, 0), c(0, std::cos(angle), std::sin(angle));
   std::vector<Vector3d> directions;
@@ -45,9 +46,12 @@ Mesh around_sector(double angle) {
   mesh.points.resize(count * (kLayers + 1), 3);
   mesh.offsets = {0};
   for (Index k = 0; k <= kLayers; ++k)
-    for (Index n = 0; n < count; ++n)
+    for (Index n = 0; n < count; ++n) {
+      const Vector3d& d = directions[n];
+      const double far = is_box ? kFar / d.maxCoeff() : kFar;
       mesh.points.row(k * count + n) =
-          (kRadius + (kFar - kRadius) * std::pow(double(k) / kLayers, 3)) * directions[n];
+          (kRadius + (far - kRadius) * std::pow(double(k) / kLayers, 3)) * d;
+    }
   for (Index k = 0; k < kLayers; ++k)
     for (const auto& t : triangles) {
       mesh.types.push_back(CellType::Wedge);
@@ -61,11 +65,13 @@ Mesh around_sector(double angle) {
 }  // namespace
 
 TEST_CASE("nodes where symmetry planes meet slide along their line", "[surface][far-field]") {
-  for (const double degrees : {90.0, 20.0}) {
-    DYNAMIC_SECTION(degrees << " degrees") {
+  for (const auto& [degrees, is_box] :
+       std::vector<std::pair<double, bool>>{{90, false}, {20, false}, {90, true}}) {
+    DYNAMIC_SECTION(degrees << " degrees" << (is_box ? ", a box" : "")) {
       const double angle = degrees * pi / 180;
       const Vector3d oblique(0, std::cos(angle), std::sin(angle));
-      const MorphCase c = mesh_case(to_model(ball_sector(kRadius, angle)), around_sector(angle));
+      const MorphCase c =
+          mesh_case(to_model(ball_sector(kRadius, angle)), around_sector(angle, is_box));
       const Orientation orientation = detect_orientation(c.mesh);
       REQUIRE(measure_quality(c.mesh, c.mesh.points, orientation).inverted == 0);
       for (const double radius : {8.0, 4.0}) {
