@@ -1,10 +1,8 @@
 #include "cad/brep.h"
 
-#include <algorithm>
 #include <cmath>
 #include <gp_Pnt.hxx>
 #include <gp_Vec.hxx>
-#include <numbers>
 
 #include "cad/brep_impl.h"
 #include "cad/skeleton.h"
@@ -15,7 +13,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kTilt = 0.3137;
 constexpr double kInSeam = 2e-5;    // of a period: the slivers that seams leave
 constexpr double kOnBounds = 1e-6;  // of the domain: far above the rounding of a projection
 
@@ -32,33 +29,16 @@ Vector2d off_bounds(const CadFace& face, Vector2d uv) {
   return uv;
 }
 
-// Even-odd test along a tilted ray: quick, and hardly ever through the gap between two pcurves,
-// which lie at the round parameters that structured meshes use, too.
-bool is_left_of_odd(const std::vector<Segment>& polygon, const Vector2d& at, const Vector2d& size) {
-  const auto tilted = [&](const Vector2d& p) -> Vector2d {
-    const Vector2d q = (p - at).cwiseQuotient(size);
-    return {q.x(), q.y() + kTilt * q.x()};
-  };
-  bool is_odd = false;
-  for (const Segment& s : polygon) {
-    const Vector2d from = tilted(s.from), to = tilted(s.to);
-    if ((from.y() <= 0) != (to.y() <= 0))
-      is_odd ^= from.x() - from.y() / (to.y() - from.y()) * (to.x() - from.x()) > 0;
-  }
-  return is_odd;
-}
-
-// Whether a point outside the polygon lies in it a period further, or a little to the side of a
+// Whether a point outside the wires lies in them a period further, or a little to the side of a
 // seam: the two pcurves of a seam waver within the tolerance of its edge.
-bool is_in_seam(const std::vector<Segment>& polygon, const CadFace& face, const Vector2d& at) {
-  const Vector2d size = face.upper - face.lower;
+bool is_in_seam(const TrimLoops& loops, const CadFace& face, const Vector2d& at) {
   for (int a = 0; a < 2; ++a)
     for (const double shift :
          {face.period[a], -face.period[a], kInSeam * face.period[a], -kInSeam * face.period[a]}) {
       Vector2d q = at;
       q[a] += shift;
       if (shift == 0 || q[a] < face.lower[a] || q[a] > face.upper[a]) continue;
-      if (is_left_of_odd(polygon, q, size)) return true;
+      if (loops.contains(q)) return true;
     }
   return false;
 }
@@ -83,15 +63,6 @@ const char* to_string(SurfaceType type) {
       break;
   }
   return "surface";
-}
-
-double winding_angle(const std::vector<Segment>& polygon, const Vector2d& at) {
-  double winding = 0;
-  for (const Segment& s : polygon) {
-    const Vector2d a = s.from - at, b = s.to - at;
-    winding += std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
-  }
-  return winding;
 }
 
 CadModel::CadModel(std::shared_ptr<const Impl> impl)
@@ -153,7 +124,7 @@ Vector2d CadModel::into_domain(int face, const Vector2d& uv) const {
   Vector2d shifted = uv;
   for (int a = 0; a < 2; ++a) {
     const double period = f.period[a] > 0 ? f.period[a] : impl_->natural_period[face][a];
-    if (period <= 0) continue;
+    if (period <= 0 || (uv[a] >= f.lower[a] && uv[a] <= f.upper[a])) continue;
     const double middle = 0.5 * (f.lower[a] + f.upper[a]);
     shifted[a] -= period * std::round((uv[a] - middle) / period);
   }
@@ -161,23 +132,15 @@ Vector2d CadModel::into_domain(int face, const Vector2d& uv) const {
 }
 
 bool CadModel::is_inside(int face, const Vector2d& uv) const {
-  const auto& polygon = impl_->polygons[face];
-  if (polygon.empty()) return true;
+  const TrimLoops& loops = impl_->loops[face];
+  if (loops.empty()) return true;
   const CadFace& f = faces()[face];
-  const Vector2d size = f.upper - f.lower;
   const Vector2d q = off_bounds(f, into_domain(face, uv));
-  if (is_left_of_odd(polygon, q, size) || winding_angle(polygon, q) > std::numbers::pi) return true;
-  return is_in_seam(polygon, f, q);
+  return loops.contains(q) || is_in_seam(loops, f, q);
 }
 
 std::vector<double> CadModel::crossings(int face, double v) const {
-  std::vector<double> u;
-  for (const Segment& s : impl_->polygons[face])
-    if ((s.from.y() <= v) != (s.to.y() <= v))
-      u.push_back(s.from.x() +
-                  (v - s.from.y()) / (s.to.y() - s.from.y()) * (s.to.x() - s.from.x()));
-  std::sort(u.begin(), u.end());
-  return u;
+  return impl_->loops[face].crossings(v);
 }
 
 }  // namespace cadmorph

@@ -125,10 +125,11 @@ class CadModel {
   /// Outward unit normal (by the face's orientation), zero where the surface is singular.
   Eigen::Vector3d normal(int face, const Eigen::Vector2d& uv) const;
 
-  /// Shifts (u, v) by periods of the surface to lie as near the trimmed domain as possible.
+  /// Shifts (u, v) by periods of the surface to lie as near the trimmed domain as possible; within
+  /// its bounds, which may span several periods, it stays.
   Eigen::Vector2d into_domain(int face, const Eigen::Vector2d& uv) const;
 
-  /// Whether (u, v) lies inside the trimmed domain (polygons of the sampled pcurves).
+  /// Whether (u, v) lies inside the trimmed domain.
   bool is_inside(int face, const Eigen::Vector2d& uv) const;
 
   /// Values of u, ascending, where the wires of a face cross the line v = const. Between the first

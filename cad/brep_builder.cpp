@@ -1,13 +1,8 @@
 #include "cad/brep_builder.h"
 
 #include <BRepLib.hxx>
-#include <BRepTools.hxx>
 #include <BRep_Tool.hxx>
-#include <Geom2d_BSplineCurve.hxx>
-#include <Geom2d_Line.hxx>
-#include <Geom2d_TrimmedCurve.hxx>
 #include <GeomAdaptor_Surface.hxx>
-#include <Geom_RectangularTrimmedSurface.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
@@ -20,7 +15,6 @@
 #include <TopoDS_Wire.hxx>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "cad/brep_impl.h"
 #include "cad/pcurve_repair.h"
@@ -33,7 +27,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int kEdgeSamples = 64;
-constexpr int kMaxPolygonSegments = 512;
 
 Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
 
@@ -55,16 +48,6 @@ SurfaceType surface_type(GeomAbs_SurfaceType type) {
     default:
       return SurfaceType::Other;
   }
-}
-
-int polygon_segments(const Pcurve& pcurve) {
-  Handle(Geom2d_Curve) curve = pcurve.curve;
-  while (const auto trimmed = Handle(Geom2d_TrimmedCurve)::DownCast(curve))
-    curve = trimmed->BasisCurve();
-  if (curve->IsKind(STANDARD_TYPE(Geom2d_Line))) return 1;
-  if (const auto spline = Handle(Geom2d_BSplineCurve)::DownCast(curve))
-    return std::min(kMaxPolygonSegments, std::max(32, 8 * spline->NbKnots()));
-  return 64;
 }
 
 class ModelBuilder {
@@ -149,13 +132,14 @@ class ModelBuilder {
     model_.surfaces.push_back(surface);
     model_.natural_period.emplace_back(surface->IsUPeriodic() ? surface->UPeriod() : 0,
                                        surface->IsVPeriodic() ? surface->VPeriod() : 0);
-    model_.polygons.emplace_back();
+    model_.loops.emplace_back();
     model_.faces.push_back(f);
     std::vector<std::vector<EdgeUse>> wires;
     for (TopoDS_Iterator it(face); it.More(); it.Next())
       if (it.Value().ShapeType() == TopAbs_WIRE) wires.push_back(edge_uses(face, it.Value()));
     repair_pcurves(model_, id, wires);
     for (const auto& wire : wires) add_wire(id, wire);
+    model_.loops[id].close();
   }
 
   std::vector<EdgeUse> edge_uses(const TopoDS_Face& face, const TopoDS_Shape& wire) {
@@ -188,21 +172,10 @@ class ModelBuilder {
       model_.pcurves.push_back(use.pcurve);
       model_.edges[use.edge].coedges.push_back(c);
       coedges.push_back(c);
-      add_polygon(id, use.pcurve, use.is_reversed);
+      const CadEdge& edge = model_.edges[use.edge];
+      model_.loops[id].add(use.pcurve, use.is_reversed, edge.start, edge.end);
     }
     if (!coedges.empty()) model_.faces[id].wires.push_back(std::move(coedges));
-  }
-
-  void add_polygon(int id, const Pcurve& pcurve, bool is_reversed) {
-    const int count = polygon_segments(pcurve);
-    Vector2d previous = pcurve(pcurve.edge_first);
-    for (int i = 1; i <= count; ++i) {
-      const double t = pcurve.edge_first +
-                       (pcurve.edge_last - pcurve.edge_first) * i / static_cast<double>(count);
-      const Vector2d p = pcurve(t);
-      model_.polygons[id].push_back(is_reversed ? Segment{p, previous} : Segment{previous, p});
-      previous = p;
-    }
   }
 
   void mark_solids() {
@@ -223,23 +196,20 @@ class ModelBuilder {
     for (int i = 0; i <= n; ++i)
       for (int j = 0; j <= n; ++j) {
         const Vector2d uv = f.lower + Vector2d(i, j).cwiseProduct(f.upper - f.lower) / n;
-        if (is_inside(id, uv))
+        if (model_.loops[id].empty() || model_.loops[id].contains(uv))
           model_.extend_bounds(to_eigen(model_.surfaces[id]->Value(uv.x(), uv.y())));
       }
   }
 
-  // The polygons give tight bounds; a face without wires has the surface's own.
+  // The wires give tight bounds; a face without them has the surface's own.
   void set_domain(int id) {
     CadFace& f = model_.faces[id];
-    if (model_.polygons[id].empty()) {
+    const TrimLoops& loops = model_.loops[id];
+    if (loops.empty()) {
       model_.surfaces[id]->Bounds(f.lower[0], f.upper[0], f.lower[1], f.upper[1]);
-      return;
-    }
-    f.lower.setConstant(1e300);
-    f.upper.setConstant(-1e300);
-    for (const Segment& s : model_.polygons[id]) {
-      f.lower = f.lower.cwiseMin(s.from);
-      f.upper = f.upper.cwiseMax(s.from);
+    } else {
+      f.lower = loops.lower();
+      f.upper = loops.upper();
     }
   }
 
@@ -257,13 +227,8 @@ class ModelBuilder {
           const int axis = gap.x() * size.y() > gap.y() * size.x() ? 0 : 1;
           f.period[axis] = gap[axis];
         }
-    if (model_.polygons[id].empty())
+    if (model_.loops[id].empty())
       for (int a = 0; a < 2; ++a) f.period[a] = model_.natural_period[id][a];
-  }
-
-  bool is_inside(int id, const Vector2d& uv) const {
-    const auto& polygon = model_.polygons[id];
-    return polygon.empty() || winding_angle(polygon, uv) > std::numbers::pi;
   }
 
   const TopoDS_Shape& shape_;

@@ -1,55 +1,15 @@
 #pragma once
 
-#include <Geom2d_Curve.hxx>
 #include <Geom_Curve.hxx>
 #include <Geom_Surface.hxx>
-#include <gp_Pnt2d.hxx>
 #include <string>
 #include <vector>
 
 #include "cad/brep.h"
+#include "cad/pcurve.h"
+#include "cad/trim_loops.h"
 
 namespace cadmorph {
-
-/// A pcurve, run through by the parameter of its edge.
-struct Pcurve {
-  Handle(Geom2d_Curve) curve;
-  double first, last;  // of the pcurve
-  double edge_first, edge_last;
-  Eigen::Vector2d shift = Eigen::Vector2d::Zero();  // whole periods of the surface
-  // Towards a pole one coordinate of the curve says nothing: there it goes on as the parabola that
-  // leaves the range from sound_first to sound_last of the curve's parameter.
-  int pole_axis = -1;
-  double sound_first = 0, sound_last = 0;
-
-  Eigen::Vector2d operator()(double t) const {
-    const double span = edge_last - edge_first;
-    const bool same = first == edge_first && last == edge_last;
-    const double s = same || span == 0 ? t : first + (t - edge_first) / span * (last - first);
-    Eigen::Vector2d p = at(s);
-    if (pole_axis >= 0 && s < sound_first) p[pole_axis] = parabola(sound_first, first, s);
-    if (pole_axis >= 0 && s > sound_last) p[pole_axis] = parabola(sound_last, last, s);
-    return p + shift;
-  }
-
-  Eigen::Vector2d at(double s) const {
-    const gp_Pnt2d p = curve->Value(s);
-    return {p.X(), p.Y()};
-  }
-
-  /// Coordinate `pole_axis` at s by the values at `from` and at one and two steps away from `end`.
-  double parabola(double from, double end, double s) const {
-    const double step = from - end, x = (s - from) / step;
-    const double a = at(from)[pole_axis], b = at(from + step)[pole_axis],
-                 c = at(from + 2 * step)[pole_axis];
-    return a + x * (b - a) + 0.5 * x * (x - 1) * (c - 2 * b + a);
-  }
-};
-
-/// A piece of a face's polygon in its parameter domain.
-struct Segment {
-  Eigen::Vector2d from, to;
-};
 
 /// What a CadModel holds; OCCT's geometry by entity.
 struct CadModel::Impl {
@@ -65,7 +25,7 @@ struct CadModel::Impl {
   std::vector<Handle(Geom_Surface)> surfaces;
   std::vector<Handle(Geom_Curve)> curves;       // null for degenerate edges
   std::vector<Pcurve> pcurves;                  // a coedge
-  std::vector<std::vector<Segment>> polygons;   // a face, oriented: material to the left
+  std::vector<TrimLoops> loops;                 // a face
   std::vector<Eigen::Vector2d> natural_period;  // of the untrimmed surface
 
   void extend_bounds(const Eigen::Vector3d& p) {
@@ -73,9 +33,5 @@ struct CadModel::Impl {
     upper = upper.cwiseMax(p);
   }
 };
-
-/// Angle that the segments of a polygon wind round a point: 2 pi inside, 0 outside. Unlike ray
-/// crossings it bears the small gaps that pcurves leave at vertices.
-double winding_angle(const std::vector<Segment>& polygon, const Eigen::Vector2d& at);
 
 }  // namespace cadmorph

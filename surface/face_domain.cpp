@@ -14,13 +14,35 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr Index kMaxSamples = 1500;
-constexpr int kMinSamplesPerCurve = 6;
+// Samples of a face's wires, or that many times those of a curve. Where they don't suffice, half of
+// them go to the curves alike, half by length. A curve has 6 at least, down to 2 on a face with
+// thousands of them.
+constexpr double kMostSamples = 1500, kMostCurves = 7.5;
+constexpr double kLeastSamples = 2, kFewSamples = 6;
 constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
 constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave at a vertex
 constexpr double kSameSample = 1e-6;  // of the size of the domain
 
 constexpr double kFoot = 0.5;  // of a pcurve's deviation: a foot is that much nearer at least
+
+// Samples along each of a face's coedges: long ones among many short ones, such as a rim among
+// holes, get more.
+auto sample_counts(const CadModel& base, int face, int samples_per_curve) {
+  double coedges = 0, length = 0;
+  for (const auto& wire : base.faces()[face].wires)
+    for (const int c : wire) {
+      ++coedges;
+      length += base.edges()[base.coedges()[c].edge].length;
+    }
+  const double budget = std::max(kMostSamples, kMostCurves * samples_per_curve);
+  const double least = std::clamp(4 * budget / std::max(coedges, 1.0), kLeastSamples, kFewSamples);
+  return [=, &base](int coedge) {
+    if (coedges * samples_per_curve <= budget) return samples_per_curve;
+    const double part = base.edges()[base.coedges()[coedge].edge].length / length;
+    const double wanted = budget / 2 * (1 / coedges + part);
+    return static_cast<int>(std::max(least, std::min<double>(samples_per_curve, wanted)));
+  };
+}
 
 }  // namespace
 
@@ -66,12 +88,7 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
     : face_(face), scale_(mean_derivatives(base, face)), period_(base.faces()[face].period) {
   const CadFace& f = base.faces()[face];
   size_ = f.upper - f.lower;
-  Index coedges = 0;
-  for (const auto& wire : f.wires) coedges += static_cast<Index>(wire.size());
-  const int count =
-      std::max<int>(kMinSamplesPerCurve,
-                    std::min<int>(samples_per_curve,
-                                  static_cast<int>(kMaxSamples / std::max<Index>(coedges, 1))));
+  const auto sample_count = sample_counts(base, face, samples_per_curve);
   std::vector<std::pair<int, Vector2d>> ends;  // vertex and place of the wires' joints
   const auto is_new_end = [&](int vertex, const Vector2d& uv) {
     for (const auto& [other, at] : ends) {
@@ -87,6 +104,7 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
     for (const int c : wire) {
       const CadEdge& edge = base.edges()[base.coedges()[c].edge];
       if (edge.is_seam || fills_gap(base, c)) continue;
+      const int count = sample_count(c);
       for (int i = 0; i <= count; ++i) {
         const double t = edge.first + (edge.last - edge.first) * i / count;
         const Vector2d uv = wire_parameters(base, c, t);

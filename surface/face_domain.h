@@ -26,7 +26,8 @@ class FaceDomain {
     double tolerance;  ///< of its edge, millimetres
   };
 
-  /// `samples_per_curve`: samples along each edge; scaled down where a face has very many edges.
+  /// `samples_per_curve`: samples along each edge; where a face has so many edges that this makes
+  /// too many, long edges keep more of them.
   FaceDomain(const CadModel& base, int face, int samples_per_curve);
 
   int face() const { return face_; }

@@ -3,8 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
-#include <mutex>
 #include <sstream>
 
 #include "core/errors.h"
@@ -48,6 +48,14 @@ bool is_at_pole(const CadModel& model, int face, const Vector2d& uv, double loca
 struct Placement {
   Points feet, offsets;
 };
+
+Points rows_of(const Points& points, const std::vector<int>& rows) {
+  return points(rows, Eigen::all);
+}
+
+void set_rows(const Points& values, const std::vector<int>& rows, Points& points) {
+  points(rows, Eigen::all) = values;
+}
 
 // Nodes of one face.
 struct FaceNodes {
@@ -269,30 +277,35 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
   const int variant = pair.match.faces[face];
   std::string note = mapped.note;
   Index folds = count_folds(pair.variant, face, variant, mapped.uv, placed.feet);
-  const auto improve = [&](const FaceMapResult& other, const char* how) {
-    Placement trial = placed;
-    place(pair, face, other, trial);
-    const Index remaining = count_folds(pair.variant, face, variant, other.uv, trial.feet);
-    if (remaining >= folds) return;
-    folds = remaining;
-    placed = std::move(trial);
-    note = how;
-  };
-  if (folds > 0) {
-    const FaceDomain fine(*base, face, kRefinement * kMaxSamples);
-    improve(map_face(fine, pair, maps, nodes.uv, nodes.points),
-            "its wires had to be sampled finer");
-  }
-  for (int steps = 2; folds > 0 && steps <= kMostSteps && !nodes.domain->is_closed(); steps *= 2) {
+  // Keeps the other map where it folds less. One that fails leaves what is there.
+  const auto improve = [&](const std::function<FaceMapResult()>& map, const char* how) {
     try {
-      improve(map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points, steps),
-              "the motion of its wires had to be split into steps");
-    } catch (const SolverError&) {
-      continue;  // wires that pass through each other on their way
+      const FaceMapResult other = map();
+      const Placement kept{rows_of(placed.feet, nodes.rows), rows_of(placed.offsets, nodes.rows)};
+      place(pair, face, other, placed);
+      const Index remaining = count_folds(pair.variant, face, variant, other.uv, placed.feet);
+      if (remaining < folds) {
+        folds = remaining;
+        note = how;
+      } else {
+        set_rows(kept.feet, nodes.rows, placed.feet);
+        set_rows(kept.offsets, nodes.rows, placed.offsets);
+      }
+    } catch (const SolverError&) {  // wires that pass through each other on their way, many samples
     }
-  }
+  };
+  if (folds > 0)
+    improve(
+        [&] {
+          const FaceDomain fine(*base, face, kRefinement * kMaxSamples);
+          return map_face(fine, pair, maps, nodes.uv, nodes.points);
+        },
+        "its wires had to be sampled finer");
+  for (int steps = 2; folds > 0 && steps <= kMostSteps && !nodes.domain->is_closed(); steps *= 2)
+    improve([&] { return map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points, steps); },
+            "the motion of its wires had to be split into steps");
   if (folds > 0 && !mapped.is_projected)
-    improve(project_face(*nodes.domain, pair, maps, nodes.points),
+    improve([&] { return project_face(*nodes.domain, pair, maps, nodes.points); },
             "its parameter warp folded; predicted positions were projected instead");
   return folds > 0 ? std::to_string(folds) + " of its facets are folded" : note;
 }

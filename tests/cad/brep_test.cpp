@@ -1,12 +1,17 @@
 #include "cad/brep.h"
 
 #include <BRepBuilderAPI_MakeEdge.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakeWire.hxx>
 #include <BRepClass3d_SolidClassifier.hxx>
+#include <BRepLib.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
+#include <GCE2d_MakeSegment.hxx>
 #include <Geom2dAPI_PointsToBSpline.hxx>
 #include <Geom2d_BSplineCurve.hxx>
+#include <Geom_CylindricalSurface.hxx>
 #include <TColgp_Array1OfPnt2d.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
@@ -17,6 +22,7 @@
 #include <numbers>
 #include <random>
 
+#include "cad/projector.h"
 #include "cad/step_reader.h"
 #include "cad_variants.h"
 #include "core/errors.h"
@@ -286,8 +292,7 @@ TEST_CASE("is_inside agrees with OCCT's classifier", "[cad][brep]") {
       int compared = 0, different = 0;
       for (int f = 0; f < oracle.face_count(); ++f)
         for (const Vector2d& uv : random_parameters(model.faces()[f], 150, 7u + f)) {
-          // Polygons follow curved wires to within a small part of the domain.
-          if (distance_to_wires(model, f, uv) < 5e-3) continue;
+          if (distance_to_wires(model, f, uv) < 1e-5) continue;
           const Vector2d wrapped = model.into_domain(f, uv);
           ++compared;
           different += model.is_inside(f, uv) != (oracle.side(f, wrapped) == 1);
@@ -296,6 +301,71 @@ TEST_CASE("is_inside agrees with OCCT's classifier", "[cad][brep]") {
       CHECK(compared > 50 * oracle.face_count());
     }
   }
+}
+
+TEST_CASE("is_inside follows curved wires beyond their chords", "[cad][brep]") {
+  // The first layer at a pipe's wall is thousands of times thinner than the pipe.
+  for (const auto& name : kShapes) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape part = shape(name);
+      const CadModel model = to_model(part);
+      const FaceOracle oracle(part);
+      int compared = 0, different = 0;
+      for (int c = 0; c < static_cast<int>(model.coedges().size()); ++c) {
+        const int f = model.coedges()[c].face;
+        const CadEdge& e = model.edges()[model.coedges()[c].edge];
+        const Vector2d size = model.faces()[f].upper - model.faces()[f].lower;
+        const auto at = [&](double share) -> Vector2d {
+          return model.pcurve(c, e.first + (e.last - e.first) * share).cwiseQuotient(size);
+        };
+        for (int i = 0; i < 50; ++i) {
+          const double share = (i + 0.37) / 50;
+          const Vector2d along = (at(share + 1e-6) - at(share - 1e-6)).normalized();
+          for (const double off : {-1e-3, -1e-4, -1e-5, 1e-5, 1e-4, 1e-3}) {
+            const Vector2d uv =
+                (at(share) + off * Vector2d(-along.y(), along.x())).cwiseProduct(size);
+            const CadFace& face = model.faces()[f];
+            if ((uv - face.lower).cwiseMin(face.upper - uv).minCoeff() < 2e-6 * size.maxCoeff())
+              continue;  // beyond a seam or a pole
+            ++compared;
+            different += model.is_inside(f, uv) != (oracle.side(f, uv) == 1);
+          }
+        }
+      }
+      CHECK(different == 0);
+      CHECK(compared > 0);
+    }
+  }
+}
+
+TEST_CASE("a strip that winds round its cylinder several times keeps its turns", "[cad][brep]") {
+  constexpr double kRadius = 10, kPitch = 3, kWidth = 1, kTurns = 4;
+  const gp_Ax3 axes(gp_Pnt(1, 2, 3), gp_Dir(0, 0, 1));
+  const Handle(Geom_Surface) cylinder = new Geom_CylindricalSurface(axes, kRadius);
+  BRepBuilderAPI_MakeWire wire;
+  const double end = 2 * pi * kTurns, rise = kPitch * kTurns;
+  const gp_Pnt2d corners[] = {{0, 0}, {end, rise}, {end, rise + kWidth}, {0, kWidth}};
+  for (int i = 0; i < 4; ++i)
+    wire.Add(BRepBuilderAPI_MakeEdge(GCE2d_MakeSegment(corners[i], corners[(i + 1) % 4]).Value(),
+                                     cylinder));
+  TopoDS_Shape strip = BRepBuilderAPI_MakeFace(cylinder, wire.Wire());
+  BRepLib::BuildCurves3d(strip);
+  const CadModel model = through_step(strip);
+  REQUIRE(model.faces().size() == 1);
+  const CadFace& face = model.faces()[0];
+  REQUIRE(face.upper[0] - face.lower[0] > 0.99 * end);
+  int missed = 0;
+  for (int i = 1; i < 400; ++i)
+    for (const double across : {0.02, 0.5, 0.98}) {
+      const double turn = end * i / 400, z = kPitch * turn / (2 * pi) + across * kWidth;
+      const Vector3d x =
+          Vector3d(1, 2, 3) + Vector3d(kRadius * std::cos(turn), kRadius * std::sin(turn), z);
+      const Vector2d seed(face.lower[0] + (face.upper[0] - face.lower[0]) * i / 400, z + 0.01);
+      const FaceFoot foot = project_on_face(model, 0, x, seed);
+      missed +=
+          foot.distance > 1e-9 || !model.is_inside(0, foot.uv) || std::abs(foot.uv[1] - z) > 1e-9;
+    }
+  CHECK(missed == 0);
 }
 
 TEST_CASE("a seam that wavers within its tolerance leaves no gap", "[cad][brep]") {

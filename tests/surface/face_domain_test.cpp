@@ -1,0 +1,58 @@
+#include "surface/face_domain.h"
+
+#include <BRepBuilderAPI_MakeEdge.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakeWire.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Face.hxx>
+#include <TopoDS_Wire.hxx>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <gp_Circ.hxx>
+#include <gp_Pln.hxx>
+#include <numbers>
+
+#include "cad_variants.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+
+namespace {
+
+constexpr double kRim = 100, kHole = 1.5, kPitch = 7;
+
+TopoDS_Wire circle(double x, double y, double radius) {
+  const gp_Circ curve(gp_Ax2(gp_Pnt(x, y, 0), gp_Dir(0, 0, 1)), radius);
+  return BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(curve).Edge()).Wire();
+}
+
+// A tube sheet.
+TopoDS_Face sheet() {
+  BRepBuilderAPI_MakeFace face(gp_Pln(gp::XOY()), circle(0, 0, kRim));
+  for (double x = -98; x < kRim; x += kPitch)
+    for (double y = -98; y < kRim; y += kPitch)
+      if (std::hypot(x, y) < kRim - 2 * kPitch)
+        face.Add(TopoDS::Wire(circle(x, y, kHole).Reversed()));
+  return face.Face();
+}
+
+}  // namespace
+
+TEST_CASE("The rim of a face with hundreds of holes keeps its samples", "[surface][face_domain]") {
+  const CadModel model = to_model(sheet());
+  REQUIRE(model.faces()[0].wires.size() > 400);
+  const FaceDomain domain(model, 0, 200);
+  // The rim grows by a tenth, the holes stay.
+  Parameters values = Parameters::Zero(static_cast<Index>(domain.samples().size()), 2);
+  for (Index i = 0; i < values.rows(); ++i) {
+    const Eigen::Vector2d& uv = domain.samples()[static_cast<std::size_t>(i)].uv;
+    if (uv.norm() > 0.99 * kRim) values.row(i) = 0.1 * uv.transpose();
+  }
+  Parameters at(360, 2);
+  for (Index i = 0; i < at.rows(); ++i) {
+    const double angle = 2 * std::numbers::pi * (static_cast<double>(i) + 0.5) / 360;
+    at.row(i) << kRim * std::cos(angle), kRim * std::sin(angle);
+  }
+  const Parameters moved = domain.interpolate(values, at);
+  CHECK((moved - 0.1 * at).rowwise().norm().maxCoeff() < 0.01 * 0.1 * kRim);
+}
