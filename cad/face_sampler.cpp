@@ -16,7 +16,8 @@ struct Grid {
 
 constexpr int kMinCurved = 5;
 constexpr double kNudge = 1e-3;  // of a row
-constexpr int kMaxPerDirection = 2000;
+constexpr int kMaxPerDirection = 50'000;
+constexpr double kMaxOnFace = 4e6;
 
 struct Lengths {
   Vector2d largest;  // of the iso-parametric lines at their greatest speed, millimetres
@@ -41,8 +42,10 @@ Lengths measure(const CadModel& model, int face) {
 
 Grid grid_for(const CadModel& model, int face, const Vector2d& lengths, double spacing) {
   const int least = model.faces()[face].type == SurfaceType::Plane ? 2 : kMinCurved;
+  const double coarser = std::max(1.0, std::sqrt(lengths.prod() / kMaxOnFace) / spacing);
   const auto count = [&](double length) {
-    return std::clamp(static_cast<int>(std::ceil(length / spacing)), least, kMaxPerDirection);
+    const double wanted = std::ceil(length / (coarser * spacing));
+    return static_cast<int>(std::clamp<double>(wanted, least, kMaxPerDirection));
   };
   return {count(lengths[0]), count(lengths[1])};
 }

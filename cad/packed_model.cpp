@@ -88,7 +88,12 @@ CadModel unpack_model(std::string_view bytes) {
   for (std::string& name : names) name = take_text(bytes);
   if (!bytes.empty()) throw CadError(file_name + ": the packed CAD model has another face count");
   const auto name_of = [&](const TopoDS_Face& face) { return names[faces.FindIndex(face) - 1]; };
-  return build_model(shape, {file_name, file_unit, name_of});
+  try {
+    return build_model(shape, {file_name, file_unit, name_of});
+  } catch (const Standard_Failure& failure) {
+    throw CadError(file_name + ": OCCT fails on its geometry (" + failure.GetMessageString() +
+                   "). Export the part again.");
+  }
 }
 
 }  // namespace cadmorph

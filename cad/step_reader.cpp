@@ -115,9 +115,12 @@ class FaceNames {
 // OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
 void check_step_file(const std::filesystem::path& path) {
   const std::string name = path.string();
-  if (!std::filesystem::exists(path))
-    throw IoError(name + ": no such file. Check the path of the STEP file.");
-  if (std::filesystem::is_directory(path)) throw IoError(name + " is a folder, not a STEP file.");
+  std::error_code unreadable;
+  if (!std::filesystem::exists(path, unreadable))
+    throw IoError(name + (unreadable ? ": can't be reached (" + unreadable.message() + ")."
+                                     : ": no such file. Check the path of the STEP file."));
+  if (std::filesystem::is_directory(path, unreadable))
+    throw IoError(name + " is a folder, not a STEP file.");
   std::ifstream in(path, std::ios::binary | std::ios::ate);
   if (!in) throw IoError(name + ": can't be opened. Check its permissions.");
   const std::streamoff size = in.tellg();

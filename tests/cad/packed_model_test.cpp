@@ -1,8 +1,14 @@
 #include "cad/packed_model.h"
 
+#include <BRep_Builder.hxx>
+#include <Geom_BezierSurface.hxx>
+#include <Geom_OffsetSurface.hxx>
+#include <TColgp_Array2OfPnt.hxx>
+#include <TopoDS_Face.hxx>
 #include <TopoDS_Shape.hxx>
 #include <catch2/catch.hpp>
 
+#include "cad/brep_builder.h"
 #include "cad/step_reader.h"
 #include "cad_variants.h"
 #include "core/errors.h"
@@ -50,6 +56,18 @@ void check_same_geometry(const CadModel& a, const CadModel& b) {
 }
 
 }  // namespace
+
+TEST_CASE("a surface that OCCT can't evaluate is a CadError", "[cad][packed]") {
+  // The offset of a patch that is folded flat onto a line has no normal.
+  TColgp_Array2OfPnt poles(1, 2, 1, 2);
+  for (int i = 1; i <= 2; ++i)
+    for (int j = 1; j <= 2; ++j) poles.SetValue(i, j, gp_Pnt(i + 2 * j, 0, 0));
+  const Handle(Geom_Surface) flat = new Geom_BezierSurface(poles);
+  TopoDS_Face face;
+  BRep_Builder().MakeFace(face, new Geom_OffsetSurface(flat, 1), 1e-6);
+  const std::string packed = pack_shape(face, {"flat.step", "mm", {}});
+  CHECK_THROWS_AS(unpack_model(packed), CadError);
+}
 
 TEST_CASE("a packed model is the one that OCCT read", "[cad][packed]") {
   for (const std::string name : {"bore/step20", "pipe/step05", "shapes/two_blocks", "shapes/torus",
