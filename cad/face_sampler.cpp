@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/parallel.h"
 
@@ -50,14 +51,19 @@ Grid grid_for(const CadModel& model, int face, const Vector2d& lengths, double s
   return {count(lengths[0]), count(lengths[1])};
 }
 
-void add_wire_samples(const CadModel& model, int face, double spacing, std::vector<Vector2d>& uv) {
+// Returns the largest distance along the wires.
+double add_wire_samples(const CadModel& model, int face, double spacing,
+                        std::vector<Vector2d>& uv) {
+  double widest = 0;
   for (const auto& wire : model.faces()[face].wires)
     for (const int c : wire) {
       const CadEdge& edge = model.edges()[model.coedges()[c].edge];
       const int n = std::clamp(static_cast<int>(edge.length / spacing), 2, kMaxPerDirection);
       for (int i = 0; i <= n; ++i)
         uv.push_back(model.pcurve(c, edge.first + (edge.last - edge.first) * i / n));
+      widest = std::max(widest, edge.length / n);
     }
+  return widest;
 }
 
 std::vector<Vector2d> inside_grid(const CadModel& model, int face, const Grid& grid) {
@@ -94,12 +100,16 @@ FaceSamples sample_faces(const CadModel& model, Index count) {
   }
   FaceSamples samples;
   samples.spacing = std::sqrt(area / static_cast<double>(std::max<Index>(count, 1)));
+  samples.face_spacing.resize(faces);
   std::vector<std::vector<Vector2d>> uv(faces);
   parallel_for(faces, 1, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const int f = static_cast<int>(i);
-      uv[f] = inside_grid(model, f, grid_for(model, f, lengths[f].largest, samples.spacing));
-      add_wire_samples(model, f, samples.spacing, uv[f]);
+      const Grid grid = grid_for(model, f, lengths[f].largest, samples.spacing);
+      uv[f] = inside_grid(model, f, grid);
+      samples.face_spacing[f] = std::max(
+          {lengths[f].largest[0] / grid.nu, lengths[f].largest[1] / grid.nv,
+           add_wire_samples(model, f, samples.spacing, uv[f]), std::numeric_limits<double>::min()});
     }
   });
   for (int f = 0; f < faces; ++f) {

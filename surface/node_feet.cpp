@@ -11,8 +11,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode = 4;
-// A point on a face has a sample within this many spacings, uneven parametrisations included.
-constexpr double kFar = 4;
 
 Index sample_count(const SurfaceMesh& surface) {
   return std::clamp(kSamplesPerNode * surface.points.rows(), kMinSamples, kMaxSamples);
@@ -24,40 +22,45 @@ FootFinder::FootFinder(const CadModel& model, const SurfaceMesh& surface, double
     : model_(model),
       surface_(surface),
       tolerance_(tolerance),
-      faces_(sample_faces(model, sample_count(surface))),
-      face_tree_(faces_.points) {
+      faces_(sample_faces(model, sample_count(surface))) {
+  spread_faces();
   sample_edges();
+}
+
+void FootFinder::spread_faces() {
+  std::vector<double> spacing;
+  for (const int face : faces_.face) spacing.push_back(faces_.face_spacing[face]);
+  near_faces_ = SpacedSamples(faces_.points, spacing);
 }
 
 void FootFinder::sample_edges() {
   std::vector<Vector3d> points;
+  std::vector<double> spacing;
   for (int e = 0; e < static_cast<int>(model_.edges().size()); ++e) {
     const CadEdge& edge = model_.edges()[e];
     if (!edge.is_physical()) continue;
     const int n = std::clamp(static_cast<int>(edge.length / faces_.spacing), 8, 20'000);
+    double widest = std::numeric_limits<double>::min();
     for (int i = 0; i <= n; ++i) {
       const double t = edge.first + (edge.last - edge.first) * i / n;
       points.push_back(model_.evaluate_edge(e, t).point);
       edge_seeds_.push_back({e, t});
-      if (i > 0)
-        edge_spacing_ = std::max(edge_spacing_, (points.back() - points.rbegin()[1]).norm());
+      if (i > 0) widest = std::max(widest, (points.back() - points.rbegin()[1]).norm());
     }
+    spacing.insert(spacing.end(), static_cast<std::size_t>(n) + 1, widest);
   }
-  if (points.empty()) return;
   RowMatrix rows(static_cast<Index>(points.size()), 3);
   for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Index>(i)) = points[i];
-  edge_tree_.emplace(rows);
+  near_edges_ = SpacedSamples(rows, spacing);
 }
 
 NodeFeet FootFinder::find(Index n) const {
   const Vector3d x = surface_.points.row(n);
   NodeFeet feet;
   find_edge_feet(n, x, feet);
-  const double nearest = std::sqrt(face_tree_.nearest(x.data(), 1)[0].squared_distance);
-  if (nearest > kFar * faces_.spacing + reach(n)) return feet;
   std::vector<int> seen;
-  for (const Neighbour& near :
-       face_tree_.within(x.data(), 1.5 * std::max(nearest, faces_.spacing))) {
+  const std::vector<Neighbour> samples = near_faces_.near(x, reach(n));
+  for (const Neighbour& near : samples) {
     const int face = faces_.face[near.index];
     if (std::find(seen.begin(), seen.end(), face) != seen.end()) continue;
     seen.push_back(face);
@@ -65,7 +68,9 @@ NodeFeet FootFinder::find(Index n) const {
     if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
       feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
   }
-  if (feet.faces.empty() && !seen.empty()) retry_globally(n, x, seen.front(), feet);
+  if (feet.faces.empty() && !seen.empty() &&
+      std::sqrt(samples.front().squared_distance) <= faces_.face_spacing[seen.front()] + reach(n))
+    retry_globally(n, x, seen.front(), feet);
   std::sort(feet.faces.begin(), feet.faces.end(),
             [](const FaceCandidate& a, const FaceCandidate& b) { return a.distance < b.distance; });
   drop_outside(n, feet);
@@ -74,18 +79,15 @@ NodeFeet FootFinder::find(Index n) const {
 
 // The local iteration may have left the basin; the nearest face deserves a global search.
 void FootFinder::retry_globally(Index n, const Vector3d& x, int face, NodeFeet& feet) const {
-  const double nearest = std::sqrt(face_tree_.nearest(x.data(), 1)[0].squared_distance);
-  if (nearest > faces_.spacing + reach(n)) return;
   const FaceFoot foot = project_globally(model_, face, x);
   if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
     feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
 }
 
 void FootFinder::find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) const {
-  if (!edge_tree_) return;
-  const double radius = edge_spacing_ + edge_reach(n);
   std::vector<int> seen;
-  for (const Neighbour& near : edge_tree_->within(x.data(), radius)) {
+  for (const Neighbour& near :
+       near_edges_.within(x, [&](double spacing) { return spacing + edge_reach(n); })) {
     const auto [edge, t] = edge_seeds_[near.index];
     if (std::find(seen.begin(), seen.end(), edge) != seen.end()) continue;
     seen.push_back(edge);
@@ -115,7 +117,9 @@ void FootFinder::drop_outside(Index n, NodeFeet& feet) const {
 }
 
 Vector2d FootFinder::seed(int face, const Vector3d& x, double radius) const {
-  for (const Neighbour& near : face_tree_.within(x.data(), 2 * faces_.spacing + radius))
+  const double own = faces_.face_spacing[face];
+  for (const Neighbour& near : near_faces_.within(
+           x, [&](double spacing) { return spacing >= own ? 2 * own + radius : -1; }))
     if (faces_.face[near.index] == face) return faces_.uv[near.index];
   return project_globally(model_, face, x).uv;
 }

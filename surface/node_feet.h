@@ -2,14 +2,13 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <optional>
 #include <utility>
 #include <vector>
 
 #include "cad/brep.h"
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
-#include "core/kd_tree.h"
+#include "surface/spaced_samples.h"
 #include "surface/surface_mesh.h"
 
 namespace cadmorph {
@@ -56,6 +55,7 @@ class FootFinder {
   }
 
  private:
+  void spread_faces();
   void sample_edges();
   double reach(Index node) const { return tolerance_ * surface_.own_length[node]; }
   void retry_globally(Index node, const Eigen::Vector3d& x, int face, NodeFeet& feet) const;
@@ -67,10 +67,8 @@ class FootFinder {
   const SurfaceMesh& surface_;
   double tolerance_;
   FaceSamples faces_;
-  KdTree face_tree_;
-  std::optional<KdTree> edge_tree_;
+  SpacedSamples near_faces_, near_edges_;
   std::vector<std::pair<int, double>> edge_seeds_;
-  double edge_spacing_ = 0;
 };
 
 }  // namespace cadmorph
