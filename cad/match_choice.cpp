@@ -32,8 +32,8 @@ constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours
 constexpr double kRougher = 3, kSmooth = 1e-4;   // factor, of the diagonal
 constexpr double kWorthImproving = 1e-3;         // of the diagonal
 constexpr int kImprovements = 3;
-constexpr double kAgreement = 0.75, kMoreAgreement = 0.05;
-constexpr double kManyFaces = 8;  // more that agree are no accident  // parts of all forms
+constexpr double kAgreement = 0.75, kMoreAgreement = 0.05;  // parts of all forms
+constexpr double kManyFaces = 8;                            // more that agree are no accident
 
 struct Scored {
   TopologyMatch match;
