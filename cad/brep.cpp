@@ -1,13 +1,11 @@
 #include "cad/brep.h"
 
-#include <Standard_Failure.hxx>
 #include <cmath>
 #include <gp_Pnt.hxx>
 #include <gp_Vec.hxx>
 
 #include "cad/brep_impl.h"
 #include "cad/skeleton.h"
-#include "core/errors.h"
 
 namespace cadmorph {
 namespace {
@@ -20,17 +18,6 @@ constexpr double kOnBounds = 1e-6;  // of the domain: far above the rounding of 
 
 Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
 Vector3d to_eigen(const gp_Vec& v) { return {v.X(), v.Y(), v.Z()}; }
-
-// OCCT's failures are no std::exception, which nobody above would catch.
-template <class Evaluation>
-void guarded(const CadModel::Impl& model, const Evaluation& evaluate) {
-  try {
-    evaluate();
-  } catch (const Standard_Failure& failure) {
-    throw CadError(model.file_name + ": OCCT fails on its geometry (" + failure.GetMessageString() +
-                   "). Export the part again.");
-  }
-}
 
 // Moves a point on the bounds of the domain, such as on a seam or a pole, a little inward.
 Vector2d off_bounds(const CadFace& face, Vector2d uv) {
@@ -102,14 +89,15 @@ const Vector3d& CadModel::upper() const { return impl_->upper; }
 SurfacePoint CadModel::evaluate(int face, const Vector2d& uv) const {
   gp_Pnt p;
   gp_Vec du, dv;
-  guarded(*impl_, [&] { impl_->surfaces[face]->D1(uv.x(), uv.y(), p, du, dv); });
+  guarded(impl_->file_name, [&] { impl_->surfaces[face]->D1(uv.x(), uv.y(), p, du, dv); });
   return {to_eigen(p), to_eigen(du), to_eigen(dv)};
 }
 
 SurfaceCurvature CadModel::evaluate_second(int face, const Vector2d& uv) const {
   gp_Pnt p;
   gp_Vec du, dv, duu, dvv, duv;
-  guarded(*impl_, [&] { impl_->surfaces[face]->D2(uv.x(), uv.y(), p, du, dv, duu, dvv, duv); });
+  guarded(impl_->file_name,
+          [&] { impl_->surfaces[face]->D2(uv.x(), uv.y(), p, du, dv, duu, dvv, duv); });
   return {{to_eigen(p), to_eigen(du), to_eigen(dv)}, to_eigen(duu), to_eigen(duv), to_eigen(dvv)};
 }
 
@@ -118,13 +106,13 @@ CurvePoint CadModel::evaluate_edge(int edge, double t) const {
     return {vertices()[edges()[edge].start].point, Vector3d::Zero()};
   gp_Pnt p;
   gp_Vec dt;
-  guarded(*impl_, [&] { impl_->curves[edge]->D1(t, p, dt); });
+  guarded(impl_->file_name, [&] { impl_->curves[edge]->D1(t, p, dt); });
   return {to_eigen(p), to_eigen(dt)};
 }
 
 Vector2d CadModel::pcurve(int coedge, double t) const {
   Vector2d uv;
-  guarded(*impl_, [&] { uv = impl_->pcurves[coedge](t); });
+  guarded(impl_->file_name, [&] { uv = impl_->pcurves[coedge](t); });
   return uv;
 }
 

@@ -2,12 +2,14 @@
 
 #include <Geom_Curve.hxx>
 #include <Geom_Surface.hxx>
+#include <Standard_Failure.hxx>
 #include <string>
 #include <vector>
 
 #include "cad/brep.h"
 #include "cad/pcurve.h"
 #include "cad/trim_loops.h"
+#include "core/errors.h"
 
 namespace cadmorph {
 
@@ -33,5 +35,17 @@ struct CadModel::Impl {
     upper = upper.cwiseMax(p);
   }
 };
+
+/// Calls `use` and returns what it returns. OCCT's failures are no std::exception, which nobody
+/// above would catch: they become a CadError that names the file.
+template <class Use>
+decltype(auto) guarded(const std::string& file_name, const Use& use) {
+  try {
+    return use();
+  } catch (const Standard_Failure& failure) {
+    throw CadError(file_name + ": OCCT fails on its geometry (" + failure.GetMessageString() +
+                   "). Export the part again.");
+  }
+}
 
 }  // namespace cadmorph

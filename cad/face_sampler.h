@@ -10,8 +10,8 @@ struct FaceSamples {
   RowMatrix points;  ///< N x 3, millimetres
   std::vector<Eigen::Vector2d> uv;
   std::vector<int> face;
-  double spacing;                    ///< millimetres between neighbours that was aimed at
-  std::vector<double> face_spacing;  ///< largest distance between neighbours on each face
+  double spacing;                    ///< aimed at between neighbours, millimetres
+  std::vector<double> face_spacing;  ///< a face's largest, millimetres
 };
 
 /// Samples every face inside its wires and along them, about `count` points in all, at least 5 x 5

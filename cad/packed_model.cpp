@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "cad/brep_builder.h"
+#include "cad/brep_impl.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -88,12 +89,7 @@ CadModel unpack_model(std::string_view bytes) {
   for (std::string& name : names) name = take_text(bytes);
   if (!bytes.empty()) throw CadError(file_name + ": the packed CAD model has another face count");
   const auto name_of = [&](const TopoDS_Face& face) { return names[faces.FindIndex(face) - 1]; };
-  try {
-    return build_model(shape, {file_name, file_unit, name_of});
-  } catch (const Standard_Failure& failure) {
-    throw CadError(file_name + ": OCCT fails on its geometry (" + failure.GetMessageString() +
-                   "). Export the part again.");
-  }
+  return guarded(file_name, [&] { return build_model(shape, {file_name, file_unit, name_of}); });
 }
 
 }  // namespace cadmorph

@@ -100,7 +100,8 @@ class HeldCounter {
     if (invalid.empty()) return 0;
     if (!in_base_) in_base_ = check_validity(mesh_, mesh_.points, orientation_).invalid_cells;
     return std::ranges::count_if(invalid, [&](Index c) {
-      return std::ranges::binary_search(*in_base_, c) || is_held(mesh_, positions, is_fixed_, orientation_, c);
+      return std::ranges::binary_search(*in_base_, c) ||
+             is_held(mesh_, positions, is_fixed_, orientation_, c);
     });
   }
 
