@@ -83,65 +83,114 @@ EntityGraph build_graph(const CadModel& model, const GraphOptions& options) {
 }
 
 ColourRefinement::ColourRefinement(const EntityGraph& base, const EntityGraph& variant)
-    : graphs_{&base, &variant}, colours_{base.kind, variant.kind}, colour_count_(kUse + 1) {}
+    : graphs_{&base, &variant}, colours_{base.kind, variant.kind} {
+  for (int g = 0; g < 2; ++g)
+    for (int n = 0; n < graphs_[g]->size(); ++n) {
+      const auto kind = static_cast<std::size_t>(colours_[g][n]);
+      if (kind >= classes_.size()) classes_.resize(kind + 1);
+      enter(classes_[kind], g, +1);
+      changed_.push_back({g, n});
+    }
+}
+
+void ColourRefinement::enter(Class& members, int graph, int count) {
+  unbalanced_ -= members.excess != 0;
+  members.size += count;
+  members.excess += graph == 0 ? count : -count;
+  unbalanced_ += members.excess != 0;
+}
+
+int ColourRefinement::fresh_colour() {
+  classes_.emplace_back();
+  return static_cast<int>(classes_.size()) - 1;
+}
+
+void ColourRefinement::recolour(Node node, int colour) {
+  int& current = colours_[node.graph][node.number];
+  enter(classes_[current], node.graph, -1);
+  enter(classes_[colour], node.graph, +1);
+  current = colour;
+  changed_.push_back(node);
+}
 
 void ColourRefinement::hint(const std::vector<std::uint64_t>& base,
                             const std::vector<std::uint64_t>& variant) {
-  struct Count {
-    int excess = 0, colour = 0;
-  };
   const std::vector<std::uint64_t>* labels[2] = {&base, &variant};
-  std::map<std::pair<int, std::uint64_t>, Count> counts;
+  std::map<std::pair<int, std::uint64_t>, std::vector<Node>> labelled;
+  std::map<std::pair<int, std::uint64_t>, int> excess;
   for (int g = 0; g < 2; ++g)
-    for (std::size_t n = 0; n < labels[g]->size(); ++n)
-      if ((*labels[g])[n] != 0) counts[{colours_[g][n], (*labels[g])[n]}].excess += g == 0 ? 1 : -1;
-  for (auto& [key, count] : counts)
-    if (count.excess == 0) count.colour = colour_count_++;
-  for (int g = 0; g < 2; ++g)
-    for (std::size_t n = 0; n < labels[g]->size(); ++n) {
+    for (int n = 0; n < static_cast<int>(labels[g]->size()); ++n) {
       if ((*labels[g])[n] == 0) continue;
-      const Count& count = counts.at({colours_[g][n], (*labels[g])[n]});
-      if (count.excess == 0) colours_[g][n] = count.colour;
+      const std::pair key{colours_[g][n], (*labels[g])[n]};
+      labelled[key].push_back({g, n});
+      excess[key] += g == 0 ? 1 : -1;
     }
+  for (const auto& [key, nodes] : labelled) {
+    if (excess[key] != 0) continue;
+    const int colour = fresh_colour();
+    for (const Node& node : nodes) recolour(node, colour);
+  }
 }
 
 void ColourRefinement::individualise(int b, int v) {
-  colours_[0][b] = colours_[1][v] = colour_count_++;
+  const int colour = fresh_colour();
+  recolour({0, b}, colour);
+  recolour({1, v}, colour);
 }
 
-bool ColourRefinement::is_balanced() const {
-  std::vector<int> excess(static_cast<std::size_t>(colour_count_), 0);
-  for (const int c : colours_[0]) ++excess[c];
-  for (const int c : colours_[1]) --excess[c];
-  return std::all_of(excess.begin(), excess.end(), [](int e) { return e == 0; });
+std::vector<ColourRefinement::Node> ColourRefinement::take_neighbours_of_changed() {
+  std::vector<Node> result;
+  for (const Node& node : changed_)
+    for (const auto& arc : graphs_[node.graph]->arcs[node.number])
+      result.push_back({node.graph, arc.to});
+  changed_.clear();
+  std::sort(result.begin(), result.end());
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
+std::uint64_t ColourRefinement::neighbourhood(Node node) const {
+  std::uint64_t sum = 0;
+  for (const auto& arc : graphs_[node.graph]->arcs[node.number])
+    sum += mix(static_cast<std::uint64_t>(arc.label) << 32 |
+               static_cast<std::uint32_t>(colours_[node.graph][arc.to]));
+  return mix(sum);
+}
+
+// Nodes of one colour that stayed aside have neighbours that did not change: they keep it. Without
+// any, the most numerous of the neighbourhoods does.
+void ColourRefinement::split(std::span<const Seen> one_colour) {
+  std::vector<std::span<const Seen>> groups;
+  for (auto rest = one_colour; !rest.empty(); rest = rest.subspan(groups.back().size())) {
+    const auto end = std::find_if(rest.begin(), rest.end(), [&](const Seen& s) {
+      return s.neighbourhood != rest.front().neighbourhood;
+    });
+    groups.push_back(rest.first(static_cast<std::size_t>(end - rest.begin())));
+  }
+  const int nodes = classes_[static_cast<std::size_t>(one_colour.front().colour)].size;
+  if (static_cast<int>(one_colour.size()) == nodes)
+    groups.erase(std::max_element(groups.begin(), groups.end(),
+                                  [](auto& a, auto& b) { return a.size() < b.size(); }));
+  for (const auto& group : groups) {
+    const int colour = fresh_colour();
+    for (const Seen& s : group) recolour(s.node, colour);
+  }
 }
 
 bool ColourRefinement::refine() {
-  for (int before = -1;;) {
-    std::vector<std::uint64_t> signature[2], all;
-    for (int g = 0; g < 2; ++g) {
-      const auto& arcs = graphs_[g]->arcs;
-      signature[g].resize(arcs.size());
-      for (std::size_t n = 0; n < arcs.size(); ++n) {
-        std::uint64_t sum = 0;
-        for (const auto& arc : arcs[n])
-          sum += mix(static_cast<std::uint64_t>(arc.label) << 32 |
-                     static_cast<std::uint32_t>(colours_[g][arc.to]));
-        signature[g][n] = mix(sum + mix(static_cast<std::uint64_t>(colours_[g][n])));
-      }
-      all.insert(all.end(), signature[g].begin(), signature[g].end());
+  while (!changed_.empty() && is_balanced()) {
+    std::vector<Seen> seen;
+    for (const Node& node : take_neighbours_of_changed())
+      seen.push_back({colours_[node.graph][node.number], neighbourhood(node), node});
+    std::sort(seen.begin(), seen.end());
+    for (auto first = seen.begin(); first != seen.end();) {
+      const auto end =
+          std::find_if(first, seen.end(), [&](const Seen& s) { return s.colour != first->colour; });
+      split({first, end});
+      first = end;
     }
-    std::sort(all.begin(), all.end());
-    all.erase(std::unique(all.begin(), all.end()), all.end());
-    for (int g = 0; g < 2; ++g)
-      for (std::size_t n = 0; n < signature[g].size(); ++n)
-        colours_[g][n] = static_cast<int>(
-            std::lower_bound(all.begin(), all.end(), signature[g][n]) - all.begin());
-    colour_count_ = static_cast<int>(all.size());
-    if (!is_balanced()) return false;
-    if (colour_count_ == before) return true;
-    before = colour_count_;
   }
+  return is_balanced();
 }
 
 }  // namespace cadmorph

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <compare>
 #include <cstdint>
+#include <span>
+#include <vector>
 
 #include "cad/brep.h"
 
@@ -49,19 +52,44 @@ class ColourRefinement {
   /// Declares base node b and variant node v counterparts.
   void individualise(int b, int v);
 
-  /// Splits colours by neighbourhood until none changes. Returns is_balanced(). O(arcs) a round.
+  /// Splits colours by neighbourhood until none changes. Returns is_balanced(); false as soon as
+  /// it is. O(a log a) for a arcs of the nodes whose colour changes.
   bool refine();
 
   /// Whether each colour has as many nodes in the base as in the variant.
-  bool is_balanced() const;
+  bool is_balanced() const { return unbalanced_ == 0; }
 
   const std::vector<int>& base_colours() const { return colours_[0]; }
   const std::vector<int>& variant_colours() const { return colours_[1]; }
 
  private:
+  struct Node {
+    int graph, number;
+    auto operator<=>(const Node&) const = default;
+  };
+  struct Seen {
+    int colour;
+    std::uint64_t neighbourhood;
+    Node node;
+    auto operator<=>(const Seen&) const = default;
+  };
+  struct Class {
+    int size = 0;    // nodes of the colour
+    int excess = 0;  // those of the base less those of the variant
+  };
+
+  void enter(Class& members, int graph, int count);
+  int fresh_colour();
+  void recolour(Node node, int colour);
+  std::vector<Node> take_neighbours_of_changed();
+  std::uint64_t neighbourhood(Node node) const;
+  void split(std::span<const Seen> one_colour);
+
   const EntityGraph* graphs_[2];
   std::vector<int> colours_[2];
-  int colour_count_ = 0;
+  std::vector<Class> classes_;  // a colour
+  std::vector<Node> changed_;   // since their neighbours were last looked at
+  int unbalanced_ = 0;          // colours
 };
 
 }  // namespace cadmorph

@@ -2,7 +2,9 @@
 
 #include <BRepBuilderAPI_Transform.hxx>
 #include <catch2/catch.hpp>
+#include <map>
 #include <numeric>
+#include <random>
 #include <set>
 
 #include "cad_variants.h"
@@ -27,6 +29,34 @@ EntityGraph graph(int nodes, const std::vector<std::pair<int, int>>& edges) {
 
 std::size_t colours(const std::vector<int>& of_nodes) {
   return std::set<int>(of_nodes.begin(), of_nodes.end()).size();
+}
+
+using Partition = std::vector<int>;
+
+/// Splits a partition by how often each part is among a node's neighbours, until nothing changes.
+Partition coarsest_stable(const EntityGraph& graph, Partition parts) {
+  for (std::size_t count = 0;;) {
+    std::map<std::pair<int, std::multiset<int>>, int> number;
+    Partition next;
+    for (int n = 0; n < graph.size(); ++n) {
+      std::multiset<int> around;
+      for (const auto& arc : graph.arcs[n]) around.insert(parts[arc.to]);
+      next.push_back(number.emplace(std::pair(parts[n], around), static_cast<int>(number.size()))
+                         .first->second);
+    }
+    if (number.size() == count) return next;
+    count = number.size();
+    parts = next;
+  }
+}
+
+/// The numbers of the parts in the order of their first nodes.
+Partition renumbered(const Partition& parts) {
+  std::map<int, int> number;
+  Partition result;
+  for (const int part : parts)
+    result.push_back(number.emplace(part, static_cast<int>(number.size())).first->second);
+  return result;
 }
 
 const std::vector<std::pair<int, int>> kPath{{0, 1}, {1, 2}, {2, 3}, {3, 4}};
@@ -60,6 +90,30 @@ TEST_CASE("refinement names a node the same whatever its number", "[cad][colours
   const std::vector<int> expected{3, 1, 4, 0, 2};  // base node -> variant node
   for (int n = 0; n < 5; ++n)
     CHECK(refinement.base_colours()[n] == refinement.variant_colours()[expected[n]]);
+}
+
+TEST_CASE("refinement is the coarsest stable partition, after each singled-out node too",
+          "[cad][colours]") {
+  std::mt19937 random(5);
+  for (int trial = 0; trial < 200; ++trial) {
+    const int nodes = 4 + static_cast<int>(random() % 30);
+    std::vector<std::pair<int, int>> edges;
+    for (int n = 1; n < nodes; ++n) edges.emplace_back(n, (n - 1) / 2);  // a tree is symmetric
+    for (int n = static_cast<int>(random() % 4); n > 0; --n)
+      edges.emplace_back(static_cast<int>(random()) & 3, nodes - 1 - n);
+    const EntityGraph g = graph(nodes, edges);
+    ColourRefinement refinement(g, g);
+    Partition expected(static_cast<std::size_t>(nodes), 0);
+    for (int singled = 0; singled < 4; ++singled) {
+      REQUIRE(refinement.refine());
+      expected = coarsest_stable(g, expected);
+      CHECK(renumbered(refinement.base_colours()) == renumbered(expected));
+      CHECK(refinement.base_colours() == refinement.variant_colours());
+      const int one = static_cast<int>(random() % static_cast<unsigned>(nodes));
+      refinement.individualise(one, one);
+      expected[one] = nodes + singled;
+    }
+  }
 }
 
 TEST_CASE("graphs of different degrees are told apart", "[cad][colours]") {
