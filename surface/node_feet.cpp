@@ -12,6 +12,71 @@ using Eigen::Vector3d;
 
 constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode = 4;
 
+// A step in the parameters that leads this many times as far as the points lie apart, by the
+// derivatives at one of them, leads to another part of a face or edge that returns to where it was.
+constexpr double kReturns = 2;
+// A foot this near, of the model's diagonal, needs no other part to compare with.
+constexpr double kExact = 1e-12;
+// Part of another foot's distance that a foot's must be less than to count as nearer.
+constexpr double kNearer = 1 - 1e-6;
+
+/// The feet found on a face or edge, one on each part of it that passes the node.
+template <class Foot, class Tangents>
+struct FeetOn {
+  int id;
+  std::vector<std::pair<Foot, Tangents>> parts;
+
+  bool is_exact(double tolerance) const {
+    return std::ranges::any_of(parts, [&](const auto& p) { return p.first.distance <= tolerance; });
+  }
+  // The first found of those that are equally near: beyond a pole lies the same point once more,
+  // outside the face's parameters.
+  const Foot& nearest() const {
+    const Foot* best = &parts.front().first;
+    for (const auto& [foot, at] : parts)
+      if (foot.distance < kNearer * best->distance) best = &foot;
+    return *best;
+  }
+};
+
+struct FaceSheets : FeetOn<FaceFoot, SurfacePoint> {
+  void add(const CadModel& model, const FaceFoot& foot) {
+    parts.emplace_back(foot, model.evaluate(id, foot.uv));
+  }
+  bool has(const CadFace& face, const Vector2d& uv, const Vector3d& point) const {
+    return std::ranges::any_of(parts, [&](const auto& part) {
+      const auto& [foot, at] = part;
+      Vector2d step = uv - foot.uv;
+      for (int a = 0; a < 2; ++a)
+        if (face.period[a] > 0) step[a] = std::remainder(step[a], face.period[a]);
+      const Vector3d predicted = step[0] * at.du + step[1] * at.dv;
+      return predicted.norm() <= kReturns * (point - at.point).norm();
+    });
+  }
+};
+
+struct EdgeStrands : FeetOn<EdgeFoot, CurvePoint> {
+  void add(const CadModel& model, const EdgeFoot& foot) {
+    parts.emplace_back(foot, model.evaluate_edge(id, foot.t));
+  }
+  bool has(double t, const Vector3d& point) const {
+    return std::ranges::any_of(parts, [&](const auto& part) {
+      const auto& [foot, at] = part;
+      return std::abs(t - foot.t) * at.dt.norm() <= kReturns * (point - at.point).norm();
+    });
+  }
+};
+
+// The feet on face or edge `id`, empty when it is new.
+template <class Feet>
+Feet& entry_of(std::vector<Feet>& found, int id) {
+  const auto known = std::ranges::find(found, id, &Feet::id);
+  if (known != found.end()) return *known;
+  Feet& feet = found.emplace_back();
+  feet.id = id;
+  return feet;
+}
+
 Index sample_count(const SurfaceMesh& surface) {
   return std::clamp(kSamplesPerNode * surface.points.rows(), kMinSamples, kMaxSamples);
 }
@@ -49,28 +114,35 @@ void FootFinder::sample_edges() {
     }
     spacing.insert(spacing.end(), static_cast<std::size_t>(n) + 1, widest);
   }
-  RowMatrix rows(static_cast<Index>(points.size()), 3);
-  for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Index>(i)) = points[i];
-  near_edges_ = SpacedSamples(rows, spacing);
+  edge_points_.resize(static_cast<Index>(points.size()), 3);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    edge_points_.row(static_cast<Index>(i)) = points[i];
+  near_edges_ = SpacedSamples(edge_points_, spacing);
 }
 
 NodeFeet FootFinder::find(Index n) const {
   const Vector3d x = surface_.points.row(n);
   NodeFeet feet;
   find_edge_feet(n, x, feet);
-  std::vector<int> seen;
+  std::vector<FaceSheets> found;
   const std::vector<Neighbour> samples = near_faces_.near(x, reach(n));
   for (const Neighbour& near : samples) {
     const int face = faces_.face[near.index];
-    if (std::find(seen.begin(), seen.end(), face) != seen.end()) continue;
-    seen.push_back(face);
-    const FaceFoot foot = project_on_face(model_, face, x, faces_.uv[near.index]);
-    if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
-      feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
+    FaceSheets& sheets = entry_of(found, face);
+    const Vector3d sample = faces_.points.row(near.index);
+    if (sheets.is_exact(kExact * model_.diagonal()) ||
+        sheets.has(model_.faces()[face], faces_.uv[near.index], sample))
+      continue;
+    sheets.add(model_, project_on_face(model_, face, x, faces_.uv[near.index]));
   }
-  if (feet.faces.empty() && !seen.empty() &&
-      std::sqrt(samples.front().squared_distance) <= faces_.face_spacing[seen.front()] + reach(n))
-    retry_globally(n, x, seen.front(), feet);
+  for (const FaceSheets& sheets : found) {
+    const FaceFoot& foot = sheets.nearest();
+    if (foot.distance <= reach(n) + model_.faces()[sheets.id].tolerance)
+      feet.faces.push_back({sheets.id, foot.uv, foot.distance, foot.distance});
+  }
+  if (feet.faces.empty() && !found.empty() &&
+      std::sqrt(samples.front().squared_distance) <= faces_.face_spacing[found[0].id] + reach(n))
+    retry_globally(n, x, found[0].id, feet);
   std::sort(feet.faces.begin(), feet.faces.end(),
             [](const FaceCandidate& a, const FaceCandidate& b) { return a.distance < b.distance; });
   drop_outside(n, feet);
@@ -85,14 +157,17 @@ void FootFinder::retry_globally(Index n, const Vector3d& x, int face, NodeFeet& 
 }
 
 void FootFinder::find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) const {
-  std::vector<int> seen;
+  std::vector<EdgeStrands> found;
   for (const Neighbour& near :
        near_edges_.within(x, [&](double spacing) { return spacing + edge_reach(n); })) {
     const auto [edge, t] = edge_seeds_[near.index];
-    if (std::find(seen.begin(), seen.end(), edge) != seen.end()) continue;
-    seen.push_back(edge);
-    feet.edges.push_back(project_on_edge(model_, edge, x, t));
+    EdgeStrands& strands = entry_of(found, edge);
+    if (strands.is_exact(kExact * model_.diagonal()) ||
+        strands.has(t, edge_points_.row(near.index)))
+      continue;
+    strands.add(model_, project_on_edge(model_, edge, x, t));
   }
+  for (const EdgeStrands& strands : found) feet.edges.push_back(strands.nearest());
   std::sort(feet.edges.begin(), feet.edges.end(),
             [](const EdgeFoot& a, const EdgeFoot& b) { return a.distance < b.distance; });
 }

@@ -68,7 +68,8 @@ class FootFinder {
   double tolerance_;
   FaceSamples faces_;
   SpacedSamples near_faces_, near_edges_;
-  std::vector<std::pair<int, double>> edge_seeds_;
+  RowMatrix edge_points_;                           // samples
+  std::vector<std::pair<int, double>> edge_seeds_;  // edge and parameter of each
 };
 
 }  // namespace cadmorph
