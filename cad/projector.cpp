@@ -78,7 +78,7 @@ EdgeFoot descend_on_edge(const CadModel& model, int edge, const Vector3d& x, dou
 FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, const Vector2d& seed) {
   const CadFace& f = model.faces()[face];
   const double tolerance = kStepTolerance * model.diagonal();
-  Vector2d uv = seed;
+  Vector2d uv = model.into_domain(face, seed);
   SurfaceCurvature s = model.evaluate_second(face, uv);
   double best = (s.first.point - x).squaredNorm();
   for (int i = 0; i < kMaxIterations; ++i) {
@@ -90,13 +90,15 @@ FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, con
     bool is_better = false;
     Vector2d moved = Vector2d::Zero();
     for (int halving = 0; halving < 12 && !is_better; ++halving, step *= 0.5) {
-      const Vector2d trial = clamp_to_domain(f, uv + step);
+      // A closed surface need not be periodic: beyond its seam it would be extrapolated.
+      const Vector2d beyond = clamp_to_domain(f, uv + step);
+      const Vector2d trial = model.into_domain(face, beyond);
       const SurfaceCurvature at = model.evaluate_second(face, trial);
       const double squared = (at.first.point - x).squaredNorm();
       if (squared > best && halving < 11) continue;
       is_better = squared <= best;
       if (!is_better) break;
-      moved = trial - uv;
+      moved = beyond - uv;
       uv = trial;
       best = squared;
       s = at;
@@ -106,8 +108,7 @@ FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, con
             tolerance)
       break;
   }
-  const Vector2d wrapped = model.into_domain(face, uv);
-  return {wrapped, s.first.point, std::sqrt(best)};
+  return {uv, s.first.point, std::sqrt(best)};
 }
 
 FaceFoot project_globally(const CadModel& model, int face, const Vector3d& x) {

@@ -1,10 +1,12 @@
 #include "cad/projector.h"
 
+#include <BRepBuilderAPI_NurbsConvert.hxx>
 #include <catch2/catch.hpp>
 #include <random>
 
 #include "cad/face_sampler.h"
 #include "cad_variants.h"
+#include "warped_shape.h"
 
 using namespace cadmorph;
 using namespace cadmorph::testing;
@@ -80,6 +82,30 @@ TEST_CASE("points on a face project onto themselves to rounding", "[cad][project
         }
     }
   }
+}
+
+TEST_CASE("a foot beyond the seam of a closed surface that is not periodic is found",
+          "[cad][projector]") {
+  const CadModel part = to_model(BRepBuilderAPI_NurbsConvert(shape("cylinder")).Shape());
+  const CadModel twisted = to_model(warped(shape("cylinder"), [](const Vector3d& x) -> Vector3d {
+    return {x.x() + 0.1 * x.y(), x.y(), x.z()};
+  }));
+  for (const CadModel* model : {&part, &twisted})
+    for (int f = 0; f < static_cast<int>(model->faces().size()); ++f) {
+      const CadFace& face = model->faces()[f];
+      if (face.period[0] <= 0) continue;
+      const double v = 0.4 * face.lower[1] + 0.6 * face.upper[1];
+      for (const double part_of_period : {1e-4, 0.01, 0.1}) {
+        const double step = part_of_period * face.period[0];
+        const Vector2d left(face.lower[0] + step, v), right(face.upper[0] - step, v);
+        for (const auto& [seed, at] : {std::pair(left, right), {right, left}}) {
+          const FaceFoot foot = project_on_face(*model, f, model->evaluate(f, at).point, seed);
+          CAPTURE(f, part_of_period);
+          CHECK(foot.distance < 1e-12 * model->diagonal());
+          CHECK((foot.uv - at).norm() < 1e-9 * face.period[0]);
+        }
+      }
+    }
 }
 
 TEST_CASE("global projection needs no seed and agrees with brute force", "[cad][projector]") {
