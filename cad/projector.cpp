@@ -3,6 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 namespace cadmorph {
 namespace {
@@ -127,6 +129,25 @@ FaceFoot project_globally(const CadModel& model, int face, const Vector3d& x) {
     if (foot.distance < best.distance) best = foot;
   }
   return best;
+}
+
+double distance_to_trimmed(const CadModel& model, int face, const Vector2d& uv) {
+  if (model.is_inside(face, uv)) return 0;
+  const Vector3d x = model.evaluate(face, uv).point;
+  double least = std::numeric_limits<double>::infinity();
+  for (const auto& wire : model.faces()[face].wires)
+    for (const int c : wire) {
+      const int edge = model.coedges()[c].edge;
+      const CadEdge& e = model.edges()[edge];
+      std::pair<double, double> nearest{std::numeric_limits<double>::infinity(),
+                                        e.first};  // squared distance and parameter of a sample
+      for (int i = 0; i <= kSeedGrid; ++i) {
+        const double t = e.first + (e.last - e.first) * i / kSeedGrid;
+        nearest = std::min(nearest, {(model.evaluate_edge(edge, t).point - x).squaredNorm(), t});
+      }
+      least = std::min(least, project_on_edge(model, edge, x, nearest.second).distance);
+    }
+  return least;
 }
 
 EdgeFoot project_on_edge(const CadModel& model, int edge, const Vector3d& x, double seed) {

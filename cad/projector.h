@@ -28,6 +28,10 @@ FaceFoot project_on_face(const CadModel& model, int face, const Eigen::Vector3d&
 /// Projects x on `face` from the best of a grid of seeds: for when no good seed is known. Slow.
 FaceFoot project_globally(const CadModel& model, int face, const Eigen::Vector3d& x);
 
+/// Distance of S(uv) from the trimmed face: 0 inside its wires, else that of the nearest of them;
+/// millimetres. Slow outside.
+double distance_to_trimmed(const CadModel& model, int face, const Eigen::Vector2d& uv);
+
 /// Projects x on `edge` by Newton from parameter `seed`, clamped to the edge's range.
 EdgeFoot project_on_edge(const CadModel& model, int edge, const Eigen::Vector3d& x, double seed);
 

@@ -5,13 +5,16 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <sstream>
 
+#include "cad/projector.h"
 #include "core/errors.h"
 #include "core/parallel.h"
 #include "surface/curve_maps.h"
 #include "surface/face_map.h"
 #include "surface/free_patches.h"
+#include "surface/node_feet.h"
 #include "surface/surface_mesh.h"
 
 namespace cadmorph {
@@ -20,6 +23,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
+using Eigen::VectorXd;
 
 constexpr int kMostSteps = 8;
 constexpr int kMinSamples = 16, kMaxSamples = 200, kRefinement = 4;
@@ -43,18 +47,25 @@ bool is_at_pole(const CadModel& model, int face, const Vector2d& uv, double loca
   return std::min(s.du.norm() * size[0], s.dv.norm() * size[1]) < 0.1 * local_length;
 }
 
-// Surface nodes on the variant CAD, and what they keep of their offset from the base CAD, turned
-// with the entity but not yet stretched. Millimetres.
+// Surface nodes on the variant CAD, their parameters where they lie on a face, and what they keep
+// of their offset from the base CAD, turned with the entity but not yet stretched. Millimetres.
 struct Placement {
   Points feet, offsets;
+  Parameters uv;
+
+  Placement rows(const std::vector<int>& nodes) const {
+    return {feet(nodes, Eigen::all), offsets(nodes, Eigen::all), uv(nodes, Eigen::all)};
+  }
+  void set_rows(const std::vector<int>& nodes, const Placement& values) {
+    feet(nodes, Eigen::all) = values.feet;
+    offsets(nodes, Eigen::all) = values.offsets;
+    uv(nodes, Eigen::all) = values.uv;
+  }
 };
 
-Points rows_of(const Points& points, const std::vector<int>& rows) {
-  return points(rows, Eigen::all);
-}
-
-void set_rows(const Points& values, const std::vector<int>& rows, Points& points) {
-  points(rows, Eigen::all) = values;
+std::string name_of(const ModelPair& pair, int face) {
+  return "face " + std::to_string(face + 1) + " (" + to_string(pair.base.faces()[face].type) +
+         ", variant face " + std::to_string(pair.match.faces[face] + 1) + ")";
 }
 
 // Nodes of one face.
@@ -91,6 +102,8 @@ struct SurfaceMorph::Impl {
   std::string unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
                      const FaceMapResult& mapped, Placement& placed) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
+  VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed,
+                                  std::vector<std::string>& warnings) const;
   Index count_folds(const CadModel& variant, int face, int variant_face, const Parameters& uv,
                     const Points& moved) const;
   Vector3d offset(int row) const {
@@ -212,6 +225,7 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
         turn = frame(to) * Vector3d(1, -1, -1).asDiagonal() * frame(from).transpose();
       placed.feet.row(n) = to.point;
       placed.offsets.row(n) = turn * offset(n);
+      placed.uv.row(n) = mapped.uv.row(i);
     }
   });
 }
@@ -260,10 +274,7 @@ std::vector<std::string> SurfaceMorph::Impl::move_faces(const ModelPair& pair,
   for (int f = 0; f < count; ++f) {
     if (faces[f].rows.empty()) continue;
     const std::string note = unfold(pair, maps, f, mapped[f], placed);
-    if (!note.empty())
-      warnings.push_back("face " + std::to_string(f + 1) + " (" + to_string(base->faces()[f].type) +
-                         ", variant face " + std::to_string(pair.match.faces[f] + 1) +
-                         "): " + note);
+    if (!note.empty()) warnings.push_back(name_of(pair, f) + ": " + note);
   }
   return warnings;
 }
@@ -281,15 +292,14 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
   const auto improve = [&](const std::function<FaceMapResult()>& map, const char* how) {
     try {
       const FaceMapResult other = map();
-      const Placement kept{rows_of(placed.feet, nodes.rows), rows_of(placed.offsets, nodes.rows)};
+      const Placement kept = placed.rows(nodes.rows);
       place(pair, face, other, placed);
       const Index remaining = count_folds(pair.variant, face, variant, other.uv, placed.feet);
       if (remaining < folds) {
         folds = remaining;
         note = how;
       } else {
-        set_rows(kept.feet, nodes.rows, placed.feet);
-        set_rows(kept.offsets, nodes.rows, placed.offsets);
+        placed.set_rows(nodes.rows, kept);
       }
     } catch (const SolverError&) {  // wires that pass through each other on their way, many samples
     }
@@ -308,6 +318,35 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
     improve([&] { return project_face(*nodes.domain, pair, maps, nodes.points); },
             "its parameter warp folded; predicted positions were projected instead");
   return folds > 0 ? std::to_string(folds) + " of its facets are folded" : note;
+}
+
+// Of the nodes on faces: how far the warp put them on the carrier surface beyond the trimmed face.
+VectorXd SurfaceMorph::Impl::distances_beyond_wires(const ModelPair& pair, const Placement& placed,
+                                                    std::vector<std::string>& warnings) const {
+  VectorXd distances = VectorXd::Zero(placed.feet.rows());
+  parallel_for(distances.size(), 256, [&](Index begin, Index end) {
+    for (Index n = begin; n < end; ++n) {
+      if (association.dimension[n] != CadDimension::Face) continue;
+      const int face = pair.match.faces[association.entity[n]];
+      const double distance = distance_to_trimmed(pair.variant, face, placed.uv.row(n));
+      if (distance > pair.variant.faces()[face].tolerance + kOnEntity * surface.local_length[n])
+        distances[n] = distance;
+    }
+  });
+  std::map<int, std::pair<int, double>> beyond;  // nodes and largest distance, a face of the base
+  for (Index n = 0; n < distances.size(); ++n)
+    if (distances[n] > 0) {
+      auto& [count, most] = beyond[association.entity[n]];
+      ++count;
+      most = std::max(most, distances[n]);
+    }
+  for (const auto& [face, found] : beyond) {
+    std::ostringstream text;
+    text << name_of(pair, face) << ": " << found.first
+         << " of its nodes lie beyond its wires, by up to " << found.second << " mm";
+    warnings.push_back(text.str());
+  }
+  return distances;
 }
 
 // Least ratio of a facet edge's new length to its old one round a node: the scale of a similarity,
@@ -378,7 +417,8 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   const MotionPrediction prediction(base, joined, match);
   const ModelPair pair{base, joined, match, prediction};
   const std::vector<CurveMap> maps = map_curves(pair);
-  Placement placed{self.feet, Points::Zero(self.feet.rows(), 3)};
+  Placement placed{self.feet, Points::Zero(self.feet.rows(), 3),
+                   Parameters::Zero(self.feet.rows(), 2)};
   self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);
   SurfaceMorphResult result;
@@ -389,11 +429,11 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   self.move_amid(moved);
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
-  result.distance = Eigen::VectorXd::Zero(moved.rows());
+  result.distance = self.distances_beyond_wires(pair, placed, result.warnings);
   Index matched = 0;
   for (int n = 0; n < static_cast<int>(moved.rows()); ++n) {
     if (self.association.dimension[n] == CadDimension::None) continue;
-    const double d = result.distance[n] = placed.offsets.row(n).norm();
+    const double d = result.distance[n] += placed.offsets.row(n).norm();
     result.max_distance = std::max(result.max_distance, d);
     result.mean_distance += d;
     ++matched;

@@ -108,6 +108,30 @@ TEST_CASE("a foot beyond the seam of a closed surface that is not periodic is fo
     }
 }
 
+TEST_CASE("the distance of a surface's point from the trimmed face is what OCCT measures",
+          "[cad][projector]") {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> unit(-0.1, 1.1);
+  for (const std::string name : {"plate_12_holes", "bracket", "cylinder"}) {
+    const TopoDS_Shape part = shape(name);
+    const CadModel model = to_model(part);
+    const FaceOracle oracle(part);
+    int outside = 0;
+    for (int f = 0; f < static_cast<int>(model.faces().size()); ++f)
+      for (int i = 0; i < 20; ++i) {
+        const CadFace& face = model.faces()[f];
+        const Vector2d uv =
+            face.lower + Vector2d(unit(random), unit(random)).cwiseProduct(face.upper - face.lower);
+        const double distance = distance_to_trimmed(model, f, uv);
+        const double expected = oracle.distance(f, model.evaluate(f, uv).point);
+        CAPTURE(name, f, uv.transpose());
+        CHECK(distance == Approx(expected).margin(1e-7));
+        outside += distance > 0;
+      }
+    CHECK(outside > 20);
+  }
+}
+
 TEST_CASE("global projection needs no seed and agrees with brute force", "[cad][projector]") {
   constexpr int kGrid = 150;
   std::mt19937 random(3);

@@ -42,6 +42,9 @@ using std::numbers::pi;
 
 namespace {
 
+// Distance from a trimmed face that counts as on it, of these meshes: millimetres.
+constexpr double kUnnoticed = 1e-2;
+
 double largest_tolerance(const CadModel& model) {
   double tolerance = 1e-7;
   for (const auto& f : model.faces()) tolerance = std::max(tolerance, f.tolerance);
@@ -307,6 +310,7 @@ TEST_CASE("a hole that moves far leaves no fold unreported", "[surface][fold]") 
       // A node may leave the trimmed face only with a word about it.
       CHECK((judged.folded == 0 || !result.warnings.empty()));
       CHECK((judged.farthest <= 1e-6 || !result.warnings.empty()));
+      CHECK(result.max_distance == Approx(judged.farthest).margin(kUnnoticed));
       if (to <= 30) CHECK(judged.folded == 0);
     }
   }
