@@ -25,6 +25,7 @@
 #include <csignal>
 #include <fstream>
 #include <functional>
+#include <memory>
 
 #include "cad/brep_builder.h"
 #include "cad/packed_model.h"
@@ -71,6 +72,34 @@ class FaultGuard {
 
   std::array<struct sigaction, kSignals.size()> before_;
 };
+
+// Whether the pcurves are those of the file, or made anew from the 3D curves. OCCT fails on some
+// that the files hold: hyperbolas over a range for which they are not meant.
+enum PcurveMode { kFilesPcurves = 0, kOwnPcurves = 3 };
+
+std::unique_ptr<STEPControl_Reader> read_and_transfer(const std::string& name, PcurveMode mode) {
+  auto reader = std::make_unique<STEPControl_Reader>();
+  Interface_Static::SetCVal("xstep.cascade.unit", "MM");
+  Interface_Static::SetIVal("read.surfacecurve.mode", mode);
+  if (reader->ReadFile(name.c_str()) != IFSelect_RetDone)
+    throw CadError(name +
+                   ": the STEP reader rejects it (syntax error or damaged data). Export the "
+                   "part again.");
+  reader->TransferRoots();
+  return reader;
+}
+
+int failed_roots(STEPControl_Reader& reader) {
+  return reader.NbRootsForTransfer() - reader.NbShapes();
+}
+
+std::string why_nothing(STEPControl_Reader& reader) {
+  if (reader.NbRootsForTransfer() == 0)
+    return "holds no shape. The DATA section is empty or has only drawings; export the solid or "
+           "the surfaces.";
+  return "OCCT can't translate what it holds. Check the part in the CAD program for "
+         "self-intersections and open shells, and export it again as AP203 or AP242.";
+}
 
 std::string length_units(STEPControl_Reader& reader) {
   TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
@@ -142,21 +171,15 @@ std::string read_step_packed(const std::filesystem::path& path) {
   const FaultGuard guard;
   try {
     OCC_CATCH_SIGNALS
-    STEPControl_Reader reader;
-    Interface_Static::SetCVal("xstep.cascade.unit", "MM");
-    if (reader.ReadFile(name.c_str()) != IFSelect_RetDone)
-      throw CadError(name +
-                     ": the STEP reader rejects it (syntax error or damaged data). Export the "
-                     "part again.");
-    const std::string unit = length_units(reader);
-    reader.TransferRoots();
-    const TopoDS_Shape shape = reader.OneShape();
-    if (shape.IsNull())
-      throw CadError(name +
-                     ": holds no shape. The DATA section is empty or has only drawings; export "
-                     "the solid or the surfaces.");
-    const FaceNames names(reader.WS()->TransferReader()->TransientProcess());
-    return pack_shape(shape, {name, unit, std::cref(names)});
+    auto reader = read_and_transfer(name, kFilesPcurves);
+    if (failed_roots(*reader) > 0) {
+      auto other = read_and_transfer(name, kOwnPcurves);
+      if (failed_roots(*other) < failed_roots(*reader)) reader = std::move(other);
+    }
+    const TopoDS_Shape shape = reader->OneShape();
+    if (shape.IsNull()) throw CadError(name + ": " + why_nothing(*reader));
+    const FaceNames names(reader->WS()->TransferReader()->TransientProcess());
+    return pack_shape(shape, {name, length_units(*reader), std::cref(names)});
   } catch (const Standard_Failure& failure) {
     throw CadError(name + ": OCCT fails to read it (" + failure.GetMessageString() +
                    "). Export the part again.");

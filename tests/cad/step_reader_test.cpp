@@ -1,13 +1,16 @@
 #include "cad/step_reader.h"
 
+#include <BRepAlgoAPI_Common.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCone.hxx>
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <sstream>
 
 #include "cad_variants.h"
 #include "core/errors.h"
+#include "warped_shape.h"
 
 using namespace cadmorph;
 using namespace cadmorph::testing;
@@ -109,6 +112,21 @@ TEST_CASE("lengths come in millimetres whatever the file's unit", "[cad][step][u
   CHECK(large.file_unit() != box.file_unit());
   CHECK_THAT(large.file_unit(), Contains("metre", Catch::CaseSensitive::No));
   CHECK_THAT(large.file_unit(), !Contains("milli", Catch::CaseSensitive::No));
+}
+
+TEST_CASE("a part is read though OCCT fails on the pcurves of its file", "[cad][step]") {
+  // A plane that cuts a cone along a hyperbola, bent into splines: only the pcurve is a hyperbola.
+  const TemporaryFile file(".step");
+  write_step(file.path(), BRepAlgoAPI_Common(
+                              BRepPrimAPI_MakeCone(20, 5, 30).Shape(),
+                              BRepPrimAPI_MakeBox(gp_Pnt(-30, -30, -5), gp_Pnt(8, 30, 40)).Shape())
+                              .Shape());
+  const TopoDS_Shape cut = read_shape(file.path());
+  const CadModel bent = through_step(warped(cut, [](const Eigen::Vector3d& x) -> Eigen::Vector3d {
+    return {x.x() + 0.001 * x.z() * x.z(), x.y(), x.z()};
+  }));
+  CHECK(bent.faces().size() == to_model(cut).faces().size());
+  CHECK(bent.solid_count() == 1);
 }
 
 TEST_CASE("the order of faces is that of OCCT's own map, time and again", "[cad][step]") {
