@@ -39,8 +39,8 @@ struct Solver {
 };
 
 const std::vector<Solver> kSolvers = {
-    {"netlib LU", SolverKind::Lu, true, 16000, 2},
-    {"netlib LDL^T", SolverKind::Ldlt, true, 16000, 2},
+    {"netlib LU", SolverKind::Lu, true, 22000, 2},
+    {"netlib LDL^T", SolverKind::Ldlt, true, 22000, 2},
     {"OpenBLAS LU", SolverKind::Lu, false, 60000, 2},
     {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 60000, 2},
     {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 60000, 1},
