@@ -52,8 +52,8 @@ class ColourRefinement {
   /// Declares base node b and variant node v counterparts.
   void individualise(int b, int v);
 
-  /// Splits colours by neighbourhood until none changes. Returns is_balanced(); false as soon as
-  /// it is. O(a log a) for a arcs of the nodes whose colour changes.
+  /// Splits colours by neighbourhood until none changes, or one is out of balance. Returns
+  /// is_balanced(). O(a log a) for a arcs of the nodes whose colour changes.
   bool refine();
 
   /// Whether each colour has as many nodes in the base as in the variant.

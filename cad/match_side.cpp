@@ -3,14 +3,22 @@
 #include <bit>
 #include <cmath>
 #include <sstream>
+#include <utility>
+
+#include "cad/face_sampler.h"
 
 namespace cadmorph {
 namespace {
 
 using Eigen::Vector2d;
+using Eigen::Vector3d;
 
 // Forms are compared after rounding; no tidy number lies on the edge of a bin.
 constexpr double kBin = 1.0373e-6, kBinOffset = 0.3719;
+constexpr int kBulgeGrid = 12;
+// Mean normal of a face that is more of a disk than of a sleeve: between the cones of chamfers
+// (0.71) and of drill tips (0.86).
+constexpr double kFlat = 0.8;
 
 std::uint64_t combine(std::uint64_t seed, std::uint64_t value) {
   seed ^= value + 0x9e3779b97f4a7c15ull + (seed << 6) + (seed >> 2);
@@ -54,6 +62,27 @@ std::uint64_t use_form(const CadModel& model, int coedge, const Vector2d& unit) 
   return form;
 }
 
+// See face_bulges. The integral of n (x - centroid) over a sleeve is twice what it encloses.
+std::uint64_t bulge(const CadModel& model, int face) {
+  const CadFace& f = model.faces()[face];
+  if (f.solid < 0 || f.period.isZero(0)) return 0;
+  Vector3d centroid = Vector3d::Zero(), normals = centroid;
+  double area = 0, sum = 0;
+  std::vector<std::pair<Vector3d, Vector3d>> samples;  // point, normal times area
+  for (const Vector2d& uv : sample_domain(model, face, kBulgeGrid)) {
+    const SurfacePoint s = model.evaluate(face, uv);
+    const double weight = s.du.cross(s.dv).norm();
+    samples.emplace_back(s.point, weight * model.normal(face, uv));
+    area += weight;
+    centroid += weight * s.point;
+    normals += samples.back().second;
+  }
+  if (area == 0 || normals.norm() > kFlat * area) return 0;
+  centroid /= area;
+  for (const auto& [point, normal] : samples) sum += normal.dot(point - centroid);
+  return sum > 0 ? 1 : 2;
+}
+
 }  // namespace
 
 std::vector<std::uint64_t> entity_forms(const CadModel& model, const EntityGraph& graph) {
@@ -72,9 +101,17 @@ std::vector<std::uint64_t> entity_forms(const CadModel& model, const EntityGraph
   return forms;
 }
 
+std::vector<std::uint64_t> face_bulges(const CadModel& model) {
+  std::vector<std::uint64_t> bulges;
+  for (int f = 0; f < static_cast<int>(model.faces().size()); ++f)
+    bulges.push_back(bulge(model, f));
+  return bulges;
+}
+
 MatchSide make_match_side(const CadModel& model, const GraphOptions& options) {
-  MatchSide side{model, build_graph(model, options), entity_features(model), {}};
+  MatchSide side{model, build_graph(model, options), entity_features(model), {}, {}};
   side.forms = entity_forms(model, side.graph);
+  side.bulges = face_bulges(model);
   return side;
 }
 

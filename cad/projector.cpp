@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 namespace cadmorph {
 namespace {
@@ -139,13 +138,13 @@ double distance_to_trimmed(const CadModel& model, int face, const Vector2d& uv) 
     for (const int c : wire) {
       const int edge = model.coedges()[c].edge;
       const CadEdge& e = model.edges()[edge];
-      std::pair<double, double> nearest{std::numeric_limits<double>::infinity(),
-                                        e.first};  // squared distance and parameter of a sample
+      double nearest = std::numeric_limits<double>::infinity(), seed = e.first;
       for (int i = 0; i <= kSeedGrid; ++i) {
         const double t = e.first + (e.last - e.first) * i / kSeedGrid;
-        nearest = std::min(nearest, {(model.evaluate_edge(edge, t).point - x).squaredNorm(), t});
+        const double squared = (model.evaluate_edge(edge, t).point - x).squaredNorm();
+        if (squared < nearest) nearest = squared, seed = t;
       }
-      least = std::min(least, project_on_edge(model, edge, x, nearest.second).distance);
+      least = std::min(least, project_on_edge(model, edge, x, seed).distance);
     }
   return least;
 }

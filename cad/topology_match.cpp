@@ -100,6 +100,9 @@ std::optional<TopologyMatch> best_match(const MatchSide& base, const MatchSide& 
   ColourRefinement colours(base.graph, variant.graph);
   if (!colours.refine()) return std::nullopt;
   apply_given(base, variant, options, colours);
+  ColourRefinement bulging = colours;
+  bulging.hint(base.bulges, variant.bulges);
+  if (bulging.refine()) colours = std::move(bulging);
   const char* how = options.given_faces.empty() ? "structure" : "map file";
   if (open_classes(colours, base.graph.entity_count()).empty())
     return decide(base, variant, colours, how);
@@ -113,6 +116,10 @@ std::optional<TopologyMatch> best_match(const MatchSide& base, const MatchSide& 
   return by_position;
 }
 
+bool are_solid(const CadModel& model) {
+  return std::ranges::all_of(model.faces(), [](const CadFace& face) { return face.solid >= 0; });
+}
+
 // Oriented first; shells that are no solids may be turned over. One exporter writes solids, another
 // their shells alone: solids count where both models have as many.
 std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadModel& variant,
@@ -124,7 +131,10 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
     if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||
         b.graph.corners != v.graph.corners)
       return std::nullopt;
-    if (auto match = best_match(b, v, options)) return match;
+    if (auto match = best_match(b, v, options)) {
+      match->is_oriented = is_oriented && are_solid(base) && are_solid(variant);
+      return match;
+    }
   }
   return std::nullopt;
 }

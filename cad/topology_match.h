@@ -29,6 +29,7 @@ struct TopologyMatch {
   /// good as another one; less: another one lies nearer.
   std::vector<double> face_confidence, curve_confidence, corner_confidence;
   Similarity alignment;       ///< base -> variant, best over all entities
+  bool is_oriented = false;   ///< the outside of each face stays outside; else unknown, or mirrored
   bool is_congruent = false;  ///< the alignment carries one shape exactly onto the other
   bool joins_edges = false;   ///< edges were cut differently: CadModel::with_joined_edges
   std::string how;  ///< what decided: topology ("structure"), file order, position, a map file

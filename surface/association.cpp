@@ -21,6 +21,9 @@ using Eigen::Vector3d;
 // Where a face of a touching solid holds the node, only within this multiple of its distance from
 // the voted faces: the curve is as near where they meet at 30 degrees or more.
 constexpr double kMeetingFaces = 2;
+// A facet's corners tell more than its centroid: a chord across a thin wall's inside comes near the
+// other side, or beyond it.
+constexpr double kCorners = 2;
 // Decides between faces that fit equally, far below what a worse fit costs.
 constexpr double kOtherSide = 1e-2;
 constexpr Index kGrain = 512;
@@ -172,14 +175,22 @@ class Associator {
     return model_.faces()[face].solid < 0 ? 0 : normal.dot(model_.normal(face, uv));
   }
 
+  // Whether a node lies on the nearest of its faces alone, or no other is near.
+  bool is_on_one(Index n) const {
+    const auto& faces = feet_[n].faces;
+    return faces.size() == 1 ||
+           (faces[0].distance <= on_entity(n, model_.faces()[faces[0].face].tolerance) &&
+            faces[1].distance > on_entity(n, model_.faces()[faces[1].face].tolerance));
+  }
+
   // Whether each body's facets look out of the solids, +1, or into them, as those of a fluid do.
   void find_senses() {
     std::vector<double> sums;
     for (std::size_t f = 0; f < body_.size(); ++f) {
       sums.resize(std::max(sums.size(), static_cast<std::size_t>(body_[f]) + 1), 0.0);
-      const NodeFeet& feet = feet_[surface_.facets[f][0]];
-      if (feet.faces.size() != 1 || result_.dimension[surface_.facets[f][0]] != CadDimension::Face)
-        continue;
+      const Index n = surface_.facets[f][0];
+      const NodeFeet& feet = feet_[n];
+      if (result_.dimension[n] != CadDimension::Face || !is_on_one(n)) continue;
       const FaceCandidate& c = feet.faces.front();
       const Vector3d area = area_vector(surface_, surface_.points, static_cast<Index>(f));
       sums[body_[f]] += facing(area, c.face, c.uv);
@@ -204,7 +215,7 @@ class Associator {
       const double tilt = 1 - std::abs(normal.dot(model_.normal(face, foot.uv)));
       const double outside = model_.is_inside(face, foot.uv) ? 0 : 1;
       const bool is_other_side = senses_[body_[f]] * facing(normal, face, foot.uv) < -0.5;
-      const double cost = (foot.distance + corner_gap(f, face)) / size + tilt + outside +
+      const double cost = (foot.distance + kCorners * corner_gap(f, face)) / size + tilt + outside +
                           (is_other_side ? kOtherSide : 0);
       if (cost < least) {
         least = cost;

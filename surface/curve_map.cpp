@@ -63,6 +63,17 @@ CurveLocation locate_range(const CadModel& model, const CadCurve& curve, double 
   return {};
 }
 
+// Whether a face's only use of a link's edge runs against the link.
+std::optional<bool> runs_against(const CadModel& model, const CurveLink& link, int face) {
+  std::optional<bool> result;
+  for (const int c : model.edges()[link.edge].coedges) {
+    if (model.coedges()[c].face != face) continue;
+    if (result) return std::nullopt;
+    result = model.coedges()[c].is_reversed != link.is_reversed;
+  }
+  return result;
+}
+
 }  // namespace
 
 CurveMap::CurveMap(const ModelPair& pair, int base_curve)
@@ -245,9 +256,12 @@ double CurveMap::shift_along(const CurveLocation& from, const CurveLocation& to)
 }
 
 CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
-  least_motion_ = best_phase(false);
-  const Way back = best_phase(true);
-  if (deviation(back) < deviation(least_motion_)) least_motion_ = back;
+  const std::optional<bool> sense = runs_backward_by_faces();
+  least_motion_ = best_phase(sense.value_or(false));
+  if (!sense) {
+    const Way back = best_phase(true);
+    if (deviation(back) < deviation(least_motion_)) least_motion_ = back;
+  }
   if (!has_equal_links && !has_equal_range()) return least_motion_;
   const Way trusted = has_equal_links ? best_shift() : best_start();
   if (!keeps_form(least_motion_)) return trusted;
@@ -282,6 +296,18 @@ Eigen::Vector2d CurveMap::spin(const Way& way, const Vector3d& axis) const {
   return sum;
 }
 
+Eigen::Vector2d CurveMap::moved_beyond(const Similarity& motion) const {
+  Eigen::Vector2d sums = Eigen::Vector2d::Zero();
+  for (const CurveLocation& l : probes_) {
+    const Vector3d from = motion(base_.model().evaluate_edge(l.edge, l.t).point);
+    const CurveLocation images[2] = {apply(way_, l), apply(least_motion_, l)};
+    for (int i = 0; i < 2; ++i)
+      sums[i] +=
+          (variant_.model().evaluate_edge(images[i].edge, images[i].t).point - from).squaredNorm();
+  }
+  return sums;
+}
+
 // Whether the variant is the base curve up to a similarity.
 bool CurveMap::keeps_form(const Way& way) const {
   std::vector<Vector3d> from, to;
@@ -293,10 +319,25 @@ bool CurveMap::keeps_form(const Way& way) const {
   return residual(fit_similarity(from, to), from, to) < kSameForm * variant_.length();
 }
 
+// A face lies to the left of its coedges as seen from outside, in both models.
+std::optional<bool> CurveMap::runs_backward_by_faces() const {
+  if (!pair_->match.is_oriented) return std::nullopt;
+  const CurveLink& from = base_curve_->links.front();
+  const CurveLink& to = variant_curve_->links.front();
+  for (const int face : base_curve_->faces) {
+    const std::optional<bool> before = runs_against(pair_->base, from, face);
+    const std::optional<bool> after =
+        runs_against(pair_->variant, to, pair_->match.faces[static_cast<std::size_t>(face)]);
+    if (before && after) return *before != *after;
+  }
+  return std::nullopt;
+}
+
 bool CurveMap::runs_backward() const {
   const auto& corners = pair_->match.corners;
   if (base_curve_->start != base_curve_->end)
     return corners[base_curve_->start] != variant_curve_->start;
+  if (const std::optional<bool> sense = runs_backward_by_faces()) return *sense;
   return deviation({Mode::Length, true, 0, 0}) < deviation({Mode::Length, false, 0, 0});
 }
 

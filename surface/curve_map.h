@@ -19,7 +19,8 @@ struct ModelPair {
 /// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
 /// sect. 4); by equal length fractions where the chains of edges differ or set_phase() says so; by
 /// nearest points where the curve is the same one under another parametrisation. The sense of the
-/// curve comes from its corners, or the prediction where it has none.
+/// curve comes from its corners, or where it has none from the faces to its left and right, or from
+/// the prediction where these have no outside.
 class CurveMap {
  public:
   CurveMap(const ModelPair& pair, int base_curve);
@@ -39,6 +40,10 @@ class CurveMap {
   Eigen::Vector2d spin_of_least_motion(const Eigen::Vector3d& axis) const {
     return spin(least_motion_, axis);
   }
+
+  /// Sums of squares of how far the map moves the curve, beyond `motion`: by the parameters, and by
+  /// the phase of least motion.
+  Eigen::Vector2d moved_beyond(const Similarity& motion) const;
 
   /// Takes the phase of least motion: the start of the parametrisation moved, not the part.
   void take_least_motion() { way_ = least_motion_; }
@@ -69,6 +74,7 @@ class CurveMap {
   Eigen::Vector3d axis() const;
   double shift_along(const CurveLocation& from, const CurveLocation& to) const;
   bool runs_backward() const;
+  std::optional<bool> runs_backward_by_faces() const;
   bool is_same_under_alignment() const;
 
   const ModelPair* pair_;  // while constructing

@@ -20,8 +20,8 @@ constexpr double kFollows = 0.1;                        // of a turn's angle
 
 class MovedSeams {
  public:
-  MovedSeams(const CadModel& base, std::vector<CurveMap>& maps)
-      : base_(base), maps_(maps), curves_of_face_(base.faces().size()) {
+  MovedSeams(const CadModel& base, const Similarity& alignment, std::vector<CurveMap>& maps)
+      : base_(base), alignment_(alignment), maps_(maps), curves_of_face_(base.faces().size()) {
     for (int c = 0; c < static_cast<int>(maps.size()); ++c)
       for (const int f : base.skeleton().curves[c].faces)
         if (curves_of_face_[f].empty() || curves_of_face_[f].back() != c)
@@ -33,7 +33,8 @@ class MovedSeams {
   // the former is an artefact.
   void undo() {
     for (const std::vector<int>& linked : linked_curves())
-      if (linked.size() > 1 && turns_as_one(linked) && !neighbours_follow(linked))
+      if (linked.size() > 1 && turns_as_one(linked) && moves_needlessly(linked) &&
+          !neighbours_follow(linked))
         for (const int c : linked) maps_[c].take_least_motion();
   }
 
@@ -82,6 +83,19 @@ class MovedSeams {
            });
   }
 
+  // Whether the parameters move the curves more than the least motion does, seen from where they
+  // were, or from where the part went as a whole. The prediction that the least motion follows may
+  // itself be wrong, where little but the curves is there to predict from.
+  bool moves_needlessly(const std::vector<int>& linked) const {
+    Vector2d in_place = Vector2d::Zero(), with_part = in_place;
+    for (const int c : linked) {
+      in_place += maps_[c].moved_beyond(Similarity{});
+      with_part += maps_[c].moved_beyond(alignment_);
+    }
+    const Vector2d moved = in_place.cwiseMin(with_part);
+    return moved[0] > moved[1];
+  }
+
   // Whether the curves between corners round about, whose motion is certain, turned as the linked
   // ones do by their parameters, rather than as they would by the least motion.
   bool neighbours_follow(const std::vector<int>& linked) const {
@@ -102,6 +116,7 @@ class MovedSeams {
   }
 
   const CadModel& base_;
+  const Similarity& alignment_;
   std::vector<CurveMap>& maps_;
   std::vector<std::vector<int>> curves_of_face_;
 };
@@ -117,7 +132,7 @@ std::vector<CurveMap> map_curves(const ModelPair& pair) {
   });
   std::vector<CurveMap> maps;
   for (auto& map : made) maps.push_back(std::move(*map));
-  MovedSeams(pair.base, maps).undo();
+  MovedSeams(pair.base, pair.match.alignment, maps).undo();
   return maps;
 }
 

@@ -34,7 +34,7 @@ struct SurfaceMorphResult {
   Eigen::VectorXd distance;  ///< to the matched variant entity, millimetres; 0 where there is none
   double max_distance = 0;   ///< the largest of them
   double mean_distance = 0;
-  std::vector<std::string> warnings;  ///< folds, nodes beyond wires, fallbacks, sliding: one line each
+  std::vector<std::string> warnings;  ///< folds, nodes beyond wires, sliding: a line each
 };
 
 /// Moves the surface nodes of a mesh from a base CAD model to its variants (Sieger et al. 2013,

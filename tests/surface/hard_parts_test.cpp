@@ -247,6 +247,36 @@ TEST_CASE("rounded corners follow a twist where the variant's u runs the other w
   CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
 }
 
+TEST_CASE("rims without a corner keep their sense and phase when what stands beside them moves",
+          "[surface][seam]") {
+  // A ring with a hole; a boss on it goes round. Nothing else is there to predict the rims from.
+  const auto ring = [](double azimuth) {
+    const auto pin = [](double at, double z, double radius, double height) {
+      const gp_Pnt place(21 * std::cos(at), 21 * std::sin(at), z);
+      return BRepPrimAPI_MakeCylinder(gp_Ax2(place, gp_Dir(0, 0, 1)), radius, height).Solid();
+    };
+    TopoDS_Shape part = BRepAlgoAPI_Cut(BRepPrimAPI_MakeCylinder(30, 20).Solid(),
+                                        BRepPrimAPI_MakeCylinder(12, 20).Solid())
+                            .Shape();
+    part = BRepAlgoAPI_Cut(part, pin(1.97, -1, 4, 40)).Shape();
+    return BRepAlgoAPI_Fuse(part, pin(azimuth, 10, 3, 16)).Shape();
+  };
+  const TopoDS_Shape base = ring(4.87);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.2));
+  for (const double azimuth : {4.6, 5.2, 5.5}) {
+    const SurfaceMorphResult result = morph_surface(c, to_model(ring(azimuth)));
+    const Points before = surface_points(c.boundary, c.mesh.points);
+    double moved = 0;
+    for (Index n = 0; n < before.rows(); ++n) {
+      const double radius = before.row(n).head<2>().norm();
+      if (std::abs(radius - 30) < 1e-6 || std::abs(radius - 12) < 1e-6)
+        moved = std::max(moved, (result.positions.row(n) - before.row(n)).norm());
+    }
+    CAPTURE(azimuth);
+    CHECK(moved < 1e-9 * c.diagonal);
+  }
+}
+
 TEST_CASE("a pcurve that runs unevenly along its edge moves no node", "[surface][pcurves]") {
   const TopoDS_Shape even = BRepPrimAPI_MakeCylinder(15, 40).Solid();
   const TopoDS_Shape uneven = BRepPrimAPI_MakeCylinder(15, 40).Solid();

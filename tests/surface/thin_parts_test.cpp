@@ -1,6 +1,8 @@
+#include <BRepAlgoAPI_Cut.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakePrism.hxx>
 #include <Geom_BSplineCurve.hxx>
 #include <TColStd_Array1OfInteger.hxx>
@@ -71,9 +73,10 @@ struct Rings {
   }
 };
 
-Mesh air_around(const Geom_BSplineCurve& section, const Rings& rings) {
+// Hexahedra between the rings.
+Mesh hexahedra(const Rings& rings, Points points) {
   Mesh mesh;
-  mesh.points = rings.points(section);
+  mesh.points = std::move(points);
   mesh.offsets = {0};
   for (int layer = 0; layer < kLayers; ++layer)
     for (int ring = 0; ring + 1 < kRings; ++ring)
@@ -103,7 +106,7 @@ TEST_CASE("nodes of a blade of one face stay on their side, far thinner than the
     const bool is_end = layer % kLayers == 0;
     rings.heights.push_back(kHeight / kLayers * (layer + (is_end ? 0 : shift(random))));
   }
-  const MorphCase c = mesh_case(blade(base), air_around(*base, rings));
+  const MorphCase c = mesh_case(blade(base), hexahedra(rings, rings.points(*base)));
   const SurfaceMorphResult result = morph_surface(c, blade(variant));
   const Points expected = surface_points(c.boundary, rings.points(*variant));
   double off = 0;
@@ -116,5 +119,40 @@ TEST_CASE("nodes of a blade of one face stay on their side, far thinner than the
                    .norm());
     }
   CHECK(on_blade == kAround * (kLayers + 1));
+  CHECK(off < 1e-9 * c.diagonal);
+}
+
+TEST_CASE("nodes of a round wall stay on their side where chords reach through it",
+          "[surface][association]") {
+  const auto tube = [](double radius, double wall) {
+    const TopoDS_Shape outside = BRepPrimAPI_MakeCylinder(radius, kHeight).Shape();
+    return to_model(
+        BRepAlgoAPI_Cut(outside, BRepPrimAPI_MakeCylinder(radius - wall, kHeight).Shape()).Shape());
+  };
+  Rings rings;
+  const auto points = [&](double radius, double wall) {
+    Points result((kLayers + 1) * kRings * kAround, 3);
+    for (int layer = 0; layer <= kLayers; ++layer)
+      for (int ring = 0; ring < kRings; ++ring)
+        for (int i = 0; i < kAround; ++i) {
+          const double angle = 2 * pi * i / kAround, r = radius - wall + wall * ring / (kRings - 1);
+          result.row(rings.node(layer, ring, i)) << r * std::cos(angle), r * std::sin(angle),
+              kHeight * layer / kLayers;
+        }
+    return result;
+  };
+  const double radius = 20, wall = GENERATE(0.01, 0.02, 0.05, 0.1);
+  rings.heights.resize(kLayers + 1);
+  const MorphCase c = mesh_case(tube(radius, wall), hexahedra(rings, points(radius, wall)));
+  const SurfaceMorphResult result = morph_surface(c, tube(1.2 * radius, 1.5 * wall));
+  const Points expected = surface_points(c.boundary, points(1.2 * radius, 1.5 * wall));
+  double off = 0;
+  for (std::size_t n = 0; n < c.boundary.nodes.size(); ++n) {
+    const Index ring = c.boundary.nodes[n] / kAround % kRings;
+    if (ring == 0 || ring + 1 == kRings)
+      off = std::max(
+          off, (result.positions.row(static_cast<Index>(n)) - expected.row(static_cast<Index>(n)))
+                   .norm());
+  }
   CHECK(off < 1e-9 * c.diagonal);
 }
