@@ -16,6 +16,7 @@ constexpr int kPhases = 96;
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
 constexpr double kSameForm = 1e-4;   // of the curve's length: room for its sampling
+constexpr double kLikeForm = 1e-2;   // of the curve's length
 constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
@@ -264,7 +265,9 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
   }
   if (!has_equal_links && !has_equal_range()) return least_motion_;
   const Way trusted = has_equal_links ? best_shift() : best_start();
-  if (!keeps_form(least_motion_)) return trusted;
+  const double change = change_of_form(least_motion_) / variant_.length();
+  if (change > kLikeForm) return trusted;
+  keeps_form_ = change < kSameForm;
   const auto shift_at = [&](const CurveLocation& l) {
     return shift_along(apply(least_motion_, l), apply(trusted, l));
   };
@@ -308,15 +311,15 @@ Eigen::Vector2d CurveMap::moved_beyond(const Similarity& motion) const {
   return sums;
 }
 
-// Whether the variant is the base curve up to a similarity.
-bool CurveMap::keeps_form(const Way& way) const {
+// Distance of the variant from the base curve, up to a similarity.
+double CurveMap::change_of_form(const Way& way) const {
   std::vector<Vector3d> from, to;
   for (const CurveLocation& l : probes_) {
     const CurveLocation image = apply(way, l);
     from.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
     to.push_back(variant_.model().evaluate_edge(image.edge, image.t).point);
   }
-  return residual(fit_similarity(from, to), from, to) < kSameForm * variant_.length();
+  return residual(fit_similarity(from, to), from, to);
 }
 
 // A face lies to the left of its coedges as seen from outside, in both models.

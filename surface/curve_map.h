@@ -27,10 +27,13 @@ class CurveMap {
 
   CurveLocation operator()(const CurveLocation& base) const;
 
-  /// For a closed curve mapped by its parameters that kept its form up to size: the turn by which
-  /// this differs from the phase of least motion, along the curve's axis, of length (0, 1/2] turns;
-  /// nullopt for other curves.
+  /// For a closed curve mapped by its parameters that kept its form up to size, nearly at least:
+  /// the turn by which this differs from the phase of least motion, along the curve's axis, of
+  /// length (0, 1/2] turns; nullopt for other curves.
   const std::optional<Eigen::Vector3d>& turn() const { return turn_; }
+
+  /// Of a curve with a turn(): it kept its form to the digits of its sampling.
+  bool keeps_form() const { return keeps_form_; }
 
   /// Cosine and sine (times a positive number) of the angle about `axis` by which the map turns the
   /// curve beyond the match's alignment.
@@ -69,7 +72,7 @@ class CurveMap {
   Way best_shift() const;
   Way choose_closed(bool has_equal_links);
   bool is_reparametrised(const Way& way) const;
-  bool keeps_form(const Way& way) const;
+  double change_of_form(const Way& way) const;
   Eigen::Vector2d spin(const Way& way, const Eigen::Vector3d& axis) const;
   Eigen::Vector3d axis() const;
   double shift_along(const CurveLocation& from, const CurveLocation& to) const;
@@ -87,6 +90,7 @@ class CurveMap {
   std::vector<Eigen::Vector3d> predicted_;  // of the probes
   Way way_, least_motion_;
   std::optional<Eigen::Vector3d> turn_;
+  bool keeps_form_ = false;
 };
 
 }  // namespace cadmorph

@@ -15,8 +15,9 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kEqualTurn = 2e-3, kLeastTurn = 0.01;  // of a turn
-constexpr double kFollows = 0.1;                        // of a turn's angle
+constexpr double kEqualTurn = 2e-3, kLikeTurn = 0.1, kLeastTurn = 0.01;  // of a turn
+constexpr double kAlike = 0.985, kUnlike = 0.866;  // cosines of 10 and 30 degrees
+constexpr double kFollows = 0.1;                   // of a turn's angle
 
 class MovedSeams {
  public:
@@ -30,12 +31,19 @@ class MovedSeams {
 
   // A seam that moved turns all linked curves by one angle, to the digit, and what lies beside them
   // stays; a twist of the part turns them by different ones, or their neighbours with them. Only
-  // the former is an artefact.
+  // the former is an artefact. Where the curves change their form, too, the angles agree roughly:
+  // then the neighbours must say so.
   void undo() {
-    for (const std::vector<int>& linked : linked_curves())
-      if (linked.size() > 1 && turns_as_one(linked) && moves_needlessly(linked) &&
-          !neighbours_follow(linked))
-        for (const int c : linked) maps_[c].take_least_motion();
+    for (const std::vector<int>& linked : linked_curves()) {
+      std::vector<int> kept = linked;  // their form
+      std::erase_if(kept, [&](int c) { return !maps_[c].keeps_form(); });
+      if (kept.size() > 1 && turns_as_one(kept, kEqualTurn) && moves_needlessly(kept) &&
+          !neighbours_follow(kept))
+        take_least_motion(kept);
+      else if (turns_as_one(linked, kLikeTurn) && moves_needlessly(linked) &&
+               neighbours_contradict(linked))
+        take_least_motion(linked);
+    }
   }
 
  private:
@@ -76,10 +84,14 @@ class MovedSeams {
     return std::min((a - b).norm(), (a - b - a.normalized()).norm());
   }
 
-  bool turns_as_one(const std::vector<int>& linked) const {
+  void take_least_motion(const std::vector<int>& curves) {
+    for (const int c : curves) maps_[c].take_least_motion();
+  }
+
+  bool turns_as_one(const std::vector<int>& linked, double tolerance) const {
     const Vector3d turn = *maps_[linked.front()].turn();
     return turn.norm() > kLeastTurn && std::all_of(linked.begin(), linked.end(), [&](int c) {
-             return difference(turn, *maps_[c].turn()) < kEqualTurn * turn.norm();
+             return difference(turn, *maps_[c].turn()) < tolerance * turn.norm();
            });
   }
 
@@ -96,23 +108,45 @@ class MovedSeams {
     return moved[0] > moved[1];
   }
 
-  // Whether the curves between corners round about, whose motion is certain, turned as the linked
-  // ones do by their parameters, rather than as they would by the least motion.
-  bool neighbours_follow(const std::vector<int>& linked) const {
+  // How far the curves between corners round about turned, whose motion is certain, and how far the
+  // linked ones do: cosines and sines of the angles, times positive numbers.
+  struct Spins {
+    Vector2d certain, by_parameter, by_least;
+  };
+
+  Spins spins(const std::vector<int>& linked) const {
     const Vector3d axis = maps_[linked.front()].turn()->normalized();
     std::set<int> beside;
-    Vector2d by_parameter = Vector2d::Zero(), by_least = by_parameter, certain = by_parameter;
+    Spins sums{Vector2d::Zero(), Vector2d::Zero(), Vector2d::Zero()};
     for (const int c : linked) {
-      by_parameter += maps_[c].spin(axis);
-      by_least += maps_[c].spin_of_least_motion(axis);
+      sums.by_parameter += maps_[c].spin(axis);
+      sums.by_least += maps_[c].spin_of_least_motion(axis);
       for (const int f : base_.skeleton().curves[c].faces)
         for (const int other : curves_of_face_[f])
           if (!base_.skeleton().curves[other].is_closed()) beside.insert(other);
     }
-    for (const int c : beside) certain += maps_[c].spin(axis);
-    if (certain.isZero(0)) return false;
-    certain.normalize();
-    return certain.dot(by_parameter.normalized()) > certain.dot(by_least.normalized());
+    for (const int c : beside) sums.certain += maps_[c].spin(axis);
+    return sums;
+  }
+
+  static double cosine(const Vector2d& a, const Vector2d& b) {
+    return a.normalized().dot(b.normalized());
+  }
+
+  // Whether the neighbours turned as the linked ones do by their parameters, rather than as they
+  // would by the least motion.
+  bool neighbours_follow(const std::vector<int>& linked) const {
+    const Spins s = spins(linked);
+    return !s.certain.isZero(0) &&
+           cosine(s.certain, s.by_parameter) > cosine(s.certain, s.by_least);
+  }
+
+  // Whether the neighbours turned as the linked ones would by the least motion, and far from as
+  // they do by their parameters.
+  bool neighbours_contradict(const std::vector<int>& linked) const {
+    const Spins s = spins(linked);
+    return !s.certain.isZero(0) && cosine(s.certain, s.by_least) > kAlike &&
+           cosine(s.certain, s.by_parameter) < kUnlike;
   }
 
   const CadModel& base_;
