@@ -20,6 +20,7 @@ constexpr int kCurveSamples = 64;
 // design change.
 constexpr double kCoincident = 1e-6;
 constexpr double kExactFit = 1e-7;
+constexpr double kOnLine = 1e-4, kSampledOnLine = 0.05;  // of its length
 
 EntityFeature face_feature(const CadModel& model, int face) {
   const CadFace& f = model.faces()[face];
@@ -57,12 +58,13 @@ bool spans_a_plane(const std::vector<Vector3d>& points) {
   Matrix3d scatter = Matrix3d::Zero();
   for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
   const Vector3d values = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
-  return values[1] > 1e-8 * values[2];
+  return values[1] > kOnLine * kOnLine * values[2];
 }
 
 // Paired points to fit: corners if they determine a rotation, else curve centroids too, else all.
-void landmarks(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
-               std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
+// Returns how far they may lie off a line that they mean: faces' centroids come from few samples.
+double landmarks(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+                 std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
   const auto point = [](const CadModel& m, int corner) {
     return m.vertices()[m.skeleton().corners[corner]].point;
   };
@@ -70,16 +72,17 @@ void landmarks(const CadModel& base, const CadModel& variant, const TopologyMatc
     from.push_back(point(base, static_cast<int>(c)));
     to.push_back(point(variant, match.corners[c]));
   }
-  if (spans_a_plane(from)) return;
+  if (spans_a_plane(from)) return kOnLine;
   for (std::size_t c = 0; c < match.curves.size(); ++c) {
     from.push_back(curve_feature(base, static_cast<int>(c)).centre);
     to.push_back(curve_feature(variant, match.curves[c]).centre);
   }
-  if (spans_a_plane(from)) return;
+  if (spans_a_plane(from)) return kOnLine;
   for (std::size_t f = 0; f < match.faces.size(); ++f) {
     from.push_back(face_feature(base, static_cast<int>(f)).centre);
     to.push_back(face_feature(variant, match.faces[f]).centre);
   }
+  return kSampledOnLine;
 }
 
 // Whether t carries one shape onto the other as point sets.
@@ -125,12 +128,13 @@ Vector3d mean_of(const std::vector<Vector3d>& points) {
   return mean / static_cast<double>(std::max<std::size_t>(points.size(), 1));
 }
 
-// Rotation of least angle among those that maximise trace(R C), C the cross-covariance.
-Matrix3d best_rotation(const Matrix3d& covariance) {
+// Rotation of least angle among those that maximise trace(R C), C the cross-covariance of points
+// that lie on a line where they leave it by less than `line`.
+Matrix3d best_rotation(const Matrix3d& covariance, double line) {
   const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Vector3d s = svd.singularValues();
   if (s[0] <= 1e-300) return Matrix3d::Identity();
-  if (s[1] <= 1e-8 * s[0])  // points on a line: turn its direction only
+  if (s[1] <= line * line * s[0])  // turn the direction of the line only
     return Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0))
         .toRotationMatrix();
   Matrix3d sign = Matrix3d::Identity();
@@ -174,7 +178,8 @@ std::vector<EntityFeature> entity_features(const CadModel& model) {
   return features;
 }
 
-Similarity fit_similarity(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to) {
+Similarity fit_similarity(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to,
+                          double line) {
   Similarity s;
   const Vector3d a = mean_of(from), b = mean_of(to);
   Matrix3d covariance = Matrix3d::Zero();
@@ -184,7 +189,7 @@ Similarity fit_similarity(const std::vector<Vector3d>& from, const std::vector<V
     variance_from += (from[i] - a).squaredNorm();
     variance_to += (to[i] - b).squaredNorm();
   }
-  s.rotation = best_rotation(covariance);
+  s.rotation = best_rotation(covariance, line);
   if (variance_from > 0 && variance_to > 0)
     s.scale = (s.rotation.transpose() * covariance).trace() / variance_from;
   if (!(s.scale > 0)) s.scale = 1;
@@ -237,8 +242,8 @@ void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) 
   }
   from.clear();
   to.clear();
-  landmarks(base, variant, match, from, to);
-  match.alignment = fit_similarity(from, to);
+  const double line = landmarks(base, variant, match, from, to);
+  match.alignment = fit_similarity(from, to, line);
   if (!spans_a_plane(from) && from.size() < 3) {
     match.alignment.scale = variant.diagonal() / base.diagonal();
     match.alignment.translation =

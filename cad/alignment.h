@@ -14,9 +14,10 @@ struct EntityFeature {
 std::vector<EntityFeature> entity_features(const CadModel& model);
 
 /// Least-squares similarity of paired points, rotation proper (Umeyama 1991). Where the points
-/// leave a rotation open (fewer than three, or on a line) the smallest one is taken.
+/// leave a rotation open (fewer than three, or on a line, up to the part `line` of its length) the
+/// smallest one is taken.
 Similarity fit_similarity(const std::vector<Eigen::Vector3d>& from,
-                          const std::vector<Eigen::Vector3d>& to);
+                          const std::vector<Eigen::Vector3d>& to, double line = 1e-4);
 
 /// Root mean square distance of s(from) to `to`.
 double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,

@@ -269,6 +269,20 @@ TEST_CASE("a tilted hole does not turn with the seam of its wall", "[surface][se
   }
 }
 
+TEST_CASE("a ball with one hole is not spun about it", "[surface][seam]") {
+  const auto ball = [](double hole) {
+    const TopoDS_Shape shell =
+        BRepAlgoAPI_Cut(BRepPrimAPI_MakeSphere(20).Shape(), BRepPrimAPI_MakeSphere(16).Shape())
+            .Shape();
+    const gp_Ax2 along(gp_Pnt(0, 0, 0), gp_Dir(3, 1, 2));
+    return BRepAlgoAPI_Cut(shell, BRepPrimAPI_MakeCylinder(along, hole, 30).Shape()).Shape();
+  };
+  const TopoDS_Shape base = ball(8);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.2));
+  const SurfaceMorphResult result = morph_surface(c, to_model(ball(10)));
+  CHECK(largest_difference(result.positions, surface_points(c.boundary, c.mesh.points)) < 4);
+}
+
 TEST_CASE("rims without a corner keep their sense and phase when what stands beside them moves",
           "[surface][seam]") {
   // A ring with a hole; a boss on it goes round. Nothing else is there to predict the rims from.
