@@ -15,9 +15,9 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kEqualTurn = 2e-3, kLikeTurn = 0.1, kLeastTurn = 0.01;  // of a turn
-constexpr double kAlike = 0.985, kUnlike = 0.866;  // cosines of 10 and 30 degrees
-constexpr double kFollows = 0.1;                   // of a turn's angle
+constexpr double kEqualTurn = 2e-3, kLikeTurn = 0.1, kFollows = 0.1;  // of a turn's angle
+constexpr double kLeastTurn = 0.01;                                   // of a full turn
+constexpr double kAlike = 0.985, kUnlike = 0.866;                     // cosines of 10, 30 degrees
 
 class MovedSeams {
  public:
@@ -35,7 +35,7 @@ class MovedSeams {
   // then the neighbours must say so.
   void undo() {
     for (const std::vector<int>& linked : linked_curves()) {
-      std::vector<int> kept = linked;  // their form
+      std::vector<int> kept = linked;  // those that kept their form
       std::erase_if(kept, [&](int c) { return !maps_[c].keeps_form(); });
       if (kept.size() > 1 && turns_as_one(kept, kEqualTurn) && moves_needlessly(kept) &&
           !neighbours_follow(kept))

@@ -22,7 +22,7 @@ constexpr double kTolerance = 1e-13;
 // Largest residual that a solution may have, as a part of the largest prescribed value.
 constexpr double kAccuracy = 1e-9;
 
-// Meshes with inverted elements take some thousand; factors of 150,000 unknowns cost more than these.
+// Meshes with inverted elements take some thousand. Factors of 150,000 unknowns cost more than all.
 constexpr int kMostIterations = 10000;
 
 const char* const kSingular =
