@@ -44,7 +44,7 @@ const std::vector<Solver> kSolvers = {
     {"OpenBLAS LU", SolverKind::Lu, false, 60000, 2},
     {"OpenBLAS LDL^T", SolverKind::Ldlt, false, 60000, 2},
     {"OpenBLAS Cholesky", SolverKind::Cholesky, false, 60000, 1},
-    {"IQR", SolverKind::Iqr, false, 30000, 0, 1e-2},
+    {"IQR", SolverKind::Iqr, false, 50000, 0, 1e-2},
     {"fast", SolverKind::Fast, false, 100000000},
 };
 
