@@ -72,6 +72,7 @@ std::string name_of(const ModelPair& pair, int face) {
 struct FaceNodes {
   std::vector<int> rows;
   std::vector<int> facets;
+  int samples_per_curve = 0;  ///< of the domain
   std::unique_ptr<FaceDomain> domain;
   Parameters uv;
   Points points;  // S(uv)
@@ -157,7 +158,8 @@ void SurfaceMorph::Impl::collect_faces() {
   for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
     FaceNodes& nodes = faces[f];
     if (nodes.rows.empty()) continue;
-    nodes.domain = std::make_unique<FaceDomain>(*base, f, samples_per_curve(f, nodes_on_edge));
+    nodes.samples_per_curve = samples_per_curve(f, nodes_on_edge);
+    nodes.domain = std::make_unique<FaceDomain>(*base, f, nodes.samples_per_curve);
     nodes.uv.resize(static_cast<Index>(nodes.rows.size()), 2);
     nodes.points.resize(nodes.uv.rows(), 3);
     for (std::size_t i = 0; i < nodes.rows.size(); ++i) {
@@ -307,7 +309,7 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
   if (folds > 0)
     improve(
         [&] {
-          const FaceDomain fine(*base, face, kRefinement * kMaxSamples);
+          const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve);
           return map_face(fine, pair, maps, nodes.uv, nodes.points);
         },
         "its wires had to be sampled finer");
