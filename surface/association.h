@@ -9,6 +9,9 @@
 
 namespace cadmorph {
 
+/// (u, v), a row each.
+using Parameters = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
+
 struct AssociationOptions {
   /// Largest distance of a surface node from the CAD, in units of its shortest incident mesh edge,
   /// of a mid-side node in units of its own. Nodes amid straight edges may be further off.
@@ -24,8 +27,8 @@ enum class CadDimension : std::int8_t { None = -1, Vertex = 0, Edge = 1, Face = 
 /// Where each surface node lies on the base CAD, and how well. Rows follow Boundary::nodes.
 struct Association {
   std::vector<CadDimension> dimension;
-  std::vector<int> entity;  ///< vertex, edge or face id of the base model; -1
-  Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> uv;  ///< face: (u, v); edge: (t, 0)
+  std::vector<int> entity;      ///< vertex, edge or face id of the base model; -1
+  Parameters uv;                ///< face: (u, v); edge: (t, 0)
   Eigen::VectorXd distance;     ///< to that entity, millimetres; 0 for unmatched nodes
   std::vector<char> is_free;    ///< on an interface that is not in the CAD: follows the volume
   std::vector<char> is_amid;    ///< off the CAD, in the middle of a straight edge or facet: stays

@@ -6,10 +6,9 @@
 
 #include "cad/brep.h"
 #include "core/rbf/rbf_system.h"
+#include "surface/association.h"
 
 namespace cadmorph {
-
-using Parameters = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
 /// The part of a parameter warp that depends on the base face alone: its sampled wires in the
 /// scaled parameter domain, and the factorisation of the 2D RBF (r^2 log r + linear) over them

@@ -47,25 +47,35 @@ bool is_at_pole(const CadModel& model, int face, const Vector2d& uv, double loca
   return std::min(s.du.norm() * size[0], s.dv.norm() * size[1]) < 0.1 * local_length;
 }
 
-// Surface nodes on the variant CAD, their parameters where they lie on a face, and what they keep
-// of their offset from the base CAD, turned with the entity but not yet stretched. Millimetres.
+// Surface nodes on the variant CAD, their entities and parameters there, and what they keep of
+// their offset from the base CAD, turned with the entity but not yet stretched. Millimetres.
 struct Placement {
-  Points feet, offsets;
-  Parameters uv;
+  explicit Placement(Points base_feet)
+      : feet(std::move(base_feet)),
+        offsets(Points::Zero(feet.rows(), 3)),
+        uv(Parameters::Zero(feet.rows(), 2)),
+        entity(feet.rows(), -1) {}
 
   Placement rows(const std::vector<int>& nodes) const {
-    return {feet(nodes, Eigen::all), offsets(nodes, Eigen::all), uv(nodes, Eigen::all)};
+    Placement result(feet(nodes, Eigen::all));
+    result.offsets = offsets(nodes, Eigen::all);
+    result.uv = uv(nodes, Eigen::all);
+    return result;
   }
   void set_rows(const std::vector<int>& nodes, const Placement& values) {
     feet(nodes, Eigen::all) = values.feet;
     offsets(nodes, Eigen::all) = values.offsets;
     uv(nodes, Eigen::all) = values.uv;
   }
+
+  Points feet, offsets;
+  Parameters uv;            ///< face (u, v), edge (t, 0)
+  std::vector<int> entity;  ///< variant face or edge; -1
 };
 
-std::string name_of(const ModelPair& pair, int face) {
-  return "face " + std::to_string(face + 1) + " (" + to_string(pair.base.faces()[face].type) +
-         ", variant face " + std::to_string(pair.match.faces[face] + 1) + ")";
+std::string name_of(const CadModel& base, const TopologyMatch& match, int face) {
+  return "face " + std::to_string(face + 1) + " (" + to_string(base.faces()[face].type) +
+         ", variant face " + std::to_string(match.faces[face] + 1) + ")";
 }
 
 // Nodes of one face.
@@ -98,13 +108,12 @@ struct SurfaceMorph::Impl {
                     Placement& placed) const;
   void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
                   Placement& placed) const;
-  std::vector<std::string> move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                                      Placement& placed) const;
-  std::string unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
-                     const FaceMapResult& mapped, Placement& placed) const;
+  void move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps, Placement& placed,
+                  SurfaceMorphResult& result) const;
+  void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
+              const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
-  VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed,
-                                  std::vector<std::string>& warnings) const;
+  VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
   Index count_folds(const CadModel& variant, int face, int variant_face, const Parameters& uv,
                     const Points& moved) const;
   Vector3d offset(int row) const {
@@ -206,6 +215,8 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<Cur
       const CurveLocation l =
           maps[pair.base.skeleton().curve_of_edge[edge]]({edge, association.uv(n, 0)});
       placed.feet.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point;
+      placed.uv.row(n) << l.t, 0;
+      placed.entity[n] = l.edge;
       placed.offsets.row(n) = a.rotation * offset(static_cast<int>(n));
     }
   });
@@ -228,6 +239,7 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
       placed.feet.row(n) = to.point;
       placed.offsets.row(n) = turn * offset(n);
       placed.uv.row(n) = mapped.uv.row(i);
+      placed.entity[n] = variant;
     }
   });
 }
@@ -260,9 +272,8 @@ Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int var
 }
 
 // All faces are placed before any is judged: a facet may have nodes of several.
-std::vector<std::string> SurfaceMorph::Impl::move_faces(const ModelPair& pair,
-                                                        const std::vector<CurveMap>& maps,
-                                                        Placement& placed) const {
+void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps,
+                                    Placement& placed, SurfaceMorphResult& result) const {
   const int count = static_cast<int>(faces.size());
   std::vector<FaceMapResult> mapped(faces.size());
   parallel_for(count, 1, [&](Index begin, Index end) {
@@ -272,20 +283,14 @@ std::vector<std::string> SurfaceMorph::Impl::move_faces(const ModelPair& pair,
   });
   for (int f = 0; f < count; ++f)
     if (!faces[f].rows.empty()) place(pair, f, mapped[f], placed);
-  std::vector<std::string> warnings;
-  for (int f = 0; f < count; ++f) {
-    if (faces[f].rows.empty()) continue;
-    const std::string note = unfold(pair, maps, f, mapped[f], placed);
-    if (!note.empty()) warnings.push_back(name_of(pair, f) + ": " + note);
-  }
-  return warnings;
+  for (int f = 0; f < count; ++f)
+    if (!faces[f].rows.empty()) unfold(pair, maps, f, mapped[f], placed, result);
 }
 
-// Replaces a folded map by a finer one, or by projection, where that folds less. Returns what to
-// say.
-std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                                       int face, const FaceMapResult& mapped,
-                                       Placement& placed) const {
+// Replaces a folded map by a finer one, or by projection, where that folds less.
+void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
+                                const FaceMapResult& mapped, Placement& placed,
+                                SurfaceMorphResult& result) const {
   const FaceNodes& nodes = faces[face];
   const int variant = pair.match.faces[face];
   std::string note = mapped.note;
@@ -319,35 +324,26 @@ std::string SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<
   if (folds > 0 && !mapped.is_projected)
     improve([&] { return project_face(*nodes.domain, pair, maps, nodes.points); },
             "its parameter warp folded; predicted positions were projected instead");
-  return folds > 0 ? std::to_string(folds) + " of its facets are folded" : note;
+  const std::string where = name_of(pair.base, pair.match, face) + ": ";
+  if (folds > 0)
+    result.folds.push_back(where + std::to_string(folds) + " of its facets are folded");
+  else if (!note.empty())
+    result.warnings.push_back(where + note);
 }
 
 // Of the nodes on faces: how far the warp put them on the carrier surface beyond the trimmed face.
-VectorXd SurfaceMorph::Impl::distances_beyond_wires(const ModelPair& pair, const Placement& placed,
-                                                    std::vector<std::string>& warnings) const {
+VectorXd SurfaceMorph::Impl::distances_beyond_wires(const ModelPair& pair,
+                                                    const Placement& placed) const {
   VectorXd distances = VectorXd::Zero(placed.feet.rows());
   parallel_for(distances.size(), 256, [&](Index begin, Index end) {
     for (Index n = begin; n < end; ++n) {
       if (association.dimension[n] != CadDimension::Face) continue;
-      const int face = pair.match.faces[association.entity[n]];
+      const int face = placed.entity[n];
       const double distance = distance_to_trimmed(pair.variant, face, placed.uv.row(n));
       if (distance > pair.variant.faces()[face].tolerance + kOnEntity * surface.local_length[n])
         distances[n] = distance;
     }
   });
-  std::map<int, std::pair<int, double>> beyond;  // nodes and largest distance, a face of the base
-  for (Index n = 0; n < distances.size(); ++n)
-    if (distances[n] > 0) {
-      auto& [count, most] = beyond[association.entity[n]];
-      ++count;
-      most = std::max(most, distances[n]);
-    }
-  for (const auto& [face, found] : beyond) {
-    std::ostringstream text;
-    text << name_of(pair, face) << ": " << found.first
-         << " of its nodes lie beyond its wires, by up to " << found.second << " mm";
-    warnings.push_back(text.str());
-  }
   return distances;
 }
 
@@ -419,29 +415,45 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   const MotionPrediction prediction(base, joined, match);
   const ModelPair pair{base, joined, match, prediction};
   const std::vector<CurveMap> maps = map_curves(pair);
-  Placement placed{self.feet, Points::Zero(self.feet.rows(), 3),
-                   Parameters::Zero(self.feet.rows(), 2)};
+  Placement placed(self.feet);
   self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);
   SurfaceMorphResult result;
-  result.warnings = self.move_faces(pair, maps, placed);
+  self.move_faces(pair, maps, placed, result);
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
-  result.distance = self.distances_beyond_wires(pair, placed, result.warnings);
-  Index matched = 0;
-  for (int n = 0; n < static_cast<int>(moved.rows()); ++n) {
-    if (self.association.dimension[n] == CadDimension::None) continue;
-    const double d = result.distance[n] += placed.offsets.row(n).norm();
-    result.max_distance = std::max(result.max_distance, d);
-    result.mean_distance += d;
-    ++matched;
-  }
-  if (matched > 0) result.mean_distance /= static_cast<double>(matched);
+  result.beyond_wires = self.distances_beyond_wires(pair, placed);
+  result.entity = std::move(placed.entity);
+  result.uv = std::move(placed.uv);
+  result.distance = result.beyond_wires;
+  for (Index n = 0; n < moved.rows(); ++n)
+    if (self.association.dimension[n] != CadDimension::None)
+      result.distance[n] += placed.offsets.row(n).norm();
   return result;
+}
+
+std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,
+                                               const Association& association,
+                                               const VectorXd& beyond_wires) {
+  std::map<int, std::pair<int, double>> beyond;  // nodes and largest distance, a face of the base
+  for (Index n = 0; n < beyond_wires.size(); ++n)
+    if (beyond_wires[n] > 0) {
+      auto& [count, most] = beyond[association.entity[n]];
+      ++count;
+      most = std::max(most, beyond_wires[n]);
+    }
+  std::vector<std::string> lines;
+  for (const auto& [face, found] : beyond) {
+    std::ostringstream text;
+    text << name_of(base, match, face) << ": " << found.first
+         << " of its nodes lie beyond its wires, by up to " << found.second << " mm";
+    lines.push_back(text.str());
+  }
+  return lines;
 }
 
 }  // namespace cadmorph

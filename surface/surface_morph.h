@@ -30,12 +30,19 @@ struct SurfaceMorphOptions {
 
 /// The surface of one variant. Rows follow Boundary::nodes.
 struct SurfaceMorphResult {
-  Points positions;          ///< new node positions, in the mesh's unit (free nodes: old)
-  Eigen::VectorXd distance;  ///< to the matched variant entity, millimetres; 0 where there is none
-  double max_distance = 0;   ///< the largest of them
-  double mean_distance = 0;
-  std::vector<std::string> warnings;  ///< folds, nodes beyond wires, sliding: a line each
+  Points positions;              ///< new node positions, in the mesh's unit (free nodes: old)
+  std::vector<int> entity;       ///< variant face or edge that a node on one is put on; else -1
+  Parameters uv;                 ///< there: face (u, v), edge (t, 0)
+  Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
+  Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
+  std::vector<std::string> folds;     ///< faces with folded facets: a line each
+  std::vector<std::string> warnings;  ///< other remarks: a line each
 };
+
+/// A line for each base face with nodes beyond the wires of its variant.
+std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,
+                                               const Association& association,
+                                               const Eigen::VectorXd& beyond_wires);
 
 /// Moves the surface nodes of a mesh from a base CAD model to its variants (Sieger et al. 2013,
 /// sect. 4). Holds everything that depends on the base alone: association, sampled wires, and the

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/progress.h"
+#include "core/sliding_nodes.h"
 #include "core/validity.h"
 
 namespace cadmorph {
@@ -16,6 +17,8 @@ struct UntangleOptions {
   int inner_iterations = 150;
   /// Valid cells to improve beside the invalid ones, and their neighbourhoods.
   std::vector<Index> poor_cells = {};
+  /// Fixed nodes that may slide, if not null: they move within their surfaces.
+  const SlidingNodes* sliding = nullptr;
   Progress progress = {};
 };
 
@@ -23,6 +26,7 @@ struct UntangleReport {
   Index before = 0;  ///< invalid cells
   Index after = 0;
   Index moved_nodes = 0;  ///< free nodes of the last neighbourhood
+  Index slid_nodes = 0;   ///< sliding ones that moved
   int rings = 0;          ///< size of the last neighbourhood
   double max_move = 0;    ///< largest change of a node's position, in the mesh's unit
   double seconds = 0;
@@ -39,9 +43,9 @@ struct UntangleResult {
 /// cells of the base mesh (`mesh.points`) are the shapes to stay near to: the map from base to
 /// moved cell has the smallest sum of distortion, sampled at the points that determine its Jacobian
 /// determinant; polyhedra by tetrahedra over the means of their faces and nodes. Starts at
-/// `positions` (N x 3). Nodes with `is_fixed` true (N) do not move. Cells that the fixed nodes hold
-/// inverted (is_held) are left out. When some cells stay invalid, the positions with the fewest are
-/// returned: `report.after` tells. Nothing moves when all are valid.
+/// `positions` (N x 3). Nodes with `is_fixed` true (N) do not move, or slide. Cells that the fixed
+/// nodes hold inverted (is_held) are left out. When some cells stay invalid, the positions with the
+/// fewest are returned: `report.after` tells. Nothing moves when all are valid.
 UntangleResult untangle(const Mesh& mesh, const Points& positions,
                         const std::vector<char>& is_fixed, const Orientation& orientation,
                         const UntangleOptions& options = {});

@@ -44,7 +44,7 @@ void fill_deviation(MorphDetails& details, const MorphJob& job, const MorphResul
   const Association& association = job.association();
   const double largest = std::max(association.max_distance, result.report.after.max_distance);
   const auto before = deviations(association, association.distance, options.least_deviation);
-  const auto after = deviations(association, result.surface_distance, options.least_deviation);
+  const auto after = deviations(association, result.surface.distance, options.least_deviation);
   const Index matched = association.vertex_nodes + association.edge_nodes + association.face_nodes;
   details.exact_before = matched - static_cast<Index>(before.size());
   details.exact_after = matched - static_cast<Index>(after.size());

@@ -22,13 +22,10 @@ TopologyMatch match(const MorphBase& base, const CadModel& variant, PipelineRepo
 }
 
 void move_surface(const MorphBase& base, const CadModel& variant, MorphResult& result) {
-  SurfaceMorphResult moved = base.surface->morph(variant, result.match);
-  PipelineReport& figures = result.report;
-  result.surface_positions = base.prescribed(moved.positions);
-  result.surface_distance = std::move(moved.distance);
-  figures.after.max_distance = moved.max_distance;
-  figures.after.mean_distance = moved.mean_distance;
-  figures.warnings.insert(figures.warnings.end(), moved.warnings.begin(), moved.warnings.end());
+  result.surface = base.surface->morph(variant, result.match);
+  result.surface_positions = base.prescribed(result.surface.positions);
+  result.report.warnings.insert(result.report.warnings.end(), result.surface.warnings.begin(),
+                                result.surface.warnings.end());
 }
 
 // Numbers of CAD entities as `cadmorph match` prints them, from 1.
@@ -121,7 +118,7 @@ std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& vari
     for (MorphAttempt& attempt : attempts) attempt.result.report.phases.push_back(phase);
   }
   for_each_good(attempts, [&](std::size_t i, MorphResult& result) {
-    finish(base, result, first.empty() ? nullptr : &first[i]);
+    finish(base, variants[i], result, first.empty() ? nullptr : &first[i]);
   });
   return attempts;
 }

@@ -76,6 +76,7 @@ struct ImproveReport {
   double below = 0;                       ///< scaled Jacobian asked for
   Index poor_before = 0, poor_after = 0;  ///< cells below
   double min_before = 0, min_after = 0;
+  Index slid_nodes = 0;  ///< surface nodes that slid on the CAD
 };
 
 enum class CacheUse { None, Used, Written, NotWritten };
@@ -140,8 +141,8 @@ struct MorphResult {
   QualityReport quality;
   ValidityReport validity;
   TopologyMatch match;
-  Eigen::VectorXd surface_distance;  ///< see SurfaceMorphResult::distance
-  Points surface_positions;  ///< those prescribed, in the order of VolumeMorph::surface_nodes
+  SurfaceMorphResult surface;  ///< before any node slid
+  Points surface_positions;    ///< those prescribed, in the order of VolumeMorph::surface_nodes
   PipelineReport report;
 };
 

@@ -1,6 +1,10 @@
 #include "apps/pipeline/volume_stage.h"
 
+#include <algorithm>
+#include <utility>
+
 #include "apps/pipeline/refusal.h"
+#include "surface/node_slide.h"
 
 namespace cadmorph {
 namespace {
@@ -62,38 +66,99 @@ void morph_volume(const MorphBase& base, PhaseClock& clock, MorphResult& result,
   result.report.untangling = std::move(more.report.untangling);
 }
 
-// Raises poor cells; keeps the result as it was where that does not lift the worst of them.
-void improve_result(const MorphBase& base, MorphResult& result) {
-  if (!base.options.improve_below || result.validity.invalid > 0) return;
+// Nodes that slid lie within the wires of their faces.
+void settle_slid_nodes(const MorphBase& base, MorphResult& result) {
+  SurfaceMorphResult& surface = result.surface;
+  for (std::size_t i = 0; i < base.boundary.nodes.size(); ++i)
+    if (surface.beyond_wires[i] > 0 &&
+        result.positions.row(base.boundary.nodes[i]) != surface.positions.row(i))
+      surface.distance[i] -= std::exchange(surface.beyond_wires[i], 0);
+}
+
+// Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
+void slide_surface(const MorphBase& base, const CadModel& variant, MorphResult& result) {
+  if (base.options.untangle == UntangleMode::Never || result.validity.invalid == 0) return;
+  const SlidingNodes sliding =
+      slide_on_cad(variant, base.surface->association(), base.boundary, result.surface);
+  UntangleOptions how;
+  how.progress = base.options.progress;
+  how.sliding = &sliding;
+  UntangleResult repaired =
+      untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
+  if (repaired.report.after > 0) return;
+  repaired.report.before = result.report.untangling->before;
+  repaired.report.seconds += result.report.untangling->seconds;
+  result.report.untangling = repaired.report;
+  result.positions = std::move(repaired.positions);
+  result.validity = std::move(repaired.report.validity);
+  result.surface.folds.clear();
+  settle_slid_nodes(base, result);
+}
+
+// Moves nodes near poor cells, the inner ones or those on CAD edges and faces, too. Returns whether
+// that lifts the worst cell; all stays as it was where it does not.
+bool raise(const MorphBase& base, const SlidingNodes* sliding, MorphResult& result) {
   UntangleOptions how;
   how.progress = base.options.progress;
   how.attempts = 1;
+  how.sliding = sliding;
   how.poor_cells = cells_below(*base.options.improve_below, result.quality);
-  const auto poor = static_cast<Index>(how.poor_cells.size());
-  if (poor == 0) return;
   UntangleResult improved =
       untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
-  ImproveReport report{*base.options.improve_below, poor, poor, result.quality.min,
-                       result.quality.min};
-  if (improved.report.after == 0 && now.min > result.quality.min) {
-    report.poor_after = static_cast<Index>(cells_below(report.below, now).size());
-    report.min_after = now.min;
-    result.positions = std::move(improved.positions);
-    result.quality = std::move(now);
-  }
-  result.report.improving = report;
+  if (improved.report.after > 0 || now.min <= result.quality.min) return false;
+  result.positions = std::move(improved.positions);
+  result.quality = std::move(now);
+  result.report.improving->slid_nodes = improved.report.slid_nodes;
+  return true;
 }
 
-void measure(const MorphBase& base, MorphResult& result) {
+// Raises poor cells: by the inner nodes, then where that does not do by those on CAD edges and
+// faces, too.
+void improve_result(const MorphBase& base, const CadModel& variant, MorphResult& result) {
+  if (!base.options.improve_below || result.validity.invalid > 0) return;
+  const double below = *base.options.improve_below;
+  const auto poor = [&] { return static_cast<Index>(cells_below(below, result.quality).size()); };
+  if (poor() == 0) return;
+  ImproveReport& report = result.report.improving.emplace();
+  report.below = below;
+  report.poor_before = poor();
+  report.min_before = result.quality.min;
+  raise(base, nullptr, result);
+  const bool has_slid = result.report.untangling && result.report.untangling->slid_nodes > 0;
+  if (poor() > 0 && !has_slid) {
+    const SlidingNodes sliding =
+        slide_on_cad(variant, base.surface->association(), base.boundary, result.surface);
+    if (raise(base, &sliding, result)) settle_slid_nodes(base, result);
+  }
+  report.poor_after = poor();
+  report.min_after = result.quality.min;
+}
+
+void measure(const MorphBase& base, const CadModel& variant, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
-  improve_result(base, result);
+  improve_result(base, variant, result);
   PipelineReport& figures = result.report;
   set_quality(figures.after, result.quality, result.validity,
               check_quality(base.mesh(), result.positions, base.neighbours, base.orientation));
   figures.max_displacement =
       figures.mesh_unit_mm * (result.positions - base.mesh().points).rowwise().norm().maxCoeff();
   judge(base, result);
+}
+
+void describe_surface(const MorphBase& base, MorphResult& result) {
+  const SurfaceMorphResult& surface = result.surface;
+  const Association& association = base.surface->association();
+  PipelineReport& figures = result.report;
+  const Index matched =
+      surface.distance.size() - std::ranges::count(association.dimension, CadDimension::None);
+  figures.after.max_distance = surface.distance.maxCoeff();
+  figures.after.mean_distance =
+      surface.distance.sum() / static_cast<double>(std::max<Index>(matched, 1));
+  for (const std::string& line : surface.folds) figures.warnings.push_back(line);
+  for (std::string& line :
+       describe_beyond_wires(*base.cad, result.match, association, surface.beyond_wires))
+    figures.warnings.push_back(std::move(line));
 }
 
 }  // namespace
@@ -112,11 +177,14 @@ std::vector<VolumeMorphResult> first_steps(const MorphBase& base,
   return result;
 }
 
-void finish(const MorphBase& base, MorphResult& result, VolumeMorphResult* one_step) {
+void finish(const MorphBase& base, const CadModel& variant, MorphResult& result,
+            VolumeMorphResult* one_step) {
   PhaseClock clock(base.options.progress);
   morph_volume(base, clock, result, one_step);
+  slide_surface(base, variant, result);
   clock.start("quality after");
-  measure(base, result);
+  measure(base, variant, result);
+  describe_surface(base, result);
   for (const PhaseTime& phase : clock.phases()) result.report.phases.push_back(phase);
 }
 

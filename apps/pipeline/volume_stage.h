@@ -11,7 +11,8 @@ std::vector<VolumeMorphResult> first_steps(const MorphBase& base,
 
 /// From the surface's new positions to a judged result: the volume in steps (`one_step`, if not
 /// null, is the result of the first), then repair, then quality, all told in the report.
-void finish(const MorphBase& base, MorphResult& result, VolumeMorphResult* one_step);
+void finish(const MorphBase& base, const CadModel& variant, MorphResult& result,
+            VolumeMorphResult* one_step);
 
 /// Calls on the attempts without an error; what a call throws becomes its attempt's.
 template <class Call>

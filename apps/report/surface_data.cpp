@@ -146,7 +146,7 @@ Json surface_data(const MorphJob& job, const MorphResult& result, Index most_tri
           {"position", quantised(before)},
           {"displacement", quantised(after - before)},
           {"jacobian", quantised(jacobian)},
-          {"deviation", encoded(deviations(job.association(), result.surface_distance, rows))},
+          {"deviation", encoded(deviations(job.association(), result.surface.distance, rows))},
           {"sizes", encoded(polygons.sizes)},
           {"corners", encoded(polygons.corners)}};
 }

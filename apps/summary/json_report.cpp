@@ -68,9 +68,13 @@ Json to_json(const SteppingReport& stepping) {
 }
 
 Json to_json(const UntangleReport& report) {
-  return {{"invalid_before", report.before},          {"invalid_after", report.after},
-          {"free_nodes", report.moved_nodes},         {"rings", report.rings},
-          {"max_move", json_number(report.max_move)}, {"seconds", json_number(report.seconds)}};
+  return {{"invalid_before", report.before},
+          {"invalid_after", report.after},
+          {"free_nodes", report.moved_nodes},
+          {"slid_nodes", report.slid_nodes},
+          {"rings", report.rings},
+          {"max_move", json_number(report.max_move)},
+          {"seconds", json_number(report.seconds)}};
 }
 
 Json to_json(const Diagnosis& diagnosis) {
@@ -189,6 +193,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
     json["improving"] = {{"below", report.improving->below},
                          {"poor_before", report.improving->poor_before},
                          {"poor_after", report.improving->poor_after},
+                         {"slid_nodes", report.improving->slid_nodes},
                          {"min_before", json_number(report.improving->min_before)},
                          {"min_after", json_number(report.improving->min_after)}};
   if (report.diagnosis) json["diagnosis"] = to_json(*report.diagnosis);

@@ -96,16 +96,22 @@ std::string machine_line(const PipelineReport& report) {
                 report.blas_kernel.empty() ? "unknown" : report.blas_kernel.c_str());
 }
 
+std::string slid_part(Index slid_nodes) {
+  return slid_nodes > 0 ? "; " + with_commas(slid_nodes) + " surface nodes slid on the CAD" : "";
+}
+
 std::string untangle_line(const UntangleReport& report) {
   return format("%s inverted elements left of %s; %s nodes free, moved at most %.3g mesh units",
                 with_commas(report.after).c_str(), with_commas(report.before).c_str(),
-                with_commas(report.moved_nodes).c_str(), report.max_move);
+                with_commas(report.moved_nodes).c_str(), report.max_move) +
+         slid_part(report.slid_nodes);
 }
 
 std::string improve_line(const ImproveReport& report) {
   return format("%s elements below %g, %s before; smallest scaled Jacobian from %.4f to %.4f",
                 with_commas(report.poor_after).c_str(), report.below,
-                with_commas(report.poor_before).c_str(), report.min_before, report.min_after);
+                with_commas(report.poor_before).c_str(), report.min_before, report.min_after) +
+         slid_part(report.slid_nodes);
 }
 
 std::string leg_text(const LegReport& leg) {

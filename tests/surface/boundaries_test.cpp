@@ -315,7 +315,7 @@ TEST_CASE("nodes off the CAD keep their offset, and snapping removes it", "[surf
 
       const auto same = morph_surface(c, read_step(file));
       CHECK(largest_difference(same.positions, old) <= 1e-9 * c.diagonal);
-      CHECK(std::abs(same.max_distance - largest) < 1e-6);
+      CHECK(std::abs(same.distance.maxCoeff() - largest) < 1e-6);
 
       const gp_Trsf map = similarity(0.5, 1.7, gp_Vec(30, -20, 11));
       const auto carried = morph_surface(c, to_model(transformed(read_shape(file), map)));

@@ -81,6 +81,8 @@ void check_family(const std::string& family, const std::string& mesh_name,
             worst, oracle.distance(match.faces[f], result.positions.row(static_cast<Index>(i))));
     CHECK(worst <= cad_tolerance(variant));
     CHECK(result.warnings.empty());
+    CHECK(result.folds.empty());
+    CHECK(result.beyond_wires.isZero(0));
   }
 }
 

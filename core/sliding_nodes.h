@@ -1,0 +1,29 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <vector>
+
+#include "core/mesh.h"
+
+namespace cadmorph {
+
+/// Where a node that slides has come to.
+struct SlidePlace {
+  Eigen::Vector3d point;                 ///< in the mesh's unit
+  Eigen::Matrix<double, 3, 2> tangents;  ///< derivatives of the point by the two coordinates
+};
+
+/// Nodes that may slide along surfaces. Each has two coordinates of its own, lengths in the mesh's
+/// unit: (0, 0) is where the node starts, where its tangents are orthonormal.
+struct SlidingNodes {
+  std::vector<Index> nodes;  ///< ids, ascending
+
+  /// The place of nodes[i] at `slide`; of any number of threads at once.
+  std::function<SlidePlace(Index i, const Eigen::Vector2d& slide)> at;
+
+  /// Whether nodes[i] is still within its surface's bounds there.
+  std::function<bool(Index i, const Eigen::Vector2d& slide)> is_within;
+};
+
+}  // namespace cadmorph

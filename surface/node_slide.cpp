@@ -1,0 +1,138 @@
+#include "surface/node_slide.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "cad/projector.h"
+#include "core/kd_tree.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Tangents = Eigen::Matrix<double, 3, 2>;
+
+constexpr double kTwin = 1e-9;        // of the diagonal: nodes at one place
+constexpr double kDegenerate = 1e-6;  // of the larger tangent: a pole
+
+// A node on its edge or face of the variant.
+struct Slider {
+  bool is_on_face;
+  int entity;
+  Vector2d uv;      ///< where it starts; on an edge (t, 0)
+  Matrix2d to_uv;   ///< parameters a millimetre along orthonormal tangents
+  Vector3d offset;  ///< from the CAD, millimetres
+};
+
+struct Place {
+  Vector3d point;
+  Tangents tangents;  ///< by the parameters
+};
+
+bool is_closed(const CadEdge& edge) { return edge.start == edge.end; }
+
+// Round a closed edge there is no end.
+double wrapped(const CadEdge& edge, double t) {
+  if (!is_closed(edge)) return t;
+  const double period = edge.last - edge.first;
+  return t - period * std::floor((t - edge.first) / period);
+}
+
+Place evaluate(const CadModel& variant, const Slider& slider, const Vector2d& uv) {
+  Place result;
+  if (slider.is_on_face) {
+    const SurfacePoint s = variant.evaluate(slider.entity, uv);
+    result.point = s.point;
+    result.tangents << s.du, s.dv;
+  } else {
+    const CadEdge& edge = variant.edges()[slider.entity];
+    const CurvePoint c = variant.evaluate_edge(slider.entity, wrapped(edge, uv[0]));
+    result.point = c.point;
+    result.tangents << c.dt, Vector3d::Zero();
+  }
+  return result;
+}
+
+bool is_on_entity(const CadModel& variant, const Slider& slider, const Vector2d& uv) {
+  if (slider.is_on_face)
+    return distance_to_trimmed(variant, slider.entity, uv) <=
+           variant.faces()[slider.entity].tolerance;
+  const CadEdge& edge = variant.edges()[slider.entity];
+  return is_closed(edge) || (uv[0] >= edge.first && uv[0] <= edge.last);
+}
+
+std::vector<char> marks_of_bound_nodes(const Association& association, const Boundary& boundary,
+                                       const CadModel& variant, const Points& positions) {
+  std::vector<char> is_bound(boundary.nodes.size(), 0);
+  std::vector<Index> rows;
+  for (Index f = 0; f < boundary.facet_count(); ++f) {
+    rows.clear();
+    for (const Index node : boundary.facet(f))
+      rows.push_back(std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin());
+    if (std::ranges::none_of(rows, [&](Index row) { return association.is_amid[row] != 0; }))
+      continue;
+    for (const Index row : rows) is_bound[row] = 1;
+  }
+  const KdTree tree(positions);
+  const double reach = kTwin * variant.diagonal() / association.mesh_unit_mm;
+  for (Index row = 0; row < positions.rows(); ++row)
+    if (tree.within(positions.row(row).data(), reach).size() > 1) is_bound[row] = 1;
+  return is_bound;
+}
+
+// False at a pole.
+bool set_up(const CadModel& variant, const Vector3d& position, Slider& slider) {
+  const Place start = evaluate(variant, slider, slider.uv);
+  const Tangents& j = start.tangents;
+  slider.offset = position - start.point;
+  if (!slider.is_on_face) {
+    const double speed = j.col(0).norm();
+    slider.to_uv = Vector2d(speed > 0 ? 1 / speed : 0, 0).asDiagonal();
+    return speed > 0;
+  }
+  const double most = j.colwise().norm().maxCoeff();
+  if (j.col(0).cross(j.col(1)).norm() <= kDegenerate * most * most) return false;
+  slider.to_uv = Eigen::SelfAdjointEigenSolver<Matrix2d>(j.transpose() * j).operatorInverseSqrt();
+  return true;
+}
+
+}  // namespace
+
+SlidingNodes slide_on_cad(const CadModel& variant, const Association& association,
+                          const Boundary& boundary, const SurfaceMorphResult& moved) {
+  const double unit = association.mesh_unit_mm;
+  const std::vector<char> is_bound =
+      marks_of_bound_nodes(association, boundary, variant, moved.positions);
+  SlidingNodes result;
+  const auto sliders = std::make_shared<std::vector<Slider>>();
+  for (std::size_t row = 0; row < is_bound.size(); ++row) {
+    const CadDimension dimension = association.dimension[row];
+    if ((dimension != CadDimension::Face && dimension != CadDimension::Edge) ||
+        association.is_free[row] || is_bound[row])
+      continue;
+    Slider slider{dimension == CadDimension::Face, moved.entity[row], moved.uv.row(row), {}, {}};
+    if (!set_up(variant, unit * moved.positions.row(row).transpose(), slider)) continue;
+    result.nodes.push_back(boundary.nodes[row]);
+    sliders->push_back(std::move(slider));
+  }
+  const auto uv_at = [sliders, unit](Index i, const Vector2d& slide) -> Vector2d {
+    const Slider& slider = (*sliders)[i];
+    return slider.uv + slider.to_uv * (unit * slide);
+  };
+  result.at = [sliders, variant, unit, uv_at](Index i, const Vector2d& slide) {
+    const Slider& slider = (*sliders)[i];
+    const Place place = evaluate(variant, slider, uv_at(i, slide));
+    return SlidePlace{(place.point + slider.offset) / unit, place.tangents * slider.to_uv};
+  };
+  result.is_within = [sliders, variant, uv_at](Index i, const Vector2d& slide) {
+    return is_on_entity(variant, (*sliders)[i], uv_at(i, slide));
+  };
+  return result;
+}
+
+}  // namespace cadmorph

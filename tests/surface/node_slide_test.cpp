@@ -1,0 +1,116 @@
+#include "surface/node_slide.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "cad/projector.h"
+#include "cad/topology_match.h"
+#include "morph_case.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+struct Slide {
+  explicit Slide(const std::string& shape, const SurfaceMorphOptions& options = {})
+      : c(shape_case(shape)),
+        surface(c.base, c.mesh, c.boundary, options),
+        moved(surface.morph(*c.base, match_topology(*c.base, *c.base))),
+        nodes(slide_on_cad(*c.base, surface.association(), c.boundary, moved)) {}
+
+  Index row(Index i) const {
+    return std::ranges::lower_bound(c.boundary.nodes, nodes.nodes[i]) - c.boundary.nodes.begin();
+  }
+
+  // Of a node's foot on the CAD, moved by `way` (millimetres), from the node's face or edge.
+  double distance(Index row, const Vector3d& way) const {
+    const int entity = moved.entity[row];
+    const Vector2d uv = moved.uv.row(row);
+    if (surface.association().dimension[row] == CadDimension::Face)
+      return project_on_face(*c.base, entity, c.base->evaluate(entity, uv).point + way, uv)
+          .distance;
+    return project_on_edge(*c.base, entity, c.base->evaluate_edge(entity, uv[0]).point + way, uv[0])
+        .distance;
+  }
+
+  MorphCase c;
+  SurfaceMorph surface;
+  SurfaceMorphResult moved;
+  SlidingNodes nodes;
+};
+
+}  // namespace
+
+TEST_CASE("Nodes slide on the CAD from where they are", "[surface][slide]") {
+  for (const std::string& shape : all_shapes()) {
+    const Slide s(shape);
+    INFO(shape);
+    const Association& association = s.surface.association();
+    CHECK(std::ranges::is_sorted(s.nodes.nodes));
+    CHECK(static_cast<Index>(s.nodes.nodes.size()) <=
+          association.edge_nodes + association.face_nodes);
+    const double unit = association.mesh_unit_mm, way = 1e-3 * s.c.diagonal / unit;
+    for (Index i = 0; i < static_cast<Index>(s.nodes.nodes.size()); ++i) {
+      const Index row = s.row(i);
+      const bool is_on_face = association.dimension[row] == CadDimension::Face;
+      const SlidePlace start = s.nodes.at(i, Vector2d::Zero());
+      CHECK((start.point.transpose() - s.moved.positions.row(row)).norm() <
+            1e-12 * s.c.diagonal / unit);
+      CHECK(s.nodes.is_within(i, Vector2d::Zero()));
+      const Eigen::Matrix2d metric = start.tangents.transpose() * start.tangents;
+      const Eigen::Matrix2d expected = Vector2d(1, is_on_face ? 1 : 0).asDiagonal();
+      CHECK((metric - expected).norm() < 1e-9);
+      // On its way: on the CAD, along the tangents.
+      const Vector2d slide(0.6 * way, is_on_face ? -0.8 * way : 0);
+      const SlidePlace there = s.nodes.at(i, slide);
+      if (s.nodes.is_within(i, slide))
+        CHECK(s.distance(row, unit * (there.point - start.point)) < 1e-9 * s.c.diagonal);
+      const double h = 1e-3 * way;
+      const SlidePlace near = s.nodes.at(i, Vector2d(slide[0] + h, slide[1]));
+      CHECK(((near.point - there.point) / h - there.tangents.col(0)).norm() < 1e-3);
+    }
+  }
+}
+
+TEST_CASE("Nodes that slide off their edge or face are seen", "[surface][slide]") {
+  const Slide s("plate_4_holes");
+  const double far = 2 * s.c.diagonal / s.surface.association().mesh_unit_mm;
+  for (Index i = 0; i < static_cast<Index>(s.nodes.nodes.size()); ++i) {
+    const int entity = s.moved.entity[s.row(i)];
+    const bool is_on_edge = s.surface.association().dimension[s.row(i)] == CadDimension::Edge;
+    const bool is_flat = !is_on_edge && s.c.base->faces()[entity].type == SurfaceType::Plane;
+    const bool is_open =
+        is_on_edge && s.c.base->edges()[entity].start != s.c.base->edges()[entity].end;
+    if (is_flat || is_open) CHECK_FALSE(s.nodes.is_within(i, Vector2d(far, 0)));
+  }
+}
+
+TEST_CASE("Nodes stay that others depend on", "[surface][slide]") {
+  Slide s("box");
+  const auto slides = [&](const SlidingNodes& nodes, Index row) {
+    return std::ranges::binary_search(nodes.nodes, s.c.boundary.nodes[row]);
+  };
+  std::vector<Index> rows;
+  for (Index i = 0; i < static_cast<Index>(s.nodes.nodes.size()); ++i)
+    if (s.moved.entity[s.row(i)] == 0) rows.push_back(s.row(i));
+  REQUIRE(rows.size() > 2);
+  // Two at one place: the sides of a slit.
+  const Index a = rows.front(), b = rows.back();
+  SurfaceMorphResult slit = s.moved;
+  slit.positions.row(a) = slit.positions.row(b);
+  const SlidingNodes beside = slide_on_cad(*s.c.base, s.surface.association(), s.c.boundary, slit);
+  CHECK(beside.nodes.size() == s.nodes.nodes.size() - 2);
+  CHECK_FALSE((slides(beside, a) || slides(beside, b)));
+  // One amid a straight edge, and those on its facets.
+  Association amid = s.surface.association();
+  amid.is_amid[a] = 1;
+  const SlidingNodes around = slide_on_cad(*s.c.base, amid, s.c.boundary, s.moved);
+  CHECK(around.nodes.size() < s.nodes.nodes.size() - 2);
+  CHECK_FALSE(slides(around, a));
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,74 @@
+#include "volume/free_nodes.h"
+
+#include <algorithm>
+
+#include "core/parallel.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::VectorXd;
+
+Index slide_of(const SlidingNodes* sliding, Index node) {
+  if (!sliding) return -1;
+  const auto found = std::ranges::lower_bound(sliding->nodes, node);
+  if (found == sliding->nodes.end() || *found != node) return -1;
+  return found - sliding->nodes.begin();
+}
+
+}  // namespace
+
+FreeNodes::FreeNodes(Index node_count, const std::vector<Index>& nodes, const SlidingNodes* sliding)
+    : sliding_(sliding), local_(node_count, -1), tangents_(nodes.size()) {
+  for (const Index node : nodes) {
+    local_[node] = static_cast<Index>(nodes_.size());
+    const Index slide = slide_of(sliding, node);
+    nodes_.push_back({node, unknowns_, slide});
+    unknowns_ += slide < 0 ? 3 : 2;
+  }
+}
+
+VectorXd FreeNodes::start(const Points& positions, const RowMatrix& slides) const {
+  VectorXd x(unknowns_);
+  for (const Node& node : nodes_)
+    if (node.slide < 0)
+      x.segment<3>(node.first) = positions.row(node.id).transpose();
+    else
+      x.segment<2>(node.first) = slides.row(node.slide).transpose();
+  return x;
+}
+
+void FreeNodes::move(const VectorXd& x, Points& positions) {
+  parallel_for(static_cast<Index>(nodes_.size()), 256, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      const Node& node = nodes_[i];
+      if (node.slide < 0) {
+        positions.row(node.id) = x.segment<3>(node.first).transpose();
+        continue;
+      }
+      const SlidePlace place = sliding_->at(node.slide, x.segment<2>(node.first));
+      positions.row(node.id) = place.point.transpose();
+      tangents_[i] = place.tangents;
+    }
+  });
+}
+
+void FreeNodes::read_slides(const VectorXd& x, RowMatrix& slides) const {
+  for (const Node& node : nodes_)
+    if (node.slide >= 0) slides.row(node.slide) = x.segment<2>(node.first).transpose();
+}
+
+void FreeNodes::add_slope(Index node, const Eigen::Vector3d& slope, VectorXd& gradient) const {
+  const Index i = local_[node];
+  if (nodes_[i].slide < 0)
+    gradient.segment<3>(nodes_[i].first) += slope;
+  else
+    gradient.segment<2>(nodes_[i].first) += tangents_[i].transpose() * slope;
+}
+
+void FreeNodes::add_diagonal(Index node, double stiffness, VectorXd& diagonal) const {
+  const Node& n = nodes_[local_[node]];
+  diagonal.segment(n.first, n.slide < 0 ? 3 : 2).array() += stiffness;
+}
+
+}  // namespace cadmorph

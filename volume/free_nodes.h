@@ -1,0 +1,49 @@
+#pragma once
+
+#include <vector>
+
+#include "core/mesh.h"
+#include "core/sliding_nodes.h"
+
+namespace cadmorph {
+
+/// The unknowns of a repair: three coordinates of each node that moves freely, two of each that
+/// slides.
+class FreeNodes {
+ public:
+  /// `nodes`: ids, ascending; `sliding`, where not null, tells which of them slide.
+  FreeNodes(Index node_count, const std::vector<Index>& nodes, const SlidingNodes* sliding);
+
+  bool contains(Index node) const { return local_[node] >= 0; }
+
+  /// The unknowns at `positions` (N x 3) and `slides` (a row for each of SlidingNodes::nodes).
+  Eigen::VectorXd start(const Points& positions, const RowMatrix& slides) const;
+
+  /// Puts the nodes where the unknowns say.
+  void move(const Eigen::VectorXd& x, Points& positions);
+
+  /// Reads the sliding nodes' coordinates from the unknowns.
+  void read_slides(const Eigen::VectorXd& x, RowMatrix& slides) const;
+
+  /// Adds a derivative by a node's position, where it was last moved to, to that by the unknowns.
+  void add_slope(Index node, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
+
+  /// Adds to the diagonal of the Hessian the same number for each of a node's unknowns.
+  void add_diagonal(Index node, double stiffness, Eigen::VectorXd& diagonal) const;
+
+  Index unknowns() const { return unknowns_; }
+
+ private:
+  struct Node {
+    Index id, first;  ///< its unknowns start at `first`
+    Index slide;      ///< row of SlidingNodes::nodes; -1: moves freely
+  };
+
+  const SlidingNodes* sliding_;
+  std::vector<Node> nodes_;
+  std::vector<Index> local_;  ///< row of nodes_, of a mesh node
+  std::vector<Eigen::Matrix<double, 3, 2>> tangents_;
+  Index unknowns_ = 0;
+};
+
+}  // namespace cadmorph
