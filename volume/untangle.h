@@ -12,7 +12,7 @@ struct UntangleOptions {
   /// Neighbourhoods grow up to this many times.
   int attempts = 5;
   /// Minimisations a neighbourhood gets, each with the next smaller regularisation.
-  int outer_iterations = 60;
+  int outer_iterations = 30;
   /// Steps of one minimisation.
   int inner_iterations = 150;
   /// Valid cells to improve beside the invalid ones, and their neighbourhoods.

@@ -77,12 +77,17 @@ void settle_slid_nodes(const MorphBase& base, MorphResult& result) {
 
 // Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
 void slide_surface(const MorphBase& base, const CadModel& variant, MorphResult& result) {
-  if (base.options.untangle == UntangleMode::Never || result.validity.invalid == 0) return;
+  const auto& left = result.validity.invalid_cells;
+  if (base.options.untangle == UntangleMode::Never ||
+      std::ranges::includes(base.validity.invalid_cells, left))  // for the input mesh to repair
+    return;
   const SlidingNodes sliding =
       slide_on_cad(variant, base.surface->association(), base.boundary, result.surface);
   UntangleOptions how;
   how.progress = base.options.progress;
   how.sliding = &sliding;
+  how.rings = 1;  // surface nodes stay where the CAD's parameters put them, but where they can't
+  how.attempts = 6;
   UntangleResult repaired =
       untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
   if (repaired.report.after > 0) return;
