@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <numbers>
 
 #include "cad/curve_table.h"
 #include "cad/face_sampler.h"
@@ -20,6 +21,9 @@ constexpr int kCurveSamples = 64;
 // design change.
 constexpr double kCoincident = 1e-6;
 constexpr double kExactFit = 1e-7;
+constexpr double kLargeTurn = std::numbers::pi / 4;
+constexpr double kSmallMove = 0.2;   // of the diagonal, as a change of parameters makes
+constexpr double kFarBetter = 0.05;  // factor
 constexpr double kOnLine = 1e-4, kSampledOnLine = 0.05;  // of its length
 
 EntityFeature face_feature(const CadModel& model, int face) {
@@ -142,6 +146,17 @@ Matrix3d best_rotation(const Matrix3d& covariance, double line) {
   return svd.matrixU() * sign * svd.matrixV().transpose();
 }
 
+// Whether points that move a little speak for a turn of the whole by accident: a bore whose
+// eccentricity changes its direction. A line alone tells of no such turn.
+bool is_accidental_turn(const Similarity& turned, const Similarity& unturned,
+                        const std::vector<Vector3d>& from, const std::vector<Vector3d>& to,
+                        double diagonal) {
+  if (Eigen::AngleAxisd(turned.rotation).angle() < kLargeTurn) return false;
+  const double left = residual(unturned, from, to);
+  return left < kSmallMove * diagonal &&
+         (!spans_a_plane(from) || residual(turned, from, to) > kFarBetter * left);
+}
+
 // Poles: where a turned seam ends, it still ends there.
 std::vector<Vector3d> poles(const CadModel& model) {
   std::vector<Vector3d> points;
@@ -197,6 +212,14 @@ Similarity fit_similarity(const std::vector<Vector3d>& from, const std::vector<V
   return s;
 }
 
+Similarity fit_shift(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to,
+                     double scale) {
+  Similarity result;
+  result.scale = scale;
+  result.translation = mean_of(to) - scale * mean_of(from);
+  return result;
+}
+
 double residual(const Similarity& s, const std::vector<Vector3d>& from,
                 const std::vector<Vector3d>& to) {
   double sum = 0;
@@ -244,6 +267,9 @@ void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) 
   to.clear();
   const double line = landmarks(base, variant, match, from, to);
   match.alignment = fit_similarity(from, to, line);
+  const Similarity unturned = fit_shift(from, to, variant.diagonal() / base.diagonal());
+  if (is_accidental_turn(match.alignment, unturned, from, to, variant.diagonal()))
+    match.alignment = unturned;
   if (!spans_a_plane(from) && from.size() < 3) {
     match.alignment.scale = variant.diagonal() / base.diagonal();
     match.alignment.translation =

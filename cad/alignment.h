@@ -19,6 +19,10 @@ std::vector<EntityFeature> entity_features(const CadModel& model);
 Similarity fit_similarity(const std::vector<Eigen::Vector3d>& from,
                           const std::vector<Eigen::Vector3d>& to, double line = 1e-4);
 
+/// Least-squares shift of paired points after a given change of scale, without a turn.
+Similarity fit_shift(const std::vector<Eigen::Vector3d>& from,
+                     const std::vector<Eigen::Vector3d>& to, double scale);
+
 /// Root mean square distance of s(from) to `to`.
 double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
                 const std::vector<Eigen::Vector3d>& to);
@@ -26,7 +30,8 @@ double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
 /// Sets match.alignment and is_congruent: the identity where the two models coincide as point sets;
 /// else the similarity that carries equal surface parameters onto each other, where it does so
 /// exactly, but for a spin of a body of revolution about its axis (a seam that moved); else the fit
-/// of corners, then of curve and face centroids.
+/// of corners, then of curve and face centroids, without a turn where it speaks for one by
+/// accident.
 void align(const CadModel& base, const CadModel& variant, TopologyMatch& match);
 
 /// Part of the faces whose points of equal relative parameters match.alignment carries onto each

@@ -26,6 +26,10 @@ constexpr double kFarBetter = 0.3;
 constexpr double kFileOrderSlack = 2;
 constexpr double kSamePlace = 1e-9;     // of the diagonal: coincident copies are equally near
 constexpr double kHardlyTurned = 1e-3;  // radians
+// Of the diagonal: a change of parameters moves entities by less, on the mean. And the factor by
+// which a match that turns the part moves them farther.
+constexpr double kSmallMove = 0.2, kFartherMove = 2;
+constexpr double kTurn = 0.3;  // radians
 // An order that fits by accident is no evidence: bits that it must carry.
 constexpr double kOrderBits = 20;
 constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours
@@ -40,6 +44,7 @@ struct Scored {
   double distance;   // after the best similarity, in diagonals of the variant
   double roughness;  // see above
   double agreement;  // part of the forms that are the same
+  double unturned;   // distance after a shift and a change of scale alone
   double angle() const { return Eigen::AngleAxisd(match.alignment.rotation).angle(); }
 };
 
@@ -79,6 +84,17 @@ double distance_after(const MatchSide& base, const MatchSide& variant, const Top
     add(base.graph.corner_node(c), variant.graph.corner_node(match.corners[c]));
   for (int f = 0; f < base.graph.faces && base.graph.corners == 0; ++f) add(f, match.faces[f]);
   return std::sqrt(sum / count) / variant.model.diagonal();
+}
+
+// The shift that carries the entities best, after the change of the part's size.
+Similarity shift_of(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
+  std::vector<Vector3d> from, to;
+  const auto nodes = partners(base, match);
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    from.push_back(base.features[n].centre);
+    to.push_back(variant.features[nodes[n]].centre);
+  }
+  return fit_shift(from, to, variant.model.diagonal() / base.model.diagonal());
 }
 
 using UseForms = std::map<std::pair<int, int>, std::vector<std::uint64_t>>;
@@ -155,7 +171,9 @@ class Selection {
                                  ? parameter_agreement(base_.model, variant_.model, *match)
                                  : agreement_of(base_forms_, variant_forms_, *match);
     const double rough = roughness(base_, variant_, *match);
-    all_.push_back({std::move(*match), distance, rough, agreement});
+    const double unturned =
+        distance_after(base_, variant_, *match, shift_of(base_, variant_, *match));
+    all_.push_back({std::move(*match), distance, rough, agreement, unturned});
     const Scored& last = all_.back();
     return distance < kTie && (last.match.how == kFileOrder || last.angle() < kHardlyTurned ||
                                agreement > 1 - kMoreAgreement);
@@ -172,6 +190,7 @@ class Selection {
 
   std::optional<TopologyMatch> best() {
     if (all_.empty()) return std::nullopt;
+    keep_near();
     const double limit = kRougher * smoothest().roughness + kSmooth;
     std::erase_if(all_, [&](const Scored& s) { return s.roughness > limit; });
     keep_agreeing();
@@ -179,6 +198,22 @@ class Selection {
   }
 
  private:
+  // Where a match moves entities a little, one that turns the part and moves them far is no change
+  // of parameters: a hole that crosses the middle of a plate, not the plate turned over. The same
+  // part exported turned keeps its parameters.
+  void keep_near() {
+    double least = std::numeric_limits<double>::infinity();
+    for (const Scored& s : all_) {
+      if (s.distance < kTie && s.agreement > 1 - kMoreAgreement) return;
+      least = std::min(least, s.unturned);
+    }
+    if (least > kSmallMove) return;
+    std::erase_if(all_, [&](const Scored& s) {
+      return std::max(s.angle() / kTurn, s.unturned / kSmallMove) > 1 &&
+             s.unturned > kFartherMove * least + kTie;
+    });
+  }
+
   void keep_agreeing() {
     double most = 0;
     for (const Scored& s : all_) most = std::max(most, s.agreement);

@@ -16,9 +16,12 @@ constexpr double kThin = 0.01;           // least extent over largest
 constexpr double kAnchorDistance = 1.5;  // diagonals
 constexpr double kExact = 1e-7;          // of the diagonal: the tolerance of exchanged B-Reps
 constexpr double kApart = 1e-6;          // of the diagonal: nearer landmarks are one
+constexpr double kBallRadius = 0.282;    // of the square root of its area
+constexpr double kMoved = 0.05;          // of a closed face's size: its centroid is that exact
 
 struct Landmarks {
   std::vector<Vector3d> from, to;
+  double largest = 0;  ///< distance from the alignment, as far as it is no noise of centroids
 };
 
 void add(Landmarks& marks, const std::vector<EntityFeature>& a, const std::vector<EntityFeature>& b,
@@ -29,6 +32,27 @@ void add(Landmarks& marks, const std::vector<EntityFeature>& a, const std::vecto
   }
 }
 
+bool has_curves(const CadModel& model, int face) {
+  return std::ranges::any_of(model.faces()[face].wires, [&](const auto& wire) {
+    return std::ranges::any_of(
+        wire, [&](int c) { return model.skeleton().curve_of_edge[model.coedges()[c].edge] >= 0; });
+  });
+}
+
+// A closed face, such as a ball, has no curve to tell of its motion: marks around its centroid
+// keep it in one piece.
+void add_closed_face(const Similarity& alignment, const EntityFeature& a, const EntityFeature& b,
+                     Landmarks& marks) {
+  const double moved = (alignment(a.centre) - b.centre).norm();
+  if (moved > kMoved * b.size) marks.largest = std::max(marks.largest, moved);
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double side : {-kBallRadius, kBallRadius}) {
+      const Vector3d way = side * Vector3d::Unit(axis);
+      marks.from.push_back(a.centre + a.size * way);
+      marks.to.push_back(b.centre + b.size * (alignment.rotation * way));
+    }
+}
+
 // Corners first: they are exact, centroids only nearly so.
 Landmarks collect(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   const auto a = entity_features(base), b = entity_features(variant);
@@ -36,7 +60,12 @@ Landmarks collect(const CadModel& base, const CadModel& variant, const TopologyM
   Landmarks marks;
   add(marks, a, b, faces + curves, faces + curves, match.corners);
   add(marks, a, b, faces, faces, match.curves);
+  for (std::size_t i = 0; i < marks.from.size(); ++i)
+    marks.largest = std::max(marks.largest, (match.alignment(marks.from[i]) - marks.to[i]).norm());
   add(marks, a, b, 0, 0, match.faces);
+  for (std::size_t f = 0; f < faces; ++f)
+    if (!has_curves(base, static_cast<int>(f)))
+      add_closed_face(match.alignment, a[f], b[static_cast<std::size_t>(match.faces[f])], marks);
   return marks;
 }
 
@@ -62,10 +91,7 @@ MotionPrediction::MotionPrediction(const CadModel& base, const CadModel& variant
     : alignment_(match.alignment) {
   if (match.is_congruent) return;
   const Landmarks marks = collect(base, variant, match);
-  double largest = 0;
-  for (std::size_t i = 0; i < match.corners.size() + match.curves.size(); ++i)
-    largest = std::max(largest, (alignment_(marks.from[i]) - marks.to[i]).norm());
-  if (largest < kExact * variant.diagonal()) return;
+  if (marks.largest < kExact * variant.diagonal()) return;
   const std::size_t stride = (marks.from.size() + kMaxLandmarks - 1) / kMaxLandmarks;
   std::vector<Vector3d> from, value;
   for (std::size_t i = 0; i < marks.from.size(); i += stride) {
