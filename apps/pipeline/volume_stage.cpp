@@ -11,6 +11,8 @@ namespace {
 
 // Inverted cells are few when they are at most one in so many.
 constexpr Index kFewCells = 10'000;
+// Surface nodes slide where that lifts the worst cell's quality by this factor.
+constexpr double kWorthSliding = 1.1;
 
 SteppingOptions stepping(const MorphBase& base) {
   SteppingOptions result = base.options.stepping;
@@ -111,7 +113,8 @@ bool raise(const MorphBase& base, const SlidingNodes* sliding, MorphResult& resu
   UntangleResult improved =
       untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
-  if (improved.report.after > 0 || now.min <= result.quality.min) return false;
+  const double least = result.quality.min * (sliding ? kWorthSliding : 1);
+  if (improved.report.after > 0 || now.min <= least) return false;
   result.positions = std::move(improved.positions);
   result.quality = std::move(now);
   result.report.improving->slid_nodes = improved.report.slid_nodes;
