@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "apps/pipeline/refusal.h"
 #include "apps/pipeline/volume_stage.h"
@@ -11,9 +12,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// A file may name another unit than its numbers are in.
+void check_unit(const CadModel& base, const CadModel& variant, PipelineReport& figures) {
+  constexpr double kOtherUnit = 5;  // cm for mm and the like
+  const double ratio = variant.diagonal() / base.diagonal();
+  if (base.file_unit() == variant.file_unit() || (ratio < kOtherUnit && ratio * kOtherUnit > 1))
+    return;
+  std::ostringstream text;
+  text << variant.file_name() << " (unit " << variant.file_unit() << ") is " << ratio
+       << " times the size of " << base.file_name() << " (unit " << base.file_unit()
+       << "): if that is not meant, one of them names the wrong unit";
+  figures.warnings.push_back(text.str());
+}
+
 TopologyMatch match(const MorphBase& base, const CadModel& variant, PipelineReport& figures) {
   TopologyMatch result = match_topology(*base.cad, variant, {.given_faces = base.options.face_map});
   figures.variant_cad = figures_of(variant);
+  check_unit(*base.cad, variant, figures);
   figures.matched_by = result.how;
   figures.alignment = result.alignment;
   if (!result.face_confidence.empty())

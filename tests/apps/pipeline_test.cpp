@@ -35,6 +35,23 @@ TEST_CASE("A job serves many variants, each as if it were alone", "[apps][pipeli
   CHECK(first.report.outcome == Outcome::Done);
 }
 
+TEST_CASE("A variant that names another unit for the same numbers is remarked on",
+          "[apps][pipeline]") {
+  const Workplace place;
+  std::string text = place.read("box_moved.step");
+  const std::string millimetre = "SI_UNIT(.MILLI.,.METRE.)";
+  REQUIRE(text.find(millimetre) != std::string::npos);
+  text.replace(text.find(millimetre), millimetre.size(), "SI_UNIT($,.METRE.)");
+  place.write("metres.step", text);
+  const MorphJob job = box_job(place);
+  const auto warnings = [&](const char* name) {
+    return job.morph(read_step(place.folder() / name)).report.warnings;
+  };
+  CHECK(warnings("box_moved.step").empty());
+  REQUIRE(warnings("metres.step").size() == 1);
+  CHECK(warnings("metres.step")[0].find("names the wrong unit") != std::string::npos);
+}
+
 TEST_CASE("Variants morphed together are to the last bit as if alone", "[apps][pipeline]") {
   const Workplace place;
   const MorphJob job = box_job(place);
