@@ -81,6 +81,7 @@ const std::vector<CadVertex>& CadModel::vertices() const { return impl_->vertice
 const std::vector<CadCoedge>& CadModel::coedges() const { return impl_->coedges; }
 const CadSkeleton& CadModel::skeleton() const { return *skeleton_; }
 int CadModel::solid_count() const { return impl_->solids; }
+int CadModel::merged_face_count() const { return impl_->merged_faces; }
 const std::string& CadModel::file_name() const { return impl_->file_name; }
 const std::string& CadModel::file_unit() const { return impl_->file_unit; }
 const Vector3d& CadModel::lower() const { return impl_->lower; }

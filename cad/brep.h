@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -104,6 +105,12 @@ class CadModel {
   /// (build_skeleton): for pairs of which one exporter cut edges that the other did not. Cheap: the
   /// geometry is shared.
   CadModel with_joined_edges() const;
+
+  /// The same model with faces made one that touch and lie on one surface, for pairs of which one
+  /// exporter cut faces that the other did not; merged faces have no name. Nothing when there are
+  /// none, or OCCT can't merge them.
+  std::optional<CadModel> with_merged_faces() const;
+  int merged_face_count() const;  ///< faces of the file that became part of another one
 
   const std::vector<CadFace>& faces() const;
   const std::vector<CadEdge>& edges() const;

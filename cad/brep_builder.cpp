@@ -243,6 +243,8 @@ CadModel build_model(const TopoDS_Shape& shape, const ShapeSource& source) {
   auto impl = std::make_shared<CadModel::Impl>();
   impl->file_name = source.file_name;
   impl->file_unit = source.file_unit;
+  impl->shape = shape;
+  impl->merged_faces = source.merged_faces;
   ModelBuilder(shape, source, *impl).build();
   return CadModel(std::move(impl));
 }

@@ -15,6 +15,7 @@ struct ShapeSource {
   std::string file_name;
   std::string file_unit;
   std::function<std::string(const TopoDS_Face&)> face_name;  ///< may be empty
+  int merged_faces = 0;                                      ///< see CadModel::merged_face_count
 };
 
 /// Turns an OCCT shape into a CadModel: unique faces, edges and vertices in the shape's own order,

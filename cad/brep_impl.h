@@ -3,6 +3,7 @@
 #include <Geom_Curve.hxx>
 #include <Geom_Surface.hxx>
 #include <Standard_Failure.hxx>
+#include <TopoDS_Shape.hxx>
 #include <string>
 #include <vector>
 
@@ -20,10 +21,12 @@ struct CadModel::Impl {
   std::vector<CadVertex> vertices;
   std::vector<CadCoedge> coedges;
   int solids = 0;
+  int merged_faces = 0;
   std::string file_name, file_unit;
   Eigen::Vector3d lower = Eigen::Vector3d::Constant(1e300),
                   upper = Eigen::Vector3d::Constant(-1e300);
 
+  TopoDS_Shape shape;
   std::vector<Handle(Geom_Surface)> surfaces;
   std::vector<Handle(Geom_Curve)> curves;       // null for degenerate edges
   std::vector<Pcurve> pcurves;                  // a coedge

@@ -139,17 +139,31 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
   return std::nullopt;
 }
 
+std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& variant,
+                                        const MatchOptions& options) {
+  auto match = match_skeletons(base, variant, options);
+  if (match) return match;
+  match = match_skeletons(base.with_joined_edges(), variant.with_joined_edges(), options);
+  if (match) match->joins_edges = true;
+  return match;
+}
+
 }  // namespace
 
 TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
                              const MatchOptions& options) {
-  if (auto match = match_skeletons(base, variant, options)) return std::move(*match);
-  if (auto match =
-          match_skeletons(base.with_joined_edges(), variant.with_joined_edges(), options)) {
-    match->joins_edges = true;
-    return std::move(*match);
-  }
+  if (auto match = find_match(base, variant, options)) return std::move(*match);
   refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
+}
+
+std::optional<CadPair> merge_cut_faces(const CadModel& base, const CadModel& variant) {
+  const auto merged_base = base.with_merged_faces(), merged_variant = variant.with_merged_faces();
+  if (merged_variant && find_match(base, *merged_variant, {}))
+    return CadPair{base, *merged_variant};
+  if (merged_base && find_match(*merged_base, variant, {})) return CadPair{*merged_base, variant};
+  if (merged_base && merged_variant && find_match(*merged_base, *merged_variant, {}))
+    return CadPair{*merged_base, *merged_variant};
+  return std::nullopt;
 }
 
 std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path) {

@@ -223,19 +223,24 @@ CurveMap::Way CurveMap::best_shift() const {
   return best;
 }
 
-// A chain cut into other pieces starts where one of them does.
+// A chain cut into other pieces starts where one of them does, on both sides.
 CurveMap::Way CurveMap::best_start() const {
   const double all = range(variant_.model(), *variant_curve_);
   Way best;
-  double least = 1e300, before = 0;
-  for (const CurveLink& link : variant_curve_->links) {
-    const Way way{Mode::Range, least_motion_.is_reversed, 0, before / all};
-    const double d = deviation(way);
-    if (d < least) {
-      least = d;
-      best = way;
+  double least = 1e300, to_base = 0;
+  for (const CurveLink& base_link : base_curve_->links) {
+    double to_variant = 0;
+    for (const CurveLink& link : variant_curve_->links) {
+      const double start = least_motion_.is_reversed ? -to_base : to_base;
+      const Way way{Mode::Range, least_motion_.is_reversed, 0, (to_variant - start) / all};
+      const double d = deviation(way);
+      if (d < least) {
+        least = d;
+        best = way;
+      }
+      to_variant += range(variant_.model(), link);
     }
-    before += range(variant_.model(), link);
+    to_base += range(base_.model(), base_link);
   }
   return best;
 }

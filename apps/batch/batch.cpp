@@ -297,8 +297,9 @@ class BatchRun {
     const bool is_done = report.outcome == Outcome::Done;
     row.out = is_done ? work.read.variant->out : failed_out(work.read.variant->out);
     const fs::path staged =
-        job_->write(*work.result, folder_.staging() / work.read.variant->out.filename(),
-                    options_.has_diagnostics);
+        job_->of(*work.result)
+            .write(*work.result, folder_.staging() / work.read.variant->out.filename(),
+                   options_.has_diagnostics);
     row.out_bytes = fs::file_size(staged);
     folder_.publish(staged, row.out);
     report.written = folder_.path_of(row.out);

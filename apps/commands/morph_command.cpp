@@ -89,8 +89,8 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   MorphShowing showing(command.show);
   MorphFiles files = command.files;
   if (!command.show.is_empty())
-    files.on_result = [&](const MorphJob& job, const CadModel& variant, const MorphResult& result) {
-      showing.collect(job, variant, result);
+    files.on_result = [&](const MorphJob& job, const MorphResult& result) {
+      showing.collect(job, result);
     };
   const PipelineReport report = morph_files(files, options);
   ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;

@@ -80,7 +80,7 @@ class Trip {
     read_ahead(leg_ + 1);
     result_ = job_->morph(*base_);
     const PipelineReport& report = result_.report;
-    if (files_.on_leg && report.outcome == Outcome::Done) files_.on_leg(*job_, result_);
+    if (files_.on_leg && report.outcome == Outcome::Done) files_.on_leg(job_->of(result_), result_);
     if (leg_ == 0) whole_ = report;
     if (is_series()) add_leg(report);
     add_phases(phases_, report.phases);
@@ -94,15 +94,16 @@ class Trip {
   }
 
   PipelineReport write() {
+    const MorphJob& job = job_->of(result_);
     PhaseClock clock(options_.progress);
     if (files_.on_result) {
       clock.start("report");
-      files_.on_result(*job_, *base_, result_);
+      files_.on_result(job, result_);
     }
     clock.start("writing");
     const fs::path written = files_.write
-                                 ? files_.write(*job_, result_)
-                                 : job_->write(result_, files_.output, files_.has_diagnostics);
+                                 ? files_.write(job, result_)
+                                 : job.write(result_, files_.output, files_.has_diagnostics);
     add_phases(phases_, clock.phases());
     PipelineReport report = is_series() ? series_report() : result_.report;
     report.written = written;

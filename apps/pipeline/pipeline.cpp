@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <sstream>
 
 #include "apps/pipeline/refusal.h"
 #include "apps/pipeline/volume_stage.h"
+#include "core/errors.h"
 
 namespace cadmorph {
 namespace {
@@ -25,10 +27,19 @@ void check_unit(const CadModel& base, const CadModel& variant, PipelineReport& f
   figures.warnings.push_back(text.str());
 }
 
+void warn_of_merge(const CadModel& model, PipelineReport& figures) {
+  if (model.merged_face_count() == 0) return;
+  figures.warnings.push_back(model.file_name() + ": " + std::to_string(model.merged_face_count()) +
+                             " faces were merged with others of the same surface, for the other "
+                             "model has them in one piece");
+}
+
 TopologyMatch match(const MorphBase& base, const CadModel& variant, PipelineReport& figures) {
   TopologyMatch result = match_topology(*base.cad, variant, {.given_faces = base.options.face_map});
   figures.variant_cad = figures_of(variant);
   check_unit(*base.cad, variant, figures);
+  warn_of_merge(*base.cad, figures);
+  warn_of_merge(variant, figures);
   figures.matched_by = result.how;
   figures.alignment = result.alignment;
   if (!result.face_confidence.empty())
@@ -88,12 +99,30 @@ void add_diagnostics(const MorphJob& job, const Points& original, const MorphRes
   extra.cell_arrays["cadmorph_scaled_jacobian"] = std::move(jacobians);
 }
 
+bool is_topology_error(const std::exception_ptr& error) {
+  if (!error) return false;
+  try {
+    std::rethrow_exception(error);
+  } catch (const TopologyError&) {
+    return true;
+  } catch (...) {
+    return false;
+  }
+}
+
 }  // namespace
+
+// The job of the base CAD with its cut faces merged, from the first variant on that asks for it.
+struct MorphJob::Merged {
+  std::mutex mutex;
+  std::optional<MorphJob> job;
+};
 
 MorphJob::MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const MeshFile> mesh,
                    PipelineOptions options, Points start)
     : base_(std::make_unique<const MorphBase>(std::move(base), std::move(mesh), std::move(options),
-                                              std::move(start))) {}
+                                              std::move(start))),
+      merged_(std::make_unique<Merged>()) {}
 
 MorphJob::~MorphJob() = default;
 MorphJob::MorphJob(MorphJob&&) noexcept = default;
@@ -120,6 +149,7 @@ std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& vari
   clock.start("matching");
   for_each_good(attempts, [&](std::size_t i, MorphResult& result) {
     result.report = base.report;
+    result.variant = variants[i];
     result.match = match(base, variants[i], result.report);
   });
   clock.start("surface morph");
@@ -135,7 +165,38 @@ std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& vari
   for_each_good(attempts, [&](std::size_t i, MorphResult& result) {
     finish(base, variants[i], result, first.empty() ? nullptr : &first[i]);
   });
+  for (std::size_t i = 0; i < variants.size(); ++i)
+    if (is_topology_error(attempts[i].error)) morph_merged(variants[i], attempts[i]);
   return attempts;
+}
+
+void MorphJob::morph_merged(const CadModel& variant, MorphAttempt& refused) const {
+  if (!base_->options.face_map.empty()) return;
+  try {
+    const auto pair = merge_cut_faces(base(), variant);
+    if (!pair) return;
+    const bool is_base_merged = pair->base.merged_face_count() > base().merged_face_count();
+    refused.error = nullptr;
+    refused.result = (is_base_merged ? merged_job(pair->base) : *this).morph(pair->variant);
+    refused.result.is_base_merged = is_base_merged;
+  } catch (...) {
+    refused.error = std::current_exception();
+  }
+}
+
+const MorphJob& MorphJob::merged_job(const CadModel& merged_base) const {
+  const std::lock_guard lock(merged_->mutex);
+  if (!merged_->job) {
+    PipelineOptions options = base_->options;
+    options.cache.clear();
+    merged_->job.emplace(std::make_shared<const CadModel>(merged_base), base_->mesh_file,
+                         std::move(options), base_->moved ? base_->moved->points : Points());
+  }
+  return *merged_->job;
+}
+
+const MorphJob& MorphJob::of(const MorphResult& result) const {
+  return result.is_base_merged ? *merged_->job : *this;
 }
 
 DeformationTerms MorphJob::deformation(const MorphResult& result) const {

@@ -137,7 +137,9 @@ struct PipelineReport {
 
 /// A morphed mesh.
 struct MorphResult {
-  Points positions;  ///< N x 3, in the mesh's unit
+  std::optional<CadModel> variant;  ///< the model matched: the one given, or its faces merged
+  bool is_base_merged = false;      ///< see MorphJob::of
+  Points positions;                 ///< N x 3, in the mesh's unit
   QualityReport quality;
   ValidityReport validity;
   TopologyMatch match;
@@ -167,9 +169,10 @@ class MorphJob {
   ~MorphJob();
   MorphJob(MorphJob&&) noexcept;
 
-  /// Morphs the mesh onto `variant`. Inverted or poor elements are told in the report's outcome and
-  /// diagnosis, not thrown. Throws TopologyError when the models do not correspond, SolverError
-  /// when a system can't be solved.
+  /// Morphs the mesh onto `variant`. Faces that one exporter cut and the other did not are merged
+  /// (see merge_cut_faces), with a warning, unless a face map is given. Inverted or poor elements
+  /// are told in the report's outcome and diagnosis, not thrown. Throws TopologyError when the
+  /// models do not correspond, SolverError when a system can't be solved.
   MorphResult morph(const CadModel& variant) const;
 
   /// Morphs onto several variants at once, which share what their volume morphs have in common (see
@@ -187,6 +190,10 @@ class MorphJob {
   std::filesystem::path write(const MorphResult& result, const std::filesystem::path& output,
                               bool has_diagnostics = false) const;
 
+  /// The job whose base CAD and association a result tells of: this one, or one that it keeps of
+  /// the base CAD with its cut faces merged.
+  const MorphJob& of(const MorphResult& result) const;
+
   const CadModel& base() const;
   /// The deformation field of a result: what moves any other points as it moved the nodes, repair
   /// by optimisation apart, which has no field. Throws what record_deformation throws.
@@ -203,7 +210,13 @@ class MorphJob {
   const CacheReport& cache() const;
 
  private:
+  struct Merged;
+
+  void morph_merged(const CadModel& variant, MorphAttempt& refused) const;
+  const MorphJob& merged_job(const CadModel& merged_base) const;
+
   std::unique_ptr<const MorphBase> base_;
+  std::unique_ptr<Merged> merged_;
 };
 
 /// Largest memory of this process so far, bytes.
@@ -215,8 +228,7 @@ struct MorphFiles {
   std::vector<std::filesystem::path> via = {};  ///< CAD models on the way, in order
 
   /// Called with the result before it is written: for what shows more than the figures.
-  std::function<void(const MorphJob& job, const CadModel& variant, const MorphResult& result)>
-      on_result = {};
+  std::function<void(const MorphJob& job, const MorphResult& result)> on_result = {};
 
   /// Called with the result of each morph of the series, unless it was refused.
   std::function<void(const MorphJob& job, const MorphResult& result)> on_leg = {};

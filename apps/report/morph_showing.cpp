@@ -30,11 +30,10 @@ bool try_to_write(const std::filesystem::path& file, const std::string& text, Sh
 
 }  // namespace
 
-void MorphShowing::collect(const MorphJob& job, const CadModel& variant,
-                           const MorphResult& result) {
+void MorphShowing::collect(const MorphJob& job, const MorphResult& result) {
   try {
     draw(job, result);
-    if (!files_.report.empty()) describe(job, variant, result);
+    if (!files_.report.empty()) describe(job, result);
   } catch (const std::exception& error) {
     failure_ = error.what();
   }
@@ -57,13 +56,12 @@ void MorphShowing::draw(const MorphJob& job, const MorphResult& result) {
   drawing_.emplace(drawn, std::move(pictures));
 }
 
-void MorphShowing::describe(const MorphJob& job, const CadModel& variant,
-                            const MorphResult& result) {
+void MorphShowing::describe(const MorphJob& job, const MorphResult& result) {
   contents_.pictured_base = result.report.base_cad.file;
   contents_.pictured_move = result.report.max_displacement;
   contents_.details = gather_details(job, result);
-  contents_.matches = match_tables(job.base(), variant, result.match);
-  for (const CadFace& face : variant.faces())
+  contents_.matches = match_tables(job.base(), *result.variant, result.match);
+  for (const CadFace& face : result.variant->faces())
     contents_.variant_face_types.emplace_back(to_string(face.type));
   const nlohmann::ordered_json surface = surface_data(job, result);
   contents_.surface = surface.dump();

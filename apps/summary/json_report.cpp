@@ -233,6 +233,8 @@ std::string match_json(const CadModel& base, const CadModel& variant, const Topo
   json["variant"] = variant.file_name();
   json["how"] = match.how;
   json["scale"] = json_number(match.alignment.scale);
+  json["merged_faces"] = {{"base", base.merged_face_count()},
+                          {"variant", variant.merged_face_count()}};
   Json faces = Json::array();
   for (std::size_t f = 0; f < match.faces.size(); ++f)
     faces.push_back({{"base", f + 1},

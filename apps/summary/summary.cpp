@@ -361,6 +361,11 @@ std::string match_text(const CadModel& base, const CadModel& variant, const Topo
   text += labelled("Matched by", match.how);
   text += labelled("Counts", format("%zu faces, %zu edges, %zu vertices (seams not counted)",
                                     match.faces.size(), match.curves.size(), match.corners.size()));
+  if (base.merged_face_count() + variant.merged_face_count() > 0)
+    text +=
+        labelled("Merged", format("%d faces of the base and %d of the variant with others of the "
+                                  "same surface",
+                                  base.merged_face_count(), variant.merged_face_count()));
   std::vector<Row> rows = {{"base face", "type", "variant face", "type", "confidence", "name"}};
   for (std::size_t f = 0; f < match.faces.size(); ++f) {
     const CadFace& from = base.faces()[f];

@@ -38,6 +38,7 @@
 #include <Message_Messenger.hxx>
 #include <STEPControl_Reader.hxx>
 #include <STEPControl_Writer.hxx>
+#include <ShapeUpgrade_ShapeDivideClosed.hxx>
 #include <TColStd_Array1OfReal.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
@@ -466,6 +467,12 @@ TopoDS_Shape transformed(const TopoDS_Shape& shape, const gp_GTrsf& map) {
 
 TopoDS_Shape to_nurbs(const TopoDS_Shape& shape) {
   return BRepBuilderAPI_NurbsConvert(shape, true).Shape();
+}
+
+TopoDS_Shape with_cut_faces(const TopoDS_Shape& shape) {
+  ShapeUpgrade_ShapeDivideClosed cutter(shape);
+  cutter.Perform();
+  return cutter.Result();
 }
 
 TopoDS_Shape with_moved_poles(const TopoDS_Shape& nurbs, const PointMap& map, int spans) {

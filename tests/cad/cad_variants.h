@@ -54,6 +54,9 @@ TopoDS_Shape transformed(const TopoDS_Shape& shape, const gp_Trsf& map);
 TopoDS_Shape transformed(const TopoDS_Shape& shape, const gp_GTrsf& map);
 TopoDS_Shape to_nurbs(const TopoDS_Shape& shape);
 
+/// Closed faces cut in halves, as some exporters write them.
+TopoDS_Shape with_cut_faces(const TopoDS_Shape& shape);
+
 /// Moves all control points of a NURBS-converted shape (after refining each to degree 3 in `spans`
 /// spans when that is not 0). Pcurves stay, so S'(u, v) is the place of S(u, v). The map must carry
 /// shared edges consistently.

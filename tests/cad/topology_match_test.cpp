@@ -1,6 +1,7 @@
 #include "cad/topology_match.h"
 
 #include <BRepAlgoAPI_Cut.hxx>
+#include <BRepAlgoAPI_Fuse.hxx>
 #include <BRepBuilderAPI_Copy.hxx>
 #include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
@@ -10,6 +11,7 @@
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <TopoDS_Edge.hxx>
+#include <TopoDS_Face.hxx>
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>
@@ -20,6 +22,7 @@
 #include <set>
 #include <sstream>
 
+#include "cad/brep_builder.h"
 #include "cad/step_reader.h"
 #include "cad_variants.h"
 #include "core/errors.h"
@@ -406,6 +409,43 @@ TEST_CASE("a removed fillet is refused and named", "[cad][match][errors]") {
   CHECK_THROWS_AS(match_topology(base, variant), TopologyError);
   CHECK_THAT(refusal(base, variant), Contains("base face"));
   CHECK_THAT(refusal(base, variant), Contains("cylinder"));
+}
+
+TEST_CASE("faces that both exporters cut are merged with those that one of them cut",
+          "[cad][match]") {
+  // Two boxes side by side leave a cut through four sides of the one they make together.
+  const TopoDS_Shape left = BRepPrimAPI_MakeBox(20, 20, 20).Solid();
+  const TopoDS_Shape right = BRepPrimAPI_MakeBox(gp_Pnt(20, 0, 0), gp_Pnt(50, 20, 20)).Solid();
+  const TopoDS_Shape joined = BRepAlgoAPI_Fuse(left, right).Shape();
+  const TopoDS_Shape pin = BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(50, 10, 10), gp::DX()), 5, 8);
+  const TopoDS_Shape whole = BRepAlgoAPI_Fuse(joined, pin).Shape();
+  const CadModel plain = to_model(whole), cut = to_model(with_cut_faces(whole));
+  REQUIRE(plain.faces().size() == 6 + 4 + 2);
+  REQUIRE(cut.faces().size() == plain.faces().size() + 1);
+  const auto pair = merge_cut_faces(plain, cut);
+  REQUIRE(pair);
+  CHECK(pair->base.faces().size() == 8);
+  CHECK(pair->base.merged_face_count() == 4);
+  CHECK(pair->variant.merged_face_count() == 5);
+  CHECK_NOTHROW(match_topology(pair->base, pair->variant));
+}
+
+TEST_CASE("merged faces leave the names of the others", "[cad][match]") {
+  const TopoDS_Shape whole = read_shape(model_file("shapes/stepped_shaft.step"));
+  int count = 0;
+  const auto name = [&](const TopoDS_Face&) { return "face " + std::to_string(++count); };
+  const CadModel cut = build_model(with_cut_faces(whole), {"memory", "MM", name});
+  const auto merged = cut.with_merged_faces();
+  REQUIRE(merged);
+  for (const CadFace& face : merged->faces())
+    CHECK(face.name.empty() == (face.type != SurfaceType::Plane));
+}
+
+TEST_CASE("a change of the topology is no matter of merging", "[cad][match][errors]") {
+  const CadModel base = to_model(BRepPrimAPI_MakeBox(40, 30, 20).Solid());
+  const CadModel drilled = to_model(drilled_plate(40, 30, 20, 3, {{10, 10}}));
+  CHECK_FALSE(base.with_merged_faces());
+  CHECK_FALSE(merge_cut_faces(base, drilled));
 }
 
 TEST_CASE("the shells of solids match them", "[cad][match]") {

@@ -4,6 +4,7 @@
 
 #include "cad/step_reader.h"
 #include "cad/topology_match.h"
+#include "core/errors.h"
 #include "morph_case.h"
 #include "warped_shape.h"
 
@@ -164,6 +165,32 @@ TEST_CASE("a shuffled part survives a trip through STEP", "[surface][re-export]"
       CHECK(largest_difference(m.points, c.mesh.points) <= kKnown * c.diagonal);
     }
   }
+}
+
+TEST_CASE("closed faces that one exporter cut in halves leave every node in place",
+          "[surface][re-export][seam]") {
+  for (const std::string name : {"cylinder", "cone", "cone_frustum", "sphere", "stepped_shaft",
+                                 "plate_12_holes", "sphere_in_box"})
+    for (const bool is_base_cut : {false, true}) {
+      DYNAMIC_SECTION(name << (is_base_cut ? ", base cut" : ", variant cut")) {
+        const TopoDS_Shape whole = read_shape(model_file("shapes/" + name + ".step"));
+        const CadModel plain = to_model(whole), cut = through_step(with_cut_faces(whole));
+        REQUIRE(cut.faces().size() > plain.faces().size());
+        REQUIRE_THROWS_AS(match_topology(plain, cut), TopologyError);
+        const auto pair = is_base_cut ? merge_cut_faces(cut, plain) : merge_cut_faces(plain, cut);
+        REQUIRE(pair);
+        CHECK((is_base_cut ? pair->base : pair->variant).merged_face_count() > 0);
+        CHECK((is_base_cut ? pair->variant : pair->base).merged_face_count() == 0);
+        const MorphCase c = model_case(pair->base, "shapes/" + name + ".vtu");
+        const Morphed m = morph(c, pair->variant);
+        CHECK(largest_difference(m.points, c.mesh.points) <= kKnown * c.diagonal);
+      }
+    }
+}
+
+TEST_CASE("pieces of a closed face that OCCT can't merge are no failure", "[surface][re-export]") {
+  const TopoDS_Shape torus = read_shape(model_file("shapes/torus.step"));
+  CHECK_FALSE(merge_cut_faces(to_model(torus), to_model(with_cut_faces(torus))));
 }
 
 TEST_CASE("seams turned about the axis leave every node in place", "[surface][re-export][seam]") {
