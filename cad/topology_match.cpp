@@ -1,9 +1,11 @@
 #include "cad/topology_match.h"
 
 #include <algorithm>
+#include <cctype>
 #include <fstream>
 #include <map>
 #include <sstream>
+#include <string_view>
 
 #include "cad/match_choice.h"
 #include "cad/match_refusal.h"
@@ -15,6 +17,7 @@ namespace {
 
 // Names give way where they make the motion of the entities this much rougher, in diagonals.
 constexpr double kRougher = 3, kSmooth = 1e-3;
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
 void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOptions& options,
                  ColourRefinement& colours) {
@@ -172,6 +175,7 @@ std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path
   std::vector<std::pair<int, int>> pairs;
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
+    if (number == 1 && line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
     line = line.substr(0, line.find('#'));
     std::replace(line.begin(), line.end(), ',', ' ');
     std::istringstream fields(line);
@@ -179,10 +183,15 @@ std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path
     std::string rest;
     if (fields >> base >> variant && !(fields >> rest)) {
       pairs.emplace_back(base, variant);
-    } else if (line.find_first_not_of(" \t\r") != std::string::npos && number > 1) {
+      continue;
+    }
+    const auto start = line.find_first_not_of(" \t\r");
+    if (start == std::string::npos) continue;
+    const bool is_header =
+        number == 1 && std::isdigit(static_cast<unsigned char>(line[start])) == 0;
+    if (!is_header)
       throw InvalidInputError(path.string() + ":" + std::to_string(number) +
                               ": expected two face numbers 'base,variant'.");
-    }
   }
   return pairs;
 }

@@ -10,6 +10,9 @@
 namespace cadmorph {
 namespace {
 
+constexpr double kWrongPairs =
+    0.05;  // of all cells bad: more than a large change inverts as a rule
+
 std::vector<Index> sorted_union(const std::vector<Index>& a, const std::vector<Index>& b) {
   std::vector<Index> result;
   std::ranges::set_union(a, b, std::back_inserter(result));
@@ -58,6 +61,12 @@ Index held_among(const std::vector<Index>& inverted, const MorphBase& base, cons
 
 std::vector<std::string> advice(const PipelineOptions& options, const PipelineReport& figures) {
   std::vector<std::string> lines;
+  if (static_cast<double>(figures.diagnosis->bad_cells) >
+      kWrongPairs * static_cast<double>(figures.cells))
+    lines.push_back(
+        "look at the pairs of faces ('cadmorph match'): so many cells invert where faces are "
+        "paired "
+        "wrongly (set pairs by --map), or the variant is a mirror image");
   if (figures.diagnosis->bad_in_base > 0)
     lines.push_back("repair the input mesh: " + std::to_string(figures.diagnosis->bad_in_base) +
                     " of these cells are inverted in it already");

@@ -72,6 +72,16 @@ TEST_CASE("Variants morphed together are to the last bit as if alone", "[apps][p
   CHECK(job.morph_each({}).empty());
 }
 
+TEST_CASE("Where much inverts, the pairs of faces are named as a cause", "[apps][pipeline]") {
+  const Workplace place;
+  const std::string plate = source_file("models/shapes/plate_4_holes").string();
+  place.write("swapped.csv", "7,8\n8,7\n");  // two holes
+  const RunResult run = place.run(plate + ".step " + plate + "_variant.step " + plate +
+                                  ".vtu -o out.vtu --map swapped.csv");
+  CHECK(run.exit_code == 5);
+  CHECK_THAT(run.err, Catch::Matchers::Contains("look at the pairs of faces"));
+}
+
 TEST_CASE("A refused result names its worst cell and the face beside it", "[apps][pipeline]") {
   const Workplace place;
   // A cell of poor shape at the side x = 0, in the middle of y and z.

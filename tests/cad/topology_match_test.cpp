@@ -388,6 +388,17 @@ TEST_CASE("a bad face map file is refused with its line", "[cad][match][errors]"
   std::ofstream(file.path()) << "1,2\n3,four\n";
   CHECK_THROWS_AS(read_face_map(file.path()), InvalidInputError);
   CHECK_THROWS_WITH(read_face_map(file.path()), Contains(":2"));
+  std::ofstream(file.path()) << "1;2\n3,4\n";
+  CHECK_THROWS_WITH(read_face_map(file.path()), Contains(":1"));
+}
+
+TEST_CASE("a face map that a spreadsheet saved is read", "[cad][match]") {
+  const TemporaryFile file(".csv");
+  const std::vector<std::pair<int, int>> expected = {{1, 2}, {3, 4}};
+  for (const std::string header : {"", "base,variant\r\n"}) {
+    std::ofstream(file.path()) << "\xEF\xBB\xBF" << header << "1,2\r\n3,4\r\n";
+    CHECK(read_face_map(file.path()) == expected);
+  }
 }
 
 TEST_CASE("an added hole is refused and named", "[cad][match][errors]") {
