@@ -18,6 +18,7 @@ struct SlidePlace {
 /// unit: (0, 0) is where the node starts, where its tangents are orthonormal.
 struct SlidingNodes {
   std::vector<Index> nodes;  ///< ids, ascending
+  RowMatrix slides;          ///< K x 2: the coordinates where they are now
 
   /// The place of nodes[i] at `slide`; of any number of threads at once.
   std::function<SlidePlace(Index i, const Eigen::Vector2d& slide)> at;

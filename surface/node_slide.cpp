@@ -120,6 +120,7 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
     result.nodes.push_back(boundary.nodes[row]);
     sliders->push_back(std::move(slider));
   }
+  result.slides = RowMatrix::Zero(static_cast<Index>(result.nodes.size()), 2);
   const auto uv_at = [sliders, unit](Index i, const Vector2d& slide) -> Vector2d {
     const Slider& slider = (*sliders)[i];
     return slider.uv + slider.to_uv * (unit * slide);

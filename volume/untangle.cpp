@@ -135,7 +135,7 @@ class Repair {
         positions_(positions) {
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
-    slides_ = RowMatrix::Zero(static_cast<Index>(options.sliding->nodes.size()), 2);
+    slides_ = options.sliding->slides;
   }
 
   void run(UntangleReport& report) {
@@ -155,6 +155,7 @@ class Repair {
   }
 
   const Points& positions() const { return positions_; }
+  const RowMatrix& slides() const { return slides_; }
 
  private:
   bool is_held(Index c) const {
@@ -217,7 +218,7 @@ class Repair {
   NodeCells incidence_;
   std::vector<char> is_fixed_;
   Points positions_;
-  RowMatrix slides_;  ///< of SlidingNodes::nodes, from where they started
+  RowMatrix slides_;  ///< of SlidingNodes::nodes
 };
 
 }  // namespace
@@ -227,7 +228,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
                         const UntangleOptions& options) {
   check_sizes(mesh, positions, is_fixed);
   const auto start = std::chrono::steady_clock::now();
-  UntangleResult result{positions, {}};
+  UntangleResult result{positions, options.sliding ? options.sliding->slides : RowMatrix(), {}};
   UntangleReport& report = result.report;
   report.validity = check_validity(mesh, positions, orientation);
   report.before = report.validity.invalid;
@@ -235,6 +236,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     Repair repair(mesh, positions, is_fixed, orientation, options);
     repair.run(report);
     result.positions = repair.positions();
+    result.slides = repair.slides();
   }
   report.after = report.validity.invalid;
   report.max_move = (result.positions - positions).rowwise().norm().maxCoeff();

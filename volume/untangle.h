@@ -26,7 +26,7 @@ struct UntangleReport {
   Index before = 0;  ///< invalid cells
   Index after = 0;
   Index moved_nodes = 0;  ///< free nodes of the last neighbourhood
-  Index slid_nodes = 0;   ///< sliding ones that moved
+  Index slid_nodes = 0;   ///< sliding ones that are not where they started
   int rings = 0;          ///< size of the last neighbourhood
   double max_move = 0;    ///< largest change of a node's position, in the mesh's unit
   double seconds = 0;
@@ -35,6 +35,7 @@ struct UntangleReport {
 
 struct UntangleResult {
   Points positions;
+  RowMatrix slides;  ///< of the sliding nodes: SlidingNodes::slides after the repair
   UntangleReport report;
 };
 

@@ -1,6 +1,7 @@
 #include "apps/pipeline/volume_stage.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "apps/pipeline/refusal.h"
@@ -77,17 +78,36 @@ void settle_slid_nodes(const MorphBase& base, MorphResult& result) {
       surface.distance[i] -= std::exchange(surface.beyond_wires[i], 0);
 }
 
+// The surface's nodes that slide, set up when first asked for.
+class Sliding {
+ public:
+  Sliding(const MorphBase& base, const CadModel& variant, const SurfaceMorphResult& surface)
+      : base_(base), variant_(variant), surface_(surface) {}
+
+  const SlidingNodes* nodes() {
+    if (!nodes_)
+      nodes_ = slide_on_cad(variant_, base_.surface->association(), base_.boundary, surface_);
+    return &*nodes_;
+  }
+
+  void move_to(RowMatrix slides) { nodes_->slides = std::move(slides); }
+
+ private:
+  const MorphBase& base_;
+  const CadModel& variant_;
+  const SurfaceMorphResult& surface_;
+  std::optional<SlidingNodes> nodes_;
+};
+
 // Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
-void slide_surface(const MorphBase& base, const CadModel& variant, MorphResult& result) {
+void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   const auto& left = result.validity.invalid_cells;
   if (base.options.untangle == UntangleMode::Never ||
       std::ranges::includes(base.validity.invalid_cells, left))  // for the input mesh to repair
     return;
-  const SlidingNodes sliding =
-      slide_on_cad(variant, base.surface->association(), base.boundary, result.surface);
   UntangleOptions how;
   how.progress = base.options.progress;
-  how.sliding = &sliding;
+  how.sliding = sliding.nodes();
   how.rings = 1;  // surface nodes stay where the CAD's parameters put them, but where they can't
   how.attempts = 6;
   UntangleResult repaired =
@@ -98,17 +118,18 @@ void slide_surface(const MorphBase& base, const CadModel& variant, MorphResult& 
   result.report.untangling = repaired.report;
   result.positions = std::move(repaired.positions);
   result.validity = std::move(repaired.report.validity);
+  sliding.move_to(std::move(repaired.slides));
   result.surface.folds.clear();
   settle_slid_nodes(base, result);
 }
 
 // Moves nodes near poor cells, the inner ones or those on CAD edges and faces, too. Returns whether
 // that lifts the worst cell; all stays as it was where it does not.
-bool raise(const MorphBase& base, const SlidingNodes* sliding, MorphResult& result) {
+bool raise(const MorphBase& base, Sliding* sliding, MorphResult& result) {
   UntangleOptions how;
   how.progress = base.options.progress;
   how.attempts = 1;
-  how.sliding = sliding;
+  if (sliding) how.sliding = sliding->nodes();
   how.poor_cells = cells_below(*base.options.improve_below, result.quality);
   UntangleResult improved =
       untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
@@ -118,12 +139,13 @@ bool raise(const MorphBase& base, const SlidingNodes* sliding, MorphResult& resu
   result.positions = std::move(improved.positions);
   result.quality = std::move(now);
   result.report.improving->slid_nodes = improved.report.slid_nodes;
+  if (sliding) sliding->move_to(std::move(improved.slides));
   return true;
 }
 
 // Raises poor cells: by the inner nodes, then where that does not do by those on CAD edges and
 // faces, too.
-void improve_result(const MorphBase& base, const CadModel& variant, MorphResult& result) {
+void improve_result(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   if (!base.options.improve_below || result.validity.invalid > 0) return;
   const double below = *base.options.improve_below;
   const auto poor = [&] { return static_cast<Index>(cells_below(below, result.quality).size()); };
@@ -133,19 +155,14 @@ void improve_result(const MorphBase& base, const CadModel& variant, MorphResult&
   report.poor_before = poor();
   report.min_before = result.quality.min;
   raise(base, nullptr, result);
-  const bool has_slid = result.report.untangling && result.report.untangling->slid_nodes > 0;
-  if (poor() > 0 && !has_slid) {
-    const SlidingNodes sliding =
-        slide_on_cad(variant, base.surface->association(), base.boundary, result.surface);
-    if (raise(base, &sliding, result)) settle_slid_nodes(base, result);
-  }
+  if (poor() > 0 && raise(base, &sliding, result)) settle_slid_nodes(base, result);
   report.poor_after = poor();
   report.min_after = result.quality.min;
 }
 
-void measure(const MorphBase& base, const CadModel& variant, MorphResult& result) {
+void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
-  improve_result(base, variant, result);
+  improve_result(base, sliding, result);
   PipelineReport& figures = result.report;
   set_quality(figures.after, result.quality, result.validity,
               check_quality(base.mesh(), result.positions, base.neighbours, base.orientation));
@@ -189,9 +206,10 @@ void finish(const MorphBase& base, const CadModel& variant, MorphResult& result,
             VolumeMorphResult* one_step) {
   PhaseClock clock(base.options.progress);
   morph_volume(base, clock, result, one_step);
-  slide_surface(base, variant, result);
+  Sliding sliding(base, variant, result.surface);
+  slide_surface(base, sliding, result);
   clock.start("quality after");
-  measure(base, variant, result);
+  measure(base, sliding, result);
   describe_surface(base, result);
   for (const PhaseTime& phase : clock.phases()) result.report.phases.push_back(phase);
 }

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "../core/sample_meshes.h"
+#include "core/quality.h"
 #include "volume/distortion.h"
 #include "volume/untangle.h"
 #include "volume_meshes.h"
@@ -50,6 +51,7 @@ struct RoofedCube {
   SlidingNodes sliding(const Points& start) const {
     SlidingNodes result;
     result.nodes = roof_nodes;
+    result.slides = RowMatrix::Zero(static_cast<Index>(roof_nodes.size()), 2);
     const auto at = [this, start](Index i, const Vector2d& slide) -> Vector2d {
       return start.row(roof_nodes[i]).head<2>().transpose() + slide;
     };
@@ -101,6 +103,31 @@ TEST_CASE("Facets that a surface folds are mended by nodes that slide on it",
           CHECK(x == start.row(n));
       }
     }
+}
+
+TEST_CASE("A further repair goes on from where nodes have slid", "[volume][untangle]") {
+  const RoofedCube c(CellType::Tetra, 4);
+  const Points start = c.shaken_roof(0.3, 1);
+  SlidingNodes sliding = c.sliding(start);
+  UntangleOptions options;
+  options.sliding = &sliding;
+  const UntangleResult first = untangle(c.mesh, start, c.is_fixed, c.orientation, options);
+  REQUIRE(first.report.after == 0);
+  sliding.slides = first.slides;
+  const auto least = [&](const Points& positions) {
+    return measure_quality(c.mesh, positions, c.orientation).min;
+  };
+  for (Index cell = 0; cell < c.mesh.cell_count(); ++cell) options.poor_cells.push_back(cell);
+  options.attempts = 1;
+  const UntangleResult second =
+      untangle(c.mesh, first.positions, c.is_fixed, c.orientation, options);
+  CHECK(least(second.positions) >= least(first.positions));
+  for (std::size_t i = 0; i < c.roof_nodes.size(); ++i) {
+    const Vector3d x = second.positions.row(c.roof_nodes[i]);
+    CHECK((x - roof(x[0], x[1])).norm() < 1e-14);
+    const Vector2d from = start.row(c.roof_nodes[i]).head<2>();
+    CHECK((x.head<2>() - from - second.slides.row(i).transpose()).norm() < 1e-12);
+  }
 }
 
 TEST_CASE("Nodes do not slide beyond their surface", "[volume][untangle]") {
