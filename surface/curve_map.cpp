@@ -16,7 +16,7 @@ constexpr int kPhases = 96;
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
 constexpr double kSameForm = 1e-4;   // of the curve's length: room for its sampling
-constexpr double kLikeForm = 1e-2;   // of the curve's length
+constexpr double kLikeForm = 5e-2;   // of the curve's length
 constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
@@ -268,7 +268,8 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
     const Way back = best_phase(true);
     if (deviation(back) < deviation(least_motion_)) least_motion_ = back;
   }
-  if (!has_equal_links && !has_equal_range()) return least_motion_;
+  is_by_least_motion_ = !has_equal_links && !has_equal_range();
+  if (is_by_least_motion_) return least_motion_;
   const Way trusted = has_equal_links ? best_shift() : best_start();
   const double change = change_of_form(least_motion_) / variant_.length();
   if (change > kLikeForm) return trusted;

@@ -32,6 +32,9 @@ class CurveMap {
   /// length (0, 1/2] turns; nullopt for other curves.
   const std::optional<Eigen::Vector3d>& turn() const { return turn_; }
 
+  /// A closed curve in the phase of least motion, for its parameters tell nothing.
+  bool is_by_least_motion() const { return is_by_least_motion_; }
+
   /// Of a curve with a turn(): it kept its form to the digits of its sampling.
   bool keeps_form() const { return keeps_form_; }
 
@@ -49,7 +52,10 @@ class CurveMap {
   Eigen::Vector2d moved_beyond(const Similarity& motion) const;
 
   /// Takes the phase of least motion: the start of the parametrisation moved, not the part.
-  void take_least_motion() { way_ = least_motion_; }
+  void take_least_motion() {
+    way_ = least_motion_;
+    if (turn_) turn_->setZero();
+  }
 
  private:
   enum class Mode { Parameter, Range, Length, Nearest };
@@ -90,7 +96,7 @@ class CurveMap {
   std::vector<Eigen::Vector3d> predicted_;  // of the probes
   Way way_, least_motion_;
   std::optional<Eigen::Vector3d> turn_;
-  bool keeps_form_ = false;
+  bool keeps_form_ = false, is_by_least_motion_ = false;
 };
 
 }  // namespace cadmorph

@@ -21,10 +21,10 @@ constexpr double kAlike = 0.985, kUnlike = 0.866;                     // cosines
 
 class MovedSeams {
  public:
-  MovedSeams(const CadModel& base, const Similarity& alignment, std::vector<CurveMap>& maps)
-      : base_(base), alignment_(alignment), maps_(maps), curves_of_face_(base.faces().size()) {
+  MovedSeams(const ModelPair& pair, std::vector<CurveMap>& maps)
+      : pair_(pair), base_(pair.base), maps_(maps), curves_of_face_(pair.base.faces().size()) {
     for (int c = 0; c < static_cast<int>(maps.size()); ++c)
-      for (const int f : base.skeleton().curves[c].faces)
+      for (const int f : base_.skeleton().curves[c].faces)
         if (curves_of_face_[f].empty() || curves_of_face_[f].back() != c)
           curves_of_face_[f].push_back(c);
   }
@@ -44,9 +44,74 @@ class MovedSeams {
                neighbours_contradict(linked))
         take_least_motion(linked);
     }
+    while (undo_twists()) {
+    }
   }
 
  private:
+  // Cylinders and cones have straight seams: where both models have one, its ends turn alike. Where
+  // they do not, some were started elsewhere. Returns whether a curve changed.
+  bool undo_twists() {
+    bool is_any = false;
+    for (int f = 0; f < static_cast<int>(curves_of_face_.size()); ++f) {
+      if (!is_straight(base_.faces()[f]) ||
+          !is_straight(pair_.variant.faces()[pair_.match.faces[f]]))
+        continue;
+      std::vector<int> turning, still;
+      for (const int c : curves_at_seam(f))
+        if (is_turning(c))
+          turning.push_back(c);
+        else if (maps_[c].turn() || maps_[c].is_by_least_motion())
+          still.push_back(c);
+      if (turning.empty() || (still.empty() && turns_as_one(turning, kLikeTurn)) ||
+          !moves_needlessly(turning))
+        continue;
+      take_least_motion(turning);
+      is_any = true;
+    }
+    return is_any;
+  }
+
+  static bool is_straight(const CadFace& face) {
+    return face.type == SurfaceType::Cylinder || face.type == SurfaceType::Cone;
+  }
+
+  bool is_turning(int c) const { return maps_[c].turn() && maps_[c].turn()->norm() > kLeastTurn; }
+
+  // Curves that share a face with some of those, ascending.
+  std::set<int> neighbours(const std::vector<int>& curves) const {
+    std::set<int> beside;
+    for (const int c : curves)
+      for (const int f : base_.skeleton().curves[c].faces)
+        beside.insert(curves_of_face_[f].begin(), curves_of_face_[f].end());
+    for (const int c : curves) beside.erase(c);
+    return beside;
+  }
+
+  // Closed curves of a face that start where a seam of its own ends, ascending.
+  std::vector<int> curves_at_seam(int face) const {
+    std::vector<int> ends;
+    for (const auto& wire : base_.faces()[face].wires)
+      for (const int coedge : wire) {
+        const CadEdge& edge = base_.edges()[base_.coedges()[coedge].edge];
+        if (!edge.is_seam) continue;
+        for (const int c : curves_of_face_[face])
+          if (base_.skeleton().curves[c].is_closed() &&
+              (runs_through(c, edge.start) || runs_through(c, edge.end)))
+            ends.push_back(c);
+      }
+    std::ranges::sort(ends);
+    ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+    return ends;
+  }
+
+  bool runs_through(int curve, int vertex) const {
+    return std::ranges::any_of(base_.skeleton().curves[curve].links, [&](const CurveLink& link) {
+      const CadEdge& edge = base_.edges()[link.edge];
+      return vertex >= 0 && (edge.start == vertex || edge.end == vertex);
+    });
+  }
+
   // Closed curves that are linked by the faces which close on themselves between them, seam to
   // seam: a seam that moved moves where all of them start. A ring between two closed curves links
   // them where they turn nearly alike: not the seams, but the part does that.
@@ -54,9 +119,10 @@ class MovedSeams {
     std::vector<int> group(maps_.size());
     std::iota(group.begin(), group.end(), 0);
     for (std::size_t f = 0; f < curves_of_face_.size(); ++f) {
-      const std::vector<int>& around = curves_of_face_[f];
       const bool closes = !base_.faces()[f].period.isZero(0);
-      if (!closes && !is_ring(around)) continue;
+      if (!closes && !is_ring(curves_of_face_[f])) continue;
+      const std::vector<int> around =
+          closes ? curves_at_seam(static_cast<int>(f)) : curves_of_face_[f];
       int first = -1;
       for (const int c : around) {
         if (!maps_[c].turn()) continue;
@@ -79,9 +145,11 @@ class MovedSeams {
     return difference(a, b) < kFollows * std::max(a.norm(), b.norm());
   }
 
-  // A turn is also the one the other way round.
+  // Of turns, whose axes may differ: a tube may end obliquely. A turn is also the one the other way
+  // round.
   static double difference(const Vector3d& a, const Vector3d& b) {
-    return std::min((a - b).norm(), (a - b - a.normalized()).norm());
+    const double difference = a.norm() - std::copysign(b.norm(), a.dot(b));
+    return std::abs(difference - std::round(difference));
   }
 
   void take_least_motion(const std::vector<int>& curves) {
@@ -102,30 +170,29 @@ class MovedSeams {
     Vector2d in_place = Vector2d::Zero(), with_part = in_place;
     for (const int c : linked) {
       in_place += maps_[c].moved_beyond(Similarity{});
-      with_part += maps_[c].moved_beyond(alignment_);
+      with_part += maps_[c].moved_beyond(pair_.match.alignment);
     }
     const Vector2d moved = in_place.cwiseMin(with_part);
     return moved[0] > moved[1];
   }
 
-  // How far the curves between corners round about turned, whose motion is certain, and how far the
-  // linked ones do: cosines and sines of the angles, times positive numbers.
+  // How far the curves round about turned whose motion is certain, between corners or closed ones
+  // that don't turn, and how far the linked ones do: cosines and sines of the angles, times
+  // positive numbers.
   struct Spins {
     Vector2d certain, by_parameter, by_least;
   };
 
   Spins spins(const std::vector<int>& linked) const {
     const Vector3d axis = maps_[linked.front()].turn()->normalized();
-    std::set<int> beside;
     Spins sums{Vector2d::Zero(), Vector2d::Zero(), Vector2d::Zero()};
     for (const int c : linked) {
       sums.by_parameter += maps_[c].spin(axis);
       sums.by_least += maps_[c].spin_of_least_motion(axis);
-      for (const int f : base_.skeleton().curves[c].faces)
-        for (const int other : curves_of_face_[f])
-          if (!base_.skeleton().curves[other].is_closed()) beside.insert(other);
     }
-    for (const int c : beside) sums.certain += maps_[c].spin(axis);
+    for (const int c : neighbours(linked))
+      if (!base_.skeleton().curves[c].is_closed() || (maps_[c].turn() && !is_turning(c)))
+        sums.certain += maps_[c].spin(axis);
     return sums;
   }
 
@@ -149,8 +216,8 @@ class MovedSeams {
            cosine(s.certain, s.by_parameter) < kUnlike;
   }
 
+  const ModelPair& pair_;
   const CadModel& base_;
-  const Similarity& alignment_;
   std::vector<CurveMap>& maps_;
   std::vector<std::vector<int>> curves_of_face_;
 };
@@ -166,7 +233,7 @@ std::vector<CurveMap> map_curves(const ModelPair& pair) {
   });
   std::vector<CurveMap> maps;
   for (auto& map : made) maps.push_back(std::move(*map));
-  MovedSeams(pair.base, pair.match.alignment, maps).undo();
+  MovedSeams(pair, maps).undo();
   return maps;
 }
 

@@ -1,4 +1,5 @@
 #include <BRepAlgoAPI_Cut.hxx>
+#include <BRepAlgoAPI_Fuse.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
@@ -54,6 +55,14 @@ TopoDS_Shape disc_with_bore(double eccentricity) {
   return BRepAlgoAPI_Cut(BRepPrimAPI_MakeCylinder(30, 10).Solid(),
                          BRepPrimAPI_MakeCylinder(axis, 12, 12).Solid())
       .Shape();
+}
+
+/// A cylinder through the origin at an angle to z in the x-z plane, its seam turned about its axis.
+TopoDS_Shape tilted_tube(double radius, double depth, double length, double tilt, double seam) {
+  const gp_Dir axis(std::sin(tilt), 0, std::cos(tilt));
+  const gp_Pnt start = point(Vector3d(-depth * axis.X(), 0, -depth * axis.Z()));
+  const gp_Dir to_seam = gp_Dir(0, 1, 0).Rotated(gp_Ax1(start, axis), seam);
+  return BRepPrimAPI_MakeCylinder(gp_Ax2(start, axis, to_seam), radius, depth + length).Solid();
 }
 
 }  // namespace
@@ -120,4 +129,33 @@ TEST_CASE("closed faces without an edge are carried in one piece", "[surface][tu
       }
     }
   }
+}
+
+// Kernels choose where a cylinder's seam lies by its direction: it jumps where the tilt passes 45
+// degrees.
+TEST_CASE("tubes whose seams jump as they tilt are not turned", "[surface][turn][seam]") {
+  const TopoDS_Shape plate = BRepPrimAPI_MakeBox(gp_Pnt(-30, -20, -20), gp_Pnt(30, 20, 0)).Solid();
+  const gp_Ax2 along(gp_Pnt(-40, 0, 0), gp_Dir(1, 0, 0));
+  const TopoDS_Shape pipe = BRepPrimAPI_MakeCylinder(along, 12, 80).Solid();
+  const double from = 46 * pi / 180, length = 40;
+  const auto branched = [&](const TopoDS_Shape& body, double depth, double tilt, double seam) {
+    return BRepAlgoAPI_Fuse(body, tilted_tube(6, depth, length, tilt, seam)).Shape();
+  };
+  const auto drilled = [&](double tilt, double seam) {
+    return BRepAlgoAPI_Cut(plate, tilted_tube(4, 12, 15, pi - tilt, seam)).Shape();
+  };
+  for (const double to : {44 * pi / 180, 38 * pi / 180})
+    for (const double seam : {0.0, pi / 2, -pi / 2, pi}) {
+      CAPTURE(to, seam);
+      const double most = 1.5 * (from - to) * length;
+      const Change peg(branched(plate, 12, from, 0), branched(plate, 12, to, seam), 0.3);
+      CHECK(peg.largest_move() < most);
+      CHECK(peg.surface.folds.empty());
+      const Change tee(branched(pipe, 6, from, 0), branched(pipe, 6, to, seam), 0.3);
+      CHECK(tee.largest_move() < most);
+      CHECK(tee.surface.folds.empty());
+      const Change hole(drilled(from, 0), drilled(to, seam), 0.3);
+      CHECK(hole.largest_move() < most);
+      CHECK(hole.surface.folds.empty());
+    }
 }
