@@ -1,3 +1,6 @@
+#include <sys/mman.h>
+#include <unistd.h>
+
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -58,6 +61,36 @@ MatrixXd direct_sums(const Kernel& kernel, const MatrixXd& t, const MatrixXd& s,
       result.row(i) += kernel((t.row(i) - s.row(j)).norm()) * w.row(j);
   return result;
 }
+
+/// A matrix whose last number is the last of a page, with no page to read behind.
+class GuardedMatrix {
+ public:
+  GuardedMatrix(Eigen::Index rows, Eigen::Index columns)
+      : page_(static_cast<std::size_t>(sysconf(_SC_PAGESIZE))),
+        pages_(static_cast<std::size_t>(rows * columns) * sizeof(double) / page_ + 1),
+        memory_(mmap(nullptr, (pages_ + 1) * page_, PROT_READ | PROT_WRITE,
+                     MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)) {
+    REQUIRE(memory_ != MAP_FAILED);
+    char* const end = static_cast<char*>(memory_) + pages_ * page_;
+    REQUIRE(mprotect(end, page_, PROT_NONE) == 0);
+    map_ = {reinterpret_cast<double*>(end) - rows * columns, rows, columns};
+  }
+  ~GuardedMatrix() { munmap(memory_, (pages_ + 1) * page_); }
+  GuardedMatrix(const GuardedMatrix&) = delete;
+  GuardedMatrix& operator=(const GuardedMatrix&) = delete;
+
+  Eigen::Map<MatrixXd> operator()() const { return {map_.data, map_.rows, map_.columns}; }
+
+ private:
+  struct Place {
+    double* data;
+    Eigen::Index rows, columns;
+  };
+
+  std::size_t page_, pages_;
+  void* memory_;
+  Place map_{};
+};
 
 }  // namespace
 
@@ -132,6 +165,28 @@ TEST_CASE("vectorised sums equal plain ones on every instruction set", "[core][r
           REQUIRE((found - expected).cwiseAbs().maxCoeff() <
                   1e-13 * std::max(1.0, expected.cwiseAbs().maxCoeff()));
         }
+}
+
+TEST_CASE("sums read nothing beyond their points and weights", "[core][rbf]") {
+  for (const Kernel& kernel : kAll)
+    for (const InstructionSet set :
+         {InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512})
+      for (const int dimension : {1, 2, 3, 5})
+        for (const int count : {1, 2, 3, 5, 6, 7, 13})
+          for (const int columns : {1, 2, 3, 5}) {
+            const GuardedMatrix targets(count, dimension), sources(9, dimension),
+                weights(9, columns), out(count, columns);
+            targets() = MatrixXd::Random(count, dimension);
+            sources() = MatrixXd::Random(9, dimension);
+            weights() = MatrixXd::Random(9, columns);
+            out().setZero();
+            const KernelSum sum(kernel, 0, set);
+            sum.add(targets(), sources(), weights(), out());
+            const MatrixXd t = targets(), s = sources(), w = weights();
+            MatrixXd expected = MatrixXd::Zero(count, columns);
+            sum.add(t, s, w, expected);
+            CHECK(MatrixXd(out()) == expected);
+          }
 }
 
 TEST_CASE("a sum is the same whatever other columns are summed with it", "[core][rbf]") {
