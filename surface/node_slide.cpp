@@ -2,12 +2,15 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <utility>
 
 #include "cad/projector.h"
 #include "core/kd_tree.h"
+#include "surface/surface_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -134,6 +137,30 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
     return is_on_entity(variant, (*sliders)[i], uv_at(i, slide));
   };
   return result;
+}
+
+Index count_turned_facets(const Mesh& mesh, const Association& association,
+                          const Boundary& boundary, const SlidingNodes& sliding,
+                          const Points& positions, const RowMatrix& slides) {
+  const SurfaceMesh surface = make_surface_mesh(mesh, boundary, association.mesh_unit_mm);
+  const Points moved = positions(boundary.nodes, Eigen::all);
+  std::map<int, std::array<Index, 2>> sides;  // of a CAD face: facets that look to either
+  for (Index f = 0; f < boundary.facet_count(); ++f)
+    for (const int row : surface.facets[f]) {
+      const Index node = boundary.nodes[row];
+      const auto found = std::ranges::lower_bound(sliding.nodes, node);
+      if (association.dimension[row] != CadDimension::Face || found == sliding.nodes.end() ||
+          *found != node)
+        continue;
+      const Index i = found - sliding.nodes.begin();
+      const Tangents t = sliding.at(i, slides.row(i).transpose()).tangents;
+      const bool is_up = area_vector(surface, moved, f).dot(t.col(0).cross(t.col(1))) > 0;
+      ++sides[association.facet_face[f]][is_up ? 1 : 0];
+      break;
+    }
+  Index count = 0;
+  for (const auto& [face, side] : sides) count += std::min(side[0], side[1]);
+  return count;
 }
 
 }  // namespace cadmorph

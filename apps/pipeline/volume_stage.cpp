@@ -14,6 +14,7 @@ namespace {
 constexpr Index kFewCells = 10'000;
 // Surface nodes slide where that lifts the worst cell's quality by this factor.
 constexpr double kWorthSliding = 1.1;
+constexpr int kMostFirstRings = 4;
 
 SteppingOptions stepping(const MorphBase& base) {
   SteppingOptions result = base.options.stepping;
@@ -92,6 +93,12 @@ class Sliding {
 
   void move_to(RowMatrix slides) { nodes_->slides = std::move(slides); }
 
+  // Whether a repair slid nodes over each other, so that valid cells overlap.
+  bool is_folded(const UntangleResult& repaired) const {
+    return count_turned_facets(base_.mesh(), base_.surface->association(), base_.boundary, *nodes_,
+                               repaired.positions, repaired.slides) > 0;
+  }
+
  private:
   const MorphBase& base_;
   const CadModel& variant_;
@@ -108,11 +115,17 @@ void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result)
   UntangleOptions how;
   how.progress = base.options.progress;
   how.sliding = sliding.nodes();
-  how.rings = 1;  // surface nodes stay where the CAD's parameters put them, but where they can't
   how.attempts = 6;
-  UntangleResult repaired =
-      untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
-  if (repaired.report.after > 0) return;
+  std::optional<UntangleResult> found;
+  // Few rings first: surface nodes stay where the CAD's parameters put them, but where they can't.
+  for (how.rings = 1; !found && how.rings <= kMostFirstRings; how.rings *= 2) {
+    UntangleResult repaired =
+        untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
+    if (repaired.report.after > 0) return;
+    if (!sliding.is_folded(repaired)) found = std::move(repaired);
+  }
+  if (!found) return;
+  UntangleResult& repaired = *found;
   repaired.report.before = result.report.untangling->before;
   repaired.report.seconds += result.report.untangling->seconds;
   result.report.untangling = repaired.report;
@@ -136,6 +149,7 @@ bool raise(const MorphBase& base, Sliding* sliding, MorphResult& result) {
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
   const double least = result.quality.min * (sliding ? kWorthSliding : 1);
   if (improved.report.after > 0 || now.min <= least) return false;
+  if (sliding && sliding->is_folded(improved)) return false;
   result.positions = std::move(improved.positions);
   result.quality = std::move(now);
   result.report.improving->slid_nodes = improved.report.slid_nodes;

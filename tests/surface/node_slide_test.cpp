@@ -89,6 +89,34 @@ TEST_CASE("Nodes that slide off their edge or face are seen", "[surface][slide]"
   }
 }
 
+TEST_CASE("Facets that nodes slide over each other are counted", "[surface][slide]") {
+  for (const std::string shape : {"plate_4_holes", "sphere_in_box", "stepped_shaft", "torus"}) {
+    const Slide s(shape);
+    INFO(shape);
+    const Association& association = s.surface.association();
+    const auto turned = [&](const Points& positions, const RowMatrix& slides) {
+      return count_turned_facets(s.c.mesh, association, s.c.boundary, s.nodes, positions, slides);
+    };
+    CHECK(turned(s.c.mesh.points, s.nodes.slides) == 0);
+    for (Index i = 0; i < static_cast<Index>(s.nodes.nodes.size()); i += 7) {
+      if (association.dimension[s.row(i)] != CadDimension::Face) continue;
+      // Beyond the facets round about, along the surface.
+      const double far = 0.1 * s.c.diagonal / association.mesh_unit_mm;
+      Points positions = s.c.mesh.points;
+      RowMatrix slides = s.nodes.slides;
+      slides(i, 0) = far;
+      positions.row(s.nodes.nodes[i]) = s.nodes.at(i, Vector2d(far, 0)).point.transpose();
+      const Incidence facets = node_facets(s.c.boundary, s.c.mesh.node_count());
+      double reach = 0;
+      for (const Index f : facets.at(s.nodes.nodes[i]))
+        for (const Index node : s.c.boundary.facet(f))
+          reach = std::max(
+              reach, (s.c.mesh.points.row(node) - s.c.mesh.points.row(s.nodes.nodes[i])).norm());
+      if (far > 1.2 * reach) CHECK(turned(positions, slides) > 0);
+    }
+  }
+}
+
 TEST_CASE("Nodes stay that others depend on", "[surface][slide]") {
   Slide s("box");
   const auto slides = [&](const SlidingNodes& nodes, Index row) {
