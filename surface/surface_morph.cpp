@@ -114,8 +114,8 @@ struct SurfaceMorph::Impl {
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
   VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
-  Index count_folds(const CadModel& variant, int face, int variant_face, const Parameters& uv,
-                    const Points& moved) const;
+  std::vector<Index> find_folds(const CadModel& variant, int face, int variant_face,
+                                const Parameters& uv, const Points& moved) const;
   Vector3d offset(int row) const {
     return options.snap ? Vector3d::Zero() : Vector3d(surface.points.row(row) - feet.row(row));
   }
@@ -246,13 +246,15 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
 
 // Facets of a face that look to the wrong side of the variant's surface, or turn a corner inwards,
 // although they did not on the base.
-Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int variant_face,
-                                      const Parameters& uv, const Points& moved) const {
+std::vector<Index> SurfaceMorph::Impl::find_folds(const CadModel& variant, int face,
+                                                  int variant_face, const Parameters& uv,
+                                                  const Points& moved) const {
   const FaceNodes& nodes = faces[face];
-  Index folds = 0, dented = 0;
+  std::vector<Index> turned, kept, dented;
   for (const int f : nodes.facets) {
-    dented += surface.corners[f] > 3 &&
-              inward_corners(surface, moved, f) > inward_corners(surface, surface.points, f);
+    if (surface.corners[f] > 3 &&
+        inward_corners(surface, moved, f) > inward_corners(surface, surface.points, f))
+      dented.push_back(f);
     for (const int n : surface.facets[f]) {
       const auto it = std::lower_bound(nodes.rows.begin(), nodes.rows.end(), n);
       if (it == nodes.rows.end() || *it != n) continue;
@@ -263,12 +265,16 @@ Index SurfaceMorph::Impl::count_folds(const CadModel& variant, int face, int var
       const double after =
           area_vector(surface, moved, f).dot(variant.normal(variant_face, uv.row(i)));
       if (before == 0 || after == 0) continue;
-      folds += (before > 0) != (after > 0);
+      ((before > 0) != (after > 0) ? turned : kept).push_back(f);
       break;
     }
   }
   // The mesh's own orientation may be that of the complement: what counts is a mixed sign.
-  return std::min(folds, static_cast<Index>(nodes.facets.size()) - folds) + dented;
+  std::vector<Index> folds = 2 * turned.size() <= nodes.facets.size() ? turned : kept;
+  folds.insert(folds.end(), dented.begin(), dented.end());
+  std::ranges::sort(folds);
+  folds.erase(std::unique(folds.begin(), folds.end()), folds.end());
+  return folds;
 }
 
 // All faces are placed before any is judged: a facet may have nodes of several.
@@ -294,16 +300,16 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
   const FaceNodes& nodes = faces[face];
   const int variant = pair.match.faces[face];
   std::string note = mapped.note;
-  Index folds = count_folds(pair.variant, face, variant, mapped.uv, placed.feet);
+  std::vector<Index> folds = find_folds(pair.variant, face, variant, mapped.uv, placed.feet);
   // Keeps the other map where it folds less. One that fails leaves what is there.
   const auto improve = [&](const std::function<FaceMapResult()>& map, const char* how) {
     try {
       const FaceMapResult other = map();
       const Placement kept = placed.rows(nodes.rows);
       place(pair, face, other, placed);
-      const Index remaining = count_folds(pair.variant, face, variant, other.uv, placed.feet);
-      if (remaining < folds) {
-        folds = remaining;
+      auto remaining = find_folds(pair.variant, face, variant, other.uv, placed.feet);
+      if (remaining.size() < folds.size()) {
+        folds = std::move(remaining);
         note = how;
       } else {
         placed.set_rows(nodes.rows, kept);
@@ -311,22 +317,24 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
     } catch (const SolverError&) {  // wires that pass through each other on their way, many samples
     }
   };
-  if (folds > 0)
+  if (!folds.empty())
     improve(
         [&] {
           const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve);
           return map_face(fine, pair, maps, nodes.uv, nodes.points);
         },
         "its wires had to be sampled finer");
-  for (int steps = 2; folds > 0 && steps <= kMostSteps && !nodes.domain->is_closed(); steps *= 2)
+  for (int steps = 2; !folds.empty() && steps <= kMostSteps && !nodes.domain->is_closed();
+       steps *= 2)
     improve([&] { return map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points, steps); },
             "the motion of its wires had to be split into steps");
-  if (folds > 0 && !mapped.is_projected)
+  if (!folds.empty() && !mapped.is_projected)
     improve([&] { return project_face(*nodes.domain, pair, maps, nodes.points); },
             "its parameter warp folded; predicted positions were projected instead");
   const std::string where = name_of(pair.base, pair.match, face) + ": ";
-  if (folds > 0)
-    result.folds.push_back(where + std::to_string(folds) + " of its facets are folded");
+  result.folded_facets.insert(result.folded_facets.end(), folds.begin(), folds.end());
+  if (!folds.empty())
+    result.folds.push_back(where + std::to_string(folds.size()) + " of its facets are folded");
   else if (!note.empty())
     result.warnings.push_back(where + note);
 }

@@ -35,11 +35,22 @@ std::string percent(double share) {
   return std::to_string(std::max(1, static_cast<int>(std::floor(100 * share)))) + " %";
 }
 
+// Shell cells that the surface folds: what inverts a cell between solids.
+std::vector<Index> folded_shells(const MorphBase& base, const MorphResult& result) {
+  std::vector<Index> cells;
+  for (const Index f : result.surface.folded_facets)
+    if (const Index c = base.boundary.cell[f]; dimension(base.mesh().types[c]) == 2)
+      cells.push_back(c);
+  std::ranges::sort(cells);
+  return cells;
+}
+
 // Cells the result is refused for: invalid ones, and those whose corners inverted on the way.
 std::vector<Index> inverted_cells(const MorphBase& base, const MorphResult& result) {
-  return sorted_union(
-      result.validity.invalid_cells,
-      sorted_difference(result.quality.inverted_cells, base.quality.inverted_cells));
+  const auto corners =
+      sorted_difference(result.quality.inverted_cells, base.quality.inverted_cells);
+  return sorted_union(sorted_union(result.validity.invalid_cells, corners),
+                      folded_shells(base, result));
 }
 
 std::vector<Index> poor_cells(const MorphBase& base, const MorphResult& result) {
@@ -55,8 +66,10 @@ Index worst_of(const std::vector<Index>& cells, const QualityReport& quality) {
 // Those of the inverted cells that no move of the inner nodes can help.
 Index held_among(const std::vector<Index>& inverted, const MorphBase& base, const Points& full) {
   const std::vector<char> is_fixed = base.fixed_nodes();
-  return std::ranges::count_if(
-      inverted, [&](Index c) { return is_held(base.mesh(), full, is_fixed, base.orientation, c); });
+  return std::ranges::count_if(inverted, [&](Index c) {
+    return dimension(base.mesh().types[c]) == 3 &&
+           is_held(base.mesh(), full, is_fixed, base.orientation, c);
+  });
 }
 
 std::vector<std::string> advice(const PipelineOptions& options, const PipelineReport& figures) {
@@ -75,6 +88,10 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         "refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
         "the surface, or facets on it turn an edge or a corner inwards)");
+  if (figures.diagnosis->folded_shells > 0)
+    lines.push_back(
+        "go there by CAD models between (--via); where another sheet meets a face within it, split "
+        "the face there in the CAD, so that its nodes follow the joint");
   if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)
     lines.push_back("raise the poor cells: --improve " +
                     short_number(*options.min_scaled_jacobian));
@@ -117,6 +134,8 @@ void judge(const MorphBase& base, MorphResult& result) {
   };
   figures.diagnosis = diagnose(*base.cad, base.mesh(), base.boundary, base.surface->association(),
                                bad, base.orientation, positions_at);
+  figures.diagnosis->folded_shells = static_cast<Index>(folded_shells(base, result).size());
+  figures.after.invalid += figures.diagnosis->folded_shells;
   figures.diagnosis->held_cells = held_among(inverted, base, full);
   figures.diagnosis->worst_cell = worst_of(bad, result.quality);
   figures.diagnosis->location =

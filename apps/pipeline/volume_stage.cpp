@@ -133,6 +133,7 @@ void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result)
   result.validity = std::move(repaired.report.validity);
   sliding.move_to(std::move(repaired.slides));
   result.surface.folds.clear();
+  result.surface.folded_facets.clear();
   settle_slid_nodes(base, result);
 }
 

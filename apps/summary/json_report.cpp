@@ -84,6 +84,7 @@ Json to_json(const Diagnosis& diagnosis) {
   return {{"bad_cells", diagnosis.bad_cells},
           {"bad_in_base", diagnosis.bad_in_base},
           {"held_cells", diagnosis.held_cells},
+          {"folded_shells", diagnosis.folded_shells},
           {"worst_cell", diagnosis.worst_cell},
           {"location", to_json(diagnosis.location)},
           {"regions", regions},
