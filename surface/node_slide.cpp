@@ -2,7 +2,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -21,6 +20,7 @@ using Eigen::Vector3d;
 using Tangents = Eigen::Matrix<double, 3, 2>;
 
 constexpr double kTwin = 1e-9;        // of the diagonal: nodes at one place
+constexpr double kTurned = 0.5;       // cosine: coarse facets of curved faces may stand steep
 constexpr double kDegenerate = 1e-6;  // of the larger tangent: a pole
 
 // A node on its edge or face of the variant.
@@ -144,7 +144,7 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
                           const Points& positions, const RowMatrix& slides) {
   const SurfaceMesh surface = make_surface_mesh(mesh, boundary, association.mesh_unit_mm);
   const Points moved = positions(boundary.nodes, Eigen::all);
-  std::map<int, std::array<Index, 2>> sides;  // of a CAD face: facets that look to either
+  std::map<int, std::vector<double>> cosines;  // of a CAD face: its facets with its normal
   for (Index f = 0; f < boundary.facet_count(); ++f)
     for (const int row : surface.facets[f]) {
       const Index node = boundary.nodes[row];
@@ -154,12 +154,16 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
         continue;
       const Index i = found - sliding.nodes.begin();
       const Tangents t = sliding.at(i, slides.row(i).transpose()).tangents;
-      const bool is_up = area_vector(surface, moved, f).dot(t.col(0).cross(t.col(1))) > 0;
-      ++sides[association.facet_face[f]][is_up ? 1 : 0];
+      cosines[association.facet_face[f]].push_back(
+          area_vector(surface, moved, f).normalized().dot(t.col(0).cross(t.col(1)).normalized()));
       break;
     }
   Index count = 0;
-  for (const auto& [face, side] : sides) count += std::min(side[0], side[1]);
+  for (const auto& [face, of_face] : cosines) {
+    const auto up = std::ranges::count_if(of_face, [](double cosine) { return cosine > 0; });
+    const double sign = 2 * up < std::ssize(of_face) ? -1 : 1;
+    count += std::ranges::count_if(of_face, [&](double c) { return sign * c < -kTurned; });
+  }
   return count;
 }
 

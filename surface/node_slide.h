@@ -13,9 +13,10 @@ namespace cadmorph {
 SlidingNodes slide_on_cad(const CadModel& variant, const Association& association,
                           const Boundary& boundary, const SurfaceMorphResult& moved);
 
-/// Number of facets that look to another side than most facets of their CAD face, at `positions`
-/// (a row for each mesh node) with the nodes at `slides`: cells there are valid, but lie over each
-/// other. Judged at nodes that slide within the face; facets without one are not counted.
+/// Number of facets that look clearly (by over 120 degrees) to another side of their CAD face than
+/// most do, at `positions` (a row for each mesh node) with the nodes at `slides`: cells there are
+/// valid, but lie over each other. Judged at nodes that slide within the face; facets without one
+/// are not counted.
 Index count_turned_facets(const Mesh& mesh, const Association& association,
                           const Boundary& boundary, const SlidingNodes& sliding,
                           const Points& positions, const RowMatrix& slides);
