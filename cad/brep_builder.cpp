@@ -67,10 +67,7 @@ class ModelBuilder {
 
  private:
   void map_shapes() {
-    TopTools_IndexedMapOfShape all;
-    TopExp::MapShapes(shape_, TopAbs_FACE, all);
-    for (int i = 1; i <= all.Extent(); ++i)
-      if (!BRep_Tool::Surface(TopoDS::Face(all(i))).IsNull()) faces_.Add(all(i));
+    faces_ = usable_faces(shape_);
     if (faces_.IsEmpty())
       throw CadError(source_.file_name +
                      ": holds no face. Export the solid or its surfaces, not "
@@ -238,6 +235,14 @@ class ModelBuilder {
 };
 
 }  // namespace
+
+TopTools_IndexedMapOfShape usable_faces(const TopoDS_Shape& shape) {
+  TopTools_IndexedMapOfShape all, usable;
+  TopExp::MapShapes(shape, TopAbs_FACE, all);
+  for (int i = 1; i <= all.Extent(); ++i)
+    if (!BRep_Tool::Surface(TopoDS::Face(all(i))).IsNull()) usable.Add(all(i));
+  return usable;
+}
 
 CadModel build_model(const TopoDS_Shape& shape, const ShapeSource& source) {
   auto impl = std::make_shared<CadModel::Impl>();

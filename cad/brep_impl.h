@@ -3,6 +3,7 @@
 #include <Geom_Curve.hxx>
 #include <Geom_Surface.hxx>
 #include <Standard_Failure.hxx>
+#include <TopTools_IndexedMapOfShape.hxx>
 #include <TopoDS_Shape.hxx>
 #include <string>
 #include <vector>
@@ -38,6 +39,9 @@ struct CadModel::Impl {
     upper = upper.cwiseMax(p);
   }
 };
+
+/// The faces of a shape that have a surface, in the order of CadModel::faces.
+TopTools_IndexedMapOfShape usable_faces(const TopoDS_Shape& shape);
 
 /// Calls `use` and returns what it returns. OCCT's failures are no std::exception, which nobody
 /// above would catch: they become a CadError that names the file.

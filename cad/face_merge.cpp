@@ -1,14 +1,10 @@
 #include <BRepGProp.hxx>
 #include <BRepTools_History.hxx>
-#include <BRep_Tool.hxx>
 #include <GProp_GProps.hxx>
 #include <NCollection_DataMap.hxx>
 #include <ShapeUpgrade_UnifySameDomain.hxx>
-#include <TopExp.hxx>
-#include <TopTools_IndexedMapOfShape.hxx>
 #include <TopTools_ListOfShape.hxx>
 #include <TopTools_ShapeMapHasher.hxx>
-#include <TopoDS.hxx>
 #include <TopoDS_Face.hxx>
 #include <cmath>
 
@@ -22,14 +18,6 @@ namespace {
 constexpr double kSameDistance = 1e-7;  // diagonals
 constexpr double kSameAngle = 1e-6;
 constexpr double kSameArea = 1e-5;  // of the area: what a sound merge keeps
-
-TopTools_IndexedMapOfShape usable_faces(const TopoDS_Shape& shape) {
-  TopTools_IndexedMapOfShape all, usable;
-  TopExp::MapShapes(shape, TopAbs_FACE, all);
-  for (int i = 1; i <= all.Extent(); ++i)
-    if (!BRep_Tool::Surface(TopoDS::Face(all(i))).IsNull()) usable.Add(all(i));
-  return usable;
-}
 
 double area(const TopoDS_Shape& shape) {
   GProp_GProps properties;

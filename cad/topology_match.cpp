@@ -159,7 +159,9 @@ TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
   refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
 }
 
-std::optional<CadPair> merge_cut_faces(const CadModel& base, const CadModel& variant) {
+std::optional<CadPair> merge_cut_faces(const CadModel& base, const CadModel& variant,
+                                       const MatchOptions& options) {
+  if (!options.given_faces.empty()) return std::nullopt;
   const auto merged_base = base.with_merged_faces(), merged_variant = variant.with_merged_faces();
   if (merged_variant && find_match(base, *merged_variant, {}))
     return CadPair{base, *merged_variant};

@@ -54,8 +54,9 @@ struct CadPair {
 
 /// For a pair that match_topology refuses since one exporter cut faces that the other did not: the
 /// pair with cut faces merged in the variant, the base or both, the first of these that matches.
-/// Nothing when none does.
-std::optional<CadPair> merge_cut_faces(const CadModel& base, const CadModel& variant);
+/// Nothing when none does, or where pairs are given, whose numbers are those of the files' faces.
+std::optional<CadPair> merge_cut_faces(const CadModel& base, const CadModel& variant,
+                                       const MatchOptions& options = {});
 
 /// Reads a face map: two 1-based face numbers a line (base,variant), '#' comments, optional header.
 std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path);

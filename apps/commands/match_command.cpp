@@ -21,8 +21,7 @@ TopologyMatch match_merging(CadPair& cad, const MatchOptions& options) {
   try {
     return match_topology(cad.base, cad.variant, options);
   } catch (const TopologyError&) {
-    auto merged = options.given_faces.empty() ? merge_cut_faces(cad.base, cad.variant)
-                                              : std::optional<CadPair>();
+    auto merged = merge_cut_faces(cad.base, cad.variant, options);
     if (!merged) throw;
     cad = std::move(*merged);
     return match_topology(cad.base, cad.variant, options);

@@ -171,9 +171,8 @@ std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& vari
 }
 
 void MorphJob::morph_merged(const CadModel& variant, MorphAttempt& refused) const {
-  if (!base_->options.face_map.empty()) return;
   try {
-    const auto pair = merge_cut_faces(base(), variant);
+    const auto pair = merge_cut_faces(base(), variant, {.given_faces = base_->options.face_map});
     if (!pair) return;
     const bool is_base_merged = pair->base.merged_face_count() > base().merged_face_count();
     refused.error = nullptr;

@@ -10,8 +10,7 @@
 namespace cadmorph {
 namespace {
 
-constexpr double kWrongPairs =
-    0.05;  // of all cells bad: more than a large change inverts as a rule
+constexpr double kWrongPairs = 0.05;  // of all cells: more than a large change inverts as a rule
 
 std::vector<Index> sorted_union(const std::vector<Index>& a, const std::vector<Index>& b) {
   std::vector<Index> result;
