@@ -20,6 +20,7 @@ constexpr double kLikeForm = 5e-2;   // of the curve's length
 constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
+constexpr double kApart = 1e-4;      // of the curve's length, at least between joints
 constexpr double kSameRange = 1e-9;  // of the range of a chain's parameters
 
 std::size_t link_index(const CadCurve& curve, int edge) {
@@ -95,7 +96,53 @@ CurveMap::CurveMap(const ModelPair& pair, int base_curve)
   pair_ = nullptr;
 }
 
-CurveLocation CurveMap::operator()(const CurveLocation& base) const { return apply(way_, base); }
+CurveLocation CurveMap::operator()(const CurveLocation& base) const {
+  const CurveLocation to = apply(way_, base);
+  if (stretches_.empty()) return to;
+  const double fraction = variant_.fraction(to);
+  return variant_.locate(fraction + shift(fraction));
+}
+
+// Linear between the joints.
+double CurveMap::shift(double fraction) const {
+  const double first = stretches_.front().fraction;
+  if (fraction < first) fraction += 1;  // closed
+  const auto after =
+      std::ranges::find_if(stretches_.begin() + 1, stretches_.end() - 1,
+                           [&](const Stretch& stretch) { return stretch.fraction > fraction; });
+  const Stretch& b = *after;
+  const Stretch& a = *(after - 1);
+  return a.shift + (b.shift - a.shift) * (fraction - a.fraction) / (b.fraction - a.fraction);
+}
+
+void CurveMap::lead_through(const std::vector<CurveJoint>& joints) {
+  const bool is_closed = base_curve_->is_closed();
+  std::vector<Stretch> found;
+  for (const CurveJoint& joint : joints) {
+    const EdgeFoot foot = variant_.nearest(joint.to);
+    if (foot.distance > kDifferent * variant_.model().diagonal()) continue;
+    const double from = variant_.fraction(apply(way_, joint.base));
+    double shift = variant_.fraction({foot.edge, foot.t}) - from;
+    if (is_closed) shift -= std::round(shift);
+    found.push_back({from, shift});
+  }
+  if (found.empty()) return;
+  std::ranges::sort(found, {}, &Stretch::fraction);
+  const Stretch begin = is_closed ? found.front() : Stretch{0, 0};
+  const Stretch end{begin.fraction + 1, begin.shift};
+  const auto is_ordered = [](const Stretch& a, const Stretch& b) {
+    const double before = b.fraction - a.fraction;
+    return std::min(before, before + b.shift - a.shift) > kApart;
+  };
+  stretches_ = {begin};
+  for (const Stretch& stretch : found)
+    if (is_ordered(stretches_.back(), stretch) && is_ordered(stretch, end))
+      stretches_.push_back(stretch);
+  stretches_.push_back(end);
+  const bool is_still = std::ranges::all_of(
+      stretches_, [](const Stretch& stretch) { return std::abs(stretch.shift) < kDifferent; });
+  if (is_still) stretches_.clear();
+}
 
 CurveLocation CurveMap::by_parameter(const Way& way, const CurveLocation& base) const {
   const std::size_t i = link_index(*base_curve_, base.edge);

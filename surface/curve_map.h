@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "cad/curve_table.h"
 #include "cad/topology_match.h"
@@ -16,6 +17,12 @@ struct ModelPair {
   const MotionPrediction& prediction;
 };
 
+/// A place on a base curve where a corner of something else stands, and where that corner goes.
+struct CurveJoint {
+  CurveLocation base;
+  Eigen::Vector3d to;  ///< millimetres
+};
+
 /// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
 /// sect. 4); by equal length fractions where the chains of edges differ or set_phase() says so; by
 /// nearest points where the curve is the same one under another parametrisation. The sense of the
@@ -26,6 +33,13 @@ class CurveMap {
   CurveMap(const ModelPair& pair, int base_curve);
 
   CurveLocation operator()(const CurveLocation& base) const;
+
+  /// Nearest place on the variant's curve.
+  EdgeFoot nearest(const Eigen::Vector3d& x) const { return variant_.nearest(x); }
+
+  /// Leads the map through joints, as if the curve were cut there: the pieces between them are
+  /// stretched evenly. Joints that leave the curve or pass each other are left out.
+  void lead_through(const std::vector<CurveJoint>& joints);
 
   /// For a closed curve mapped by its parameters that kept its form up to size, nearly at least:
   /// the turn by which this differs from the phase of least motion, along the curve's axis, of
@@ -66,7 +80,13 @@ class CurveMap {
     double phase = 0;       // of the fraction, closed curves by range or length
   };
 
+  // Where the map leads, as a length fraction of the variant, and how much farther a joint does.
+  struct Stretch {
+    double fraction, shift;
+  };
+
   CurveLocation apply(const Way& way, const CurveLocation& base) const;
+  double shift(double fraction) const;
   CurveLocation by_parameter(const Way& way, const CurveLocation& base) const;
   CurveLocation by_range(const Way& way, const CurveLocation& base) const;
   bool has_equal_range() const;
@@ -95,6 +115,7 @@ class CurveMap {
   std::vector<CurveLocation> probes_;
   std::vector<Eigen::Vector3d> predicted_;  // of the probes
   Way way_, least_motion_;
+  std::vector<Stretch> stretches_;  // in order, from end to end; closed: from a joint round to it
   std::optional<Eigen::Vector3d> turn_;
   bool keeps_form_ = false, is_by_least_motion_ = false;
 };

@@ -84,7 +84,8 @@ bool fills_gap(const CadModel& model, int coedge) {
          (span.array().abs() < kSameJoint * (face.upper - face.lower).array()).all();
 }
 
-FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
+FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve,
+                       const Parameters& joints)
     : face_(face), scale_(mean_derivatives(base, face)), period_(base.faces()[face].period) {
   const CadFace& f = base.faces()[face];
   size_ = f.upper - f.lower;
@@ -113,6 +114,8 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve)
           samples_.push_back({c, t, uv, edge.tolerance});
       }
     }
+  for (Index i = 0; i < joints.rows(); ++i)
+    samples_.push_back({-1, 0, joints.row(i), f.tolerance, static_cast<int>(i)});
   thin_out();
   sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
   for (std::size_t i = 0; i < samples_.size(); ++i)

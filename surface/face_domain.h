@@ -11,23 +11,27 @@
 namespace cadmorph {
 
 /// The part of a parameter warp that depends on the base face alone: its sampled wires in the
-/// scaled parameter domain, and the factorisation of the 2D RBF (r^2 log r + linear) over them
-/// (Sieger et al. 2013, sect. 4). A direction in which the face closes on itself is laid on a
-/// circle, so that the warp is periodic and the seam leaves no trace; r^2 log r stays conditionally
-/// positive definite there.
+/// scaled parameter domain, its joints, and the factorisation of the 2D RBF (r^2 log r + linear)
+/// over them (Sieger et al. 2013, sect. 4). A direction in which the face closes on itself is laid
+/// on a circle, so that the warp is periodic and the seam leaves no trace; r^2 log r stays
+/// conditionally positive definite there.
 class FaceDomain {
  public:
   /// A sample of a wire: where it lies on the physical curve, or on a pole (edge is degenerate).
+  /// Or a joint, whose coedge is -1.
   struct Sample {
     int coedge;
     double t;
     Eigen::Vector2d uv;
     double tolerance;  ///< of its edge, millimetres
+    int joint = -1;    ///< which one
   };
 
   /// `samples_per_curve`: samples along each edge; where a face has so many edges that this makes
-  /// too many, long edges keep more of them.
-  FaceDomain(const CadModel& base, int face, int samples_per_curve);
+  /// too many, long edges keep more of them. `joints`: parameters of points within the wires that
+  /// do not follow them.
+  FaceDomain(const CadModel& base, int face, int samples_per_curve,
+             const Parameters& joints = Parameters(0, 2));
 
   int face() const { return face_; }
   const std::vector<Sample>& samples() const { return samples_; }

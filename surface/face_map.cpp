@@ -43,13 +43,53 @@ int occurrence_of(const CadModel& model, int coedge) {
   return count;
 }
 
+// Where a sample of the base went.
+struct SampleMotion {
+  Vector3d from, to;
+};
+
+// Nothing at a pole, which lies on no curve.
+std::optional<SampleMotion> motion_of(const FaceDomain::Sample& sample, const ModelPair& pair,
+                                      const FaceMotion& motion) {
+  if (sample.joint >= 0)
+    return SampleMotion{motion.joints_before.row(sample.joint),
+                        motion.joints_after.row(sample.joint)};
+  const int edge = pair.base.coedges()[sample.coedge].edge;
+  const int curve = pair.base.skeleton().curve_of_edge[edge];
+  if (curve < 0) return std::nullopt;
+  const CurveLocation l = motion.curve_maps[curve]({edge, sample.t});
+  return SampleMotion{pair.base.evaluate_edge(edge, sample.t).point,
+                      pair.variant.evaluate_edge(l.edge, l.t).point};
+}
+
+FaceMapResult project_points(const ModelPair& pair, int variant, const Points& targets) {
+  if (targets.rows() == 0) return {};
+  const auto seeds = sample_domain(pair.variant, variant, 24);
+  RowMatrix at(std::max<Index>(1, static_cast<Index>(seeds.size())), 3);
+  for (Index i = 0; i < static_cast<Index>(seeds.size()); ++i)
+    at.row(i) = pair.variant.evaluate(variant, seeds[static_cast<std::size_t>(i)]).point;
+  if (seeds.empty()) at.setZero();
+  const KdTree tree(at);
+  FaceMapResult result;
+  result.is_projected = true;
+  result.uv.resize(targets.rows(), 2);
+  for (Index i = 0; i < targets.rows(); ++i) {
+    const Vector3d x = targets.row(i);
+    const Index seed = tree.nearest(x.data(), 1)[0].index;
+    result.uv.row(i) =
+        seeds.empty()
+            ? project_globally(pair.variant, variant, x).uv
+            : project_on_face(pair.variant, variant, x, seeds[static_cast<std::size_t>(seed)]).uv;
+  }
+  return result;
+}
+
 class ParameterWarp {
  public:
-  ParameterWarp(const FaceDomain& domain, const ModelPair& pair,
-                const std::vector<CurveMap>& curve_maps)
+  ParameterWarp(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion)
       : domain_(domain),
         pair_(pair),
-        maps_(curve_maps),
+        motion_(motion),
         base_(pair.base.faces()[domain.face()]),
         variant_id_(pair.match.faces[domain.face()]),
         variant_(pair.variant.faces()[variant_id_]) {}
@@ -71,11 +111,16 @@ class ParameterWarp {
   bool map_samples() {
     const auto& samples = domain_.samples();
     image_.resize(static_cast<Index>(samples.size()), 2);
+    const Parameters joints = project_points(pair_, variant_id_, motion_.joints_after).uv;
     for (std::size_t i = 0; i < samples.size(); ++i) {
       if (is_pole(i)) continue;
+      if (samples[i].joint >= 0) {
+        image_.row(static_cast<Index>(i)) = joints.row(samples[i].joint);
+        continue;
+      }
       const CadCoedge& coedge = pair_.base.coedges()[samples[i].coedge];
       const int curve = pair_.base.skeleton().curve_of_edge[coedge.edge];
-      const CurveLocation l = maps_[curve]({coedge.edge, samples[i].t});
+      const CurveLocation l = motion_.curve_maps[curve]({coedge.edge, samples[i].t});
       const int c = find_coedge(pair_.variant, variant_id_, l.edge,
                                 occurrence_of(pair_.base, samples[i].coedge));
       if (c < 0) return false;
@@ -146,8 +191,11 @@ class ParameterWarp {
   }
 
   bool is_pole(std::size_t i) const {
-    return pair_.base.edges()[pair_.base.coedges()[domain_.samples()[i].coedge].edge].is_degenerate;
+    const int coedge = domain_.samples()[i].coedge;
+    return coedge >= 0 && pair_.base.edges()[pair_.base.coedges()[coedge].edge].is_degenerate;
   }
+
+  bool is_on_curve(std::size_t i) const { return domain_.samples()[i].joint < 0 && !is_pole(i); }
 
   // Along a closed direction the RBF has no linear part: period and sense are taken out before.
   void find_linear_part() {
@@ -159,7 +207,7 @@ class ParameterWarp {
       stretch_[a] = sense(a) * (std::abs(ratio - 1) < 1e-12 ? 1 : ratio);
     }
     bool has_curves = false;
-    for (std::size_t i = 0; i < domain_.samples().size(); ++i) has_curves |= !is_pole(i);
+    for (std::size_t i = 0; i < domain_.samples().size(); ++i) has_curves |= is_on_curve(i);
     for (int a = 0; a < 2 && !has_curves; ++a) carry_range(a);
   }
 
@@ -183,7 +231,7 @@ class ParameterWarp {
     double with = 0;
     const auto& samples = domain_.samples();
     for (std::size_t i = 1; i < samples.size(); ++i) {
-      if (samples[i].coedge != samples[i - 1].coedge || is_pole(i)) continue;
+      if (samples[i].coedge != samples[i - 1].coedge || !is_on_curve(i)) continue;
       const double d = samples[i].uv[a] - samples[i - 1].uv[a];
       double moved = image_(static_cast<Index>(i), a) - image_(static_cast<Index>(i) - 1, a);
       moved -= variant_.period[a] * std::round(moved / variant_.period[a]);
@@ -249,7 +297,7 @@ class ParameterWarp {
 
   const FaceDomain& domain_;
   const ModelPair& pair_;
-  const std::vector<CurveMap>& maps_;
+  const FaceMotion& motion_;
   const CadFace& base_;
   int variant_id_;
   const CadFace& variant_;
@@ -301,20 +349,13 @@ Deviation judge(const FaceDomain& domain, const ModelPair& pair, const Parameter
   return deviation;
 }
 
-bool wires_follow_alignment(const FaceDomain& domain, const ModelPair& pair,
-                            const std::vector<CurveMap>& curve_maps) {
+bool samples_follow_alignment(const FaceDomain& domain, const ModelPair& pair,
+                              const FaceMotion& motion) {
   const double tolerance = 2 * kDifferent * pair.variant.diagonal();
-  for (const auto& sample : domain.samples()) {
-    const int edge = pair.base.coedges()[sample.coedge].edge;
-    const int curve = pair.base.skeleton().curve_of_edge[edge];
-    if (curve < 0) continue;
-    const CurveLocation l = curve_maps[curve]({edge, sample.t});
-    const Vector3d to = pair.variant.evaluate_edge(l.edge, l.t).point;
-    if ((to - pair.match.alignment(pair.base.evaluate_edge(edge, sample.t).point)).norm() >
-        tolerance)
-      return false;
-  }
-  return true;
+  return std::ranges::all_of(domain.samples(), [&](const FaceDomain::Sample& sample) {
+    const auto moved = motion_of(sample, pair, motion);
+    return !moved || (moved->to - pair.match.alignment(moved->from)).norm() <= tolerance;
+  });
 }
 
 double face_size(const CadModel& model, int face) {
@@ -323,36 +364,14 @@ double face_size(const CadModel& model, int face) {
   return lengths.minCoeff();
 }
 
-FaceMapResult project_points(const ModelPair& pair, int variant, const Points& targets) {
-  const auto seeds = sample_domain(pair.variant, variant, 24);
-  RowMatrix at(std::max<Index>(1, static_cast<Index>(seeds.size())), 3);
-  for (Index i = 0; i < static_cast<Index>(seeds.size()); ++i)
-    at.row(i) = pair.variant.evaluate(variant, seeds[static_cast<std::size_t>(i)]).point;
-  if (seeds.empty()) at.setZero();
-  const KdTree tree(at);
-  FaceMapResult result;
-  result.is_projected = true;
-  result.uv.resize(targets.rows(), 2);
-  for (Index i = 0; i < targets.rows(); ++i) {
-    const Vector3d x = targets.row(i);
-    const Index seed = tree.nearest(x.data(), 1)[0].index;
-    result.uv.row(i) =
-        seeds.empty()
-            ? project_globally(pair.variant, variant, x).uv
-            : project_on_face(pair.variant, variant, x, seeds[static_cast<std::size_t>(seed)]).uv;
-  }
-  return result;
-}
-
 }  // namespace
 
-FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
-                       const std::vector<CurveMap>& curve_maps, const Parameters& uv,
-                       const Points& points, int steps) {
-  ParameterWarp warp(domain, pair, curve_maps);
+FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
+                       const Parameters& uv, const Points& points, int steps) {
+  ParameterWarp warp(domain, pair, motion);
   const auto values = warp.sample_values();
   if (!values) {
-    FaceMapResult result = project_face(domain, pair, curve_maps, points);
+    FaceMapResult result = project_face(domain, pair, motion, points);
     result.note = "its parametrisation differs";
     return result;
   }
@@ -366,14 +385,14 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
   const Deviation d = judge(domain, pair, result.uv, points);
   const double diagonal = pair.variant.diagonal();
   if (d.mapped > d.aligned + kDifferent * diagonal && d.off_surface < kSame * diagonal &&
-      wires_follow_alignment(domain, pair, curve_maps)) {
+      samples_follow_alignment(domain, pair, motion)) {
     Points aligned(points.rows(), 3);
     for (Index i = 0; i < points.rows(); ++i)
       aligned.row(i) = pair.match.alignment(points.row(i).transpose());
     return project_points(pair, pair.match.faces[domain.face()], aligned);
   }
   if (d.mapped > kLost * face_size(pair.variant, pair.match.faces[domain.face()])) {
-    FaceMapResult projected = project_face(domain, pair, curve_maps, points);
+    FaceMapResult projected = project_face(domain, pair, motion, points);
     if (judge(domain, pair, projected.uv, points).mapped < 0.5 * d.mapped) {
       projected.note = "its warped parameters lie far from where the part moved";
       return projected;
@@ -383,24 +402,22 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
 }
 
 FaceMapResult project_face(const FaceDomain& domain, const ModelPair& pair,
-                           const std::vector<CurveMap>& curve_maps, const Points& points) {
+                           const FaceMotion& motion, const Points& points) {
   Points targets = pair.prediction(points);
-  std::vector<std::pair<Vector3d, Vector3d>> marks;
+  std::vector<SampleMotion> marks;
   for (const auto& sample : domain.samples()) {
-    const int edge = pair.base.coedges()[sample.coedge].edge;
-    if (pair.base.edges()[edge].is_degenerate) continue;
-    const CurveLocation l = curve_maps[pair.base.skeleton().curve_of_edge[edge]]({edge, sample.t});
-    const Vector3d from = pair.base.evaluate_edge(edge, sample.t).point;
-    const bool is_new = std::none_of(marks.begin(), marks.end(), [&](const auto& m) {
-      return (m.first - from).norm() < kDifferent * pair.base.diagonal();
+    const auto moved = motion_of(sample, pair, motion);
+    if (!moved) continue;
+    const bool is_new = std::ranges::none_of(marks, [&](const SampleMotion& mark) {
+      return (mark.from - moved->from).norm() < kDifferent * pair.base.diagonal();
     });
-    if (is_new) marks.emplace_back(from, pair.variant.evaluate_edge(l.edge, l.t).point);
+    if (is_new) marks.push_back(*moved);
   }
   if (!marks.empty()) {
     Points from(static_cast<Index>(marks.size()), 3), to(from.rows(), 3);
     for (Index i = 0; i < from.rows(); ++i) {
-      from.row(i) = marks[static_cast<std::size_t>(i)].first;
-      to.row(i) = marks[static_cast<std::size_t>(i)].second;
+      from.row(i) = marks[static_cast<std::size_t>(i)].from;
+      to.row(i) = marks[static_cast<std::size_t>(i)].to;
     }
     const RowMatrix missed = to - pair.prediction(from);
     targets += RbfSystem(from, Kernel::biharmonic_3d()).solve(missed).evaluate(points);

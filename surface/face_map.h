@@ -15,16 +15,22 @@ struct FaceMapResult {
   std::string note;           ///< why; empty when all went well
 };
 
-/// Warps parameters `uv` of the domain's face with the images of its wires under `curve_maps`
-/// (indexed by base curve), in one or more steps (interpolate_in_steps; open faces only). `points`
-/// are the nodes' positions S(uv) on the base. Falls back to projecting the predicted positions
-/// where the parametrisations don't correspond.
-FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair,
-                       const std::vector<CurveMap>& curve_maps, const Parameters& uv,
-                       const Points& points, int steps = 1);
+/// What carries the nodes of a face along.
+struct FaceMotion {
+  const std::vector<CurveMap>& curve_maps;  ///< by base curve
+  Points joints_before, joints_after;       ///< positions of the domain's joints, millimetres
+};
 
-/// The fallback alone: predicted positions, corrected to meet the mapped curves, projected.
+/// Warps parameters `uv` of the domain's face with the images of its wires and joints, in one or
+/// more steps (interpolate_in_steps; open faces only). `points` are the nodes' positions S(uv) on
+/// the base. Falls back to projecting the predicted positions where the parametrisations don't
+/// correspond.
+FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
+                       const Parameters& uv, const Points& points, int steps = 1);
+
+/// The fallback alone: predicted positions, corrected to meet the mapped curves and the joints,
+/// projected.
 FaceMapResult project_face(const FaceDomain& domain, const ModelPair& pair,
-                           const std::vector<CurveMap>& curve_maps, const Points& points);
+                           const FaceMotion& motion, const Points& points);
 
 }  // namespace cadmorph

@@ -12,8 +12,11 @@
 #include "core/errors.h"
 #include "core/parallel.h"
 #include "surface/curve_maps.h"
+#include "surface/face_folds.h"
 #include "surface/face_map.h"
 #include "surface/free_patches.h"
+#include "surface/joint_motion.h"
+#include "surface/joints.h"
 #include "surface/node_feet.h"
 #include "surface/surface_mesh.h"
 
@@ -37,14 +40,6 @@ Matrix3d frame(const SurfacePoint& s) {
   f.col(2) = cross.normalized();
   f.col(1) = f.col(2).cross(f.col(0));
   return f;
-}
-
-// At a pole one parameter is arbitrary, and so is the normal that it gives.
-bool is_at_pole(const CadModel& model, int face, const Vector2d& uv, double local_length) {
-  const CadFace& f = model.faces()[face];
-  const SurfacePoint s = model.evaluate(face, uv);
-  const Vector2d size = f.upper - f.lower;
-  return std::min(s.du.norm() * size[0], s.dv.norm() * size[1]) < 0.1 * local_length;
 }
 
 // Surface nodes on the variant CAD, their entities and parameters there, and what they keep of
@@ -83,6 +78,8 @@ struct FaceNodes {
   std::vector<int> rows;
   std::vector<int> facets;
   int samples_per_curve = 0;  ///< of the domain
+  std::vector<int> joints;    ///< rows of what moves with something else
+  Parameters joint_uv;
   std::unique_ptr<FaceDomain> domain;
   Parameters uv;
   Points points;  // S(uv)
@@ -97,8 +94,10 @@ struct SurfaceMorph::Impl {
   Association association;
   std::vector<FreePatch> patches;
   std::vector<FaceNodes> faces;
+  Joints joints;
   Points feet;  // of all nodes on the base CAD, millimetres
 
+  void collect_joints(int face);
   void collect_faces();
   int samples_per_curve(int face, const std::vector<int>& nodes_on_edge) const;
   void find_feet();
@@ -108,14 +107,14 @@ struct SurfaceMorph::Impl {
                     Placement& placed) const;
   void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
                   Placement& placed) const;
+  FaceMotion motion_of(const FaceNodes& nodes, const std::vector<CurveMap>& maps,
+                       const Placement& placed) const;
   void move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps, Placement& placed,
                   SurfaceMorphResult& result) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
   VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
-  std::vector<Index> find_folds(const CadModel& variant, int face, int variant_face,
-                                const Parameters& uv, const Points& moved) const;
   Vector3d offset(int row) const {
     return options.snap ? Vector3d::Zero() : Vector3d(surface.points.row(row) - feet.row(row));
   }
@@ -154,6 +153,16 @@ int SurfaceMorph::Impl::samples_per_curve(int face, const std::vector<int>& node
   return std::clamp(most, kMinSamples, kMaxSamples);
 }
 
+void SurfaceMorph::Impl::collect_joints(int face) {
+  FaceNodes& nodes = faces[face];
+  const auto& of_face = joints.of_face[face];
+  nodes.joint_uv.resize(std::ssize(of_face), 2);
+  for (const Joints::OnFace& joint : of_face) {
+    nodes.joint_uv.row(std::ssize(nodes.joints)) = joint.uv;
+    nodes.joints.push_back(joint.node);
+  }
+}
+
 void SurfaceMorph::Impl::collect_faces() {
   faces.resize(base->faces().size());
   std::vector<int> nodes_on_edge(base->edges().size(), 0);
@@ -168,7 +177,8 @@ void SurfaceMorph::Impl::collect_faces() {
     FaceNodes& nodes = faces[f];
     if (nodes.rows.empty()) continue;
     nodes.samples_per_curve = samples_per_curve(f, nodes_on_edge);
-    nodes.domain = std::make_unique<FaceDomain>(*base, f, nodes.samples_per_curve);
+    collect_joints(f);
+    nodes.domain = std::make_unique<FaceDomain>(*base, f, nodes.samples_per_curve, nodes.joint_uv);
     nodes.uv.resize(static_cast<Index>(nodes.rows.size()), 2);
     nodes.points.resize(nodes.uv.rows(), 3);
     for (std::size_t i = 0; i < nodes.rows.size(); ++i) {
@@ -244,37 +254,10 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
   });
 }
 
-// Facets of a face that look to the wrong side of the variant's surface, or turn a corner inwards,
-// although they did not on the base.
-std::vector<Index> SurfaceMorph::Impl::find_folds(const CadModel& variant, int face,
-                                                  int variant_face, const Parameters& uv,
-                                                  const Points& moved) const {
-  const FaceNodes& nodes = faces[face];
-  std::vector<Index> turned, kept, dented;
-  for (const int f : nodes.facets) {
-    if (surface.corners[f] > 3 &&
-        inward_corners(surface, moved, f) > inward_corners(surface, surface.points, f))
-      dented.push_back(f);
-    for (const int n : surface.facets[f]) {
-      const auto it = std::lower_bound(nodes.rows.begin(), nodes.rows.end(), n);
-      if (it == nodes.rows.end() || *it != n) continue;
-      const Index i = it - nodes.rows.begin();
-      if (is_at_pole(*base, face, nodes.uv.row(i), surface.local_length[n])) continue;
-      const double before =
-          area_vector(surface, surface.points, f).dot(base->normal(face, nodes.uv.row(i)));
-      const double after =
-          area_vector(surface, moved, f).dot(variant.normal(variant_face, uv.row(i)));
-      if (before == 0 || after == 0) continue;
-      ((before > 0) != (after > 0) ? turned : kept).push_back(f);
-      break;
-    }
-  }
-  // The mesh's own orientation may be that of the complement: what counts is a mixed sign.
-  std::vector<Index> folds = 2 * turned.size() <= nodes.facets.size() ? turned : kept;
-  folds.insert(folds.end(), dented.begin(), dented.end());
-  std::ranges::sort(folds);
-  folds.erase(std::unique(folds.begin(), folds.end()), folds.end());
-  return folds;
+// Once corners and edges are placed.
+FaceMotion SurfaceMorph::Impl::motion_of(const FaceNodes& nodes, const std::vector<CurveMap>& maps,
+                                         const Placement& placed) const {
+  return {maps, feet(nodes.joints, Eigen::all), placed.feet(nodes.joints, Eigen::all)};
 }
 
 // All faces are placed before any is judged: a facet may have nodes of several.
@@ -285,7 +268,8 @@ void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const std::vector<Cur
   parallel_for(count, 1, [&](Index begin, Index end) {
     for (Index f = begin; f < end; ++f)
       if (const FaceNodes& nodes = faces[f]; !nodes.rows.empty())
-        mapped[f] = map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points);
+        mapped[f] =
+            map_face(*nodes.domain, pair, motion_of(nodes, maps, placed), nodes.uv, nodes.points);
   });
   for (int f = 0; f < count; ++f)
     if (!faces[f].rows.empty()) place(pair, f, mapped[f], placed);
@@ -298,16 +282,22 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
                                 const FaceMapResult& mapped, Placement& placed,
                                 SurfaceMorphResult& result) const {
   const FaceNodes& nodes = faces[face];
+  const FaceMotion motion = motion_of(nodes, maps, placed);
   const int variant = pair.match.faces[face];
   std::string note = mapped.note;
-  std::vector<Index> folds = find_folds(pair.variant, face, variant, mapped.uv, placed.feet);
+  const auto find = [&](const Parameters& uv) {
+    const FaceSide before{*base, face, nodes.uv, surface.points};
+    const FaceSide after{pair.variant, variant, uv, placed.feet};
+    return find_folds(surface, nodes.facets, nodes.rows, before, after);
+  };
+  std::vector<Index> folds = find(mapped.uv);
   // Keeps the other map where it folds less. One that fails leaves what is there.
   const auto improve = [&](const std::function<FaceMapResult()>& map, const char* how) {
     try {
       const FaceMapResult other = map();
       const Placement kept = placed.rows(nodes.rows);
       place(pair, face, other, placed);
-      auto remaining = find_folds(pair.variant, face, variant, other.uv, placed.feet);
+      auto remaining = find(other.uv);
       if (remaining.size() < folds.size()) {
         folds = std::move(remaining);
         note = how;
@@ -320,16 +310,16 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
   if (!folds.empty())
     improve(
         [&] {
-          const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve);
-          return map_face(fine, pair, maps, nodes.uv, nodes.points);
+          const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve, nodes.joint_uv);
+          return map_face(fine, pair, motion, nodes.uv, nodes.points);
         },
         "its wires had to be sampled finer");
   for (int steps = 2; !folds.empty() && steps <= kMostSteps && !nodes.domain->is_closed();
        steps *= 2)
-    improve([&] { return map_face(*nodes.domain, pair, maps, nodes.uv, nodes.points, steps); },
+    improve([&] { return map_face(*nodes.domain, pair, motion, nodes.uv, nodes.points, steps); },
             "the motion of its wires had to be split into steps");
   if (!folds.empty() && !mapped.is_projected)
-    improve([&] { return project_face(*nodes.domain, pair, maps, nodes.points); },
+    improve([&] { return project_face(*nodes.domain, pair, motion, nodes.points); },
             "its parameter warp folded; predicted positions were projected instead");
   const std::string where = name_of(pair.base, pair.match, face) + ": ";
   result.folded_facets.insert(result.folded_facets.end(), folds.begin(), folds.end());
@@ -407,6 +397,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->patches = find_free_patches(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
   impl_->find_feet();
+  impl_->joints = find_joints(*impl_->base, impl_->surface, impl_->association);
   impl_->collect_faces();
 }
 
@@ -422,8 +413,10 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   const CadModel joined = match.joins_edges ? variant.with_joined_edges() : variant;
   const MotionPrediction prediction(base, joined, match);
   const ModelPair pair{base, joined, match, prediction};
-  const std::vector<CurveMap> maps = map_curves(pair);
+  std::vector<CurveMap> maps = map_curves(pair);
+  const Crossings crossings = join_curves(pair, self.joints, self.association, self.feet, maps);
   Placement placed(self.feet);
+  for (const auto& [row, to] : crossings) placed.feet.row(row) = to;
   self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);
   SurfaceMorphResult result;
@@ -432,6 +425,9 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
+  if (std::string note = parted_joints(pair, maps, self.joints, self.surface, placed.feet);
+      !note.empty())
+    result.warnings.push_back(std::move(note));
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
   result.beyond_wires = self.distances_beyond_wires(pair, placed);

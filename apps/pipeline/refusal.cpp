@@ -89,8 +89,8 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         "the surface, or facets on it turn an edge or a corner inwards)");
   if (figures.diagnosis->folded_shells > 0)
     lines.push_back(
-        "go there by CAD models between (--via); where another sheet meets a face within it, split "
-        "the face there in the CAD, so that its nodes follow the joint");
+        "go there by CAD models between (--via), and look whether all sheets still meet where they "
+        "did");
   if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)
     lines.push_back("raise the poor cells: --improve " +
                     short_number(*options.min_scaled_jacobian));

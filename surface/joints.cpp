@@ -1,0 +1,246 @@
+#include "surface/joints.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "cad/projector.h"
+#include "core/rbf/point_order.h"
+#include "surface/node_feet.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// Of a face: as many as a dense system takes beside the samples of the wires.
+constexpr std::size_t kMostJoints = 500;
+// Nearer to a wire or a corner, in units of the shortest mesh edge, a node lies on it.
+constexpr double kClear = 0.05;
+constexpr double kAcross = 0.17;  // sine of 10 degrees: entities that cross, not touch
+
+// Points along the edges of a face.
+class Outline {
+ public:
+  Outline(const CadModel& model, int face) : model_(model) {
+    std::set<int> edges;
+    for (const auto& wire : model.faces()[face].wires)
+      for (const int c : wire) edges.insert(model.coedges()[c].edge);
+    for (const int edge : edges) {
+      const CadEdge& e = model.edges()[edge];
+      if (e.is_degenerate || e.is_seam) continue;
+      for (int i = 0; i <= kSpans; ++i) {
+        const double t = e.first + (e.last - e.first) * i / kSpans;
+        seeds_.push_back({edge, t, model.evaluate_edge(edge, t).point});
+      }
+    }
+  }
+
+  bool is_near(const Vector3d& x, double reach) const {
+    return std::ranges::any_of(seeds_, [&](const Seed& seed) {
+      return (seed.point - x).norm() <= reach + model_.edges()[seed.edge].length / kSpans &&
+             project_on_edge(model_, seed.edge, x, seed.t).distance < reach;
+    });
+  }
+
+ private:
+  struct Seed {
+    int edge;
+    double t;
+    Vector3d point;
+  };
+  static constexpr int kSpans = 16;
+  const CadModel& model_;
+  std::vector<Seed> seeds_;
+};
+
+class JointFinder {
+ public:
+  JointFinder(const CadModel& base, const SurfaceMesh& surface, const Association& association)
+      : base_(base), surface_(surface), association_(association) {
+    joints_.of_face.resize(base.faces().size());
+    faces_at_.resize(base.vertices().size());
+    for (int f = 0; f < static_cast<int>(base.faces().size()); ++f)
+      for (const auto& wire : base.faces()[f].wires)
+        for (const int c : wire) {
+          const CadEdge& e = base.edges()[base.coedges()[c].edge];
+          for (const int v : {e.start, e.end})
+            if (v >= 0) faces_at_[v].push_back(f);
+        }
+  }
+
+  Joints run() {
+    for (int n = 0; n < static_cast<int>(association_.entity.size()); ++n)
+      if (association_.dimension[n] != CadDimension::None) look_at(n);
+    for (auto& of_face : joints_.of_face) thin_out(of_face);
+    return std::move(joints_);
+  }
+
+ private:
+  CadDimension dimension(int n) const { return association_.dimension[n]; }
+  int entity(int n) const { return association_.entity[n]; }
+
+  void look_at(int n) {
+    const bool is_vertex = dimension(n) == CadDimension::Vertex;
+    Joints::Crossing crossing{n, {}, {}};
+    bool crosses = false;
+    for (const int face : foreign_faces(n)) {
+      const std::optional<Vector2d> uv = within(face, n);
+      if (!uv) continue;
+      const double sine = is_vertex ? 0 : sine_to_face(n, face, *uv);
+      if (dimension(n) == CadDimension::Face && sine < kAcross) continue;  // two faces in one place
+      crosses |= sine > kAcross;
+      joints_.of_face[face].push_back({n, *uv});
+      crossing.faces.push_back(face);
+    }
+    if (dimension(n) != CadDimension::Face)
+      for (const auto& [edge, seed] : foreign_edges(n)) {
+        const std::optional<double> t = along(edge, n, seed);
+        if (!t || (!is_vertex && sine_to_edge(n, edge, *t) < kAcross)) continue;
+        crosses |= !is_vertex;
+        joints_.on_edges.push_back({n, edge, *t});
+        crossing.edges.push_back(edge);
+      }
+    if (crosses) add(std::move(crossing));
+  }
+
+  // The node's own entity is one of those that cross.
+  void add(Joints::Crossing crossing) {
+    const int n = crossing.node, own = entity(n);
+    if (dimension(n) == CadDimension::Face) {
+      crossing.faces.push_back(own);
+      joints_.of_face[own].push_back({n, association_.uv.row(n)});
+    } else {
+      crossing.edges.push_back(own);
+      joints_.on_edges.push_back({n, own, association_.uv(n, 0)});
+    }
+    joints_.crossings.push_back(std::move(crossing));
+  }
+
+  std::vector<int> own_faces(int n) const {
+    if (dimension(n) == CadDimension::Face) return {entity(n)};
+    if (dimension(n) == CadDimension::Vertex) return faces_at_[entity(n)];
+    std::vector<int> faces;
+    for (const int c : base_.edges()[entity(n)].coedges) faces.push_back(base_.coedges()[c].face);
+    return faces;
+  }
+
+  // Of the facets around a node, ascending; not those that its own entity is or bounds.
+  std::vector<int> foreign_faces(int n) const {
+    std::vector<int> faces;
+    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i) {
+      const int face = association_.facet_face[surface_.incident_facets[i]];
+      const bool is_own = dimension(n) == CadDimension::Face && face == entity(n);
+      if (face >= 0 && !is_own) faces.push_back(face);
+    }
+    if (faces.empty()) return faces;
+    for (const int own : own_faces(n)) std::erase(faces, own);
+    std::ranges::sort(faces);
+    faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
+    return faces;
+  }
+
+  // Of the nodes beside a node, with a parameter; not its own curve's.
+  std::map<int, double> foreign_edges(int n) const {
+    std::map<int, double> edges;
+    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
+      for (const int other : surface_.facets[surface_.incident_facets[i]])
+        if (dimension(other) == CadDimension::Edge && !is_on_curve_of(n, entity(other)))
+          edges.emplace(entity(other), association_.uv(other, 0));
+    return edges;
+  }
+
+  bool is_on_curve_of(int n, int edge) const {
+    const CadSkeleton& skeleton = base_.skeleton();
+    const int curve = skeleton.curve_of_edge[edge];
+    if (dimension(n) == CadDimension::Edge) return skeleton.curve_of_edge[entity(n)] == curve;
+    return std::ranges::any_of(skeleton.curves[curve].links, [&](const CurveLink& link) {
+      const CadEdge& e = base_.edges()[link.edge];
+      return e.start == entity(n) || e.end == entity(n);
+    });
+  }
+
+  double on_entity(int n, double tolerance) const {
+    return tolerance + kOnEntity * surface_.local_length[n];
+  }
+
+  // Parameters of a node that lies on a face, clear of its wires.
+  std::optional<Vector2d> within(int face, int n) {
+    const Vector3d x = surface_.points.row(n);
+    const FaceFoot foot = project_on_face(base_, face, x, seed(face, n));
+    if (foot.distance > on_entity(n, base_.faces()[face].tolerance) ||
+        !base_.is_inside(face, foot.uv))
+      return std::nullopt;
+    const Outline& outline = outlines_.try_emplace(face, base_, face).first->second;
+    if (outline.is_near(x, kClear * surface_.local_length[n])) return std::nullopt;
+    return foot.uv;
+  }
+
+  // Parameters of a node of the face beside this one; else those that a search finds.
+  Vector2d seed(int face, int n) const {
+    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
+      for (const int other : surface_.facets[surface_.incident_facets[i]])
+        if (dimension(other) == CadDimension::Face && entity(other) == face)
+          return association_.uv.row(other);
+    return project_globally(base_, face, surface_.points.row(n)).uv;
+  }
+
+  // Parameter of a node that lies on an edge, clear of the corners where it ends.
+  std::optional<double> along(int edge, int n, double seed) const {
+    const Vector3d x = surface_.points.row(n);
+    const CadEdge& e = base_.edges()[edge];
+    const EdgeFoot foot = project_on_edge(base_, edge, x, seed);
+    if (foot.distance > on_entity(n, e.tolerance)) return std::nullopt;
+    for (const int v : {e.start, e.end})
+      if (v >= 0 && base_.skeleton().corner_of_vertex[v] >= 0 &&
+          (base_.vertices()[v].point - x).norm() < kClear * surface_.local_length[n])
+        return std::nullopt;
+    return foot.t;
+  }
+
+  Vector3d tangent(int edge, double t) const {
+    return base_.evaluate_edge(edge, t).dt.normalized();
+  }
+
+  // Of the angle at which a node's own edge or face meets another one.
+  double sine_to_face(int n, int face, const Vector2d& uv) const {
+    const Vector3d normal = base_.normal(face, uv);
+    if (dimension(n) == CadDimension::Edge)
+      return std::abs(normal.dot(tangent(entity(n), association_.uv(n, 0))));
+    return normal.cross(base_.normal(entity(n), association_.uv.row(n))).norm();
+  }
+
+  double sine_to_edge(int n, int edge, double t) const {
+    return tangent(edge, t).cross(tangent(entity(n), association_.uv(n, 0))).norm();
+  }
+
+  void thin_out(std::vector<Joints::OnFace>& joints) const {
+    if (joints.size() <= kMostJoints) return;
+    Points at(std::ssize(joints), 3);
+    for (Index i = 0; i < at.rows(); ++i)
+      at.row(i) = surface_.points.row(joints[static_cast<std::size_t>(i)].node);
+    const auto order = farthest_point_order(at).rows;
+    std::vector<Joints::OnFace> spread;
+    for (std::size_t i = 0; i < kMostJoints; ++i) spread.push_back(joints[order[i]]);
+    joints = std::move(spread);
+  }
+
+  const CadModel& base_;
+  const SurfaceMesh& surface_;
+  const Association& association_;
+  std::vector<std::vector<int>> faces_at_;  // a vertex
+  std::map<int, Outline> outlines_;         // of faces, once needed
+  Joints joints_;
+};
+
+}  // namespace
+
+Joints find_joints(const CadModel& base, const SurfaceMesh& surface,
+                   const Association& association) {
+  return JointFinder(base, surface, association).run();
+}
+
+}  // namespace cadmorph

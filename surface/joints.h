@@ -1,0 +1,38 @@
+#pragma once
+
+#include <vector>
+
+#include "surface/association.h"
+#include "surface/surface_mesh.h"
+
+namespace cadmorph {
+
+/// Where parts of the CAD meet and no edge says so, as a rib on a plate, or a sheet through another
+/// one, without an imprint: nodes that lie on entities of which none bounds the other.
+struct Joints {
+  /// A node within a face that moves with something else.
+  struct OnFace {
+    int node;  ///< row of the surface mesh
+    Eigen::Vector2d uv;
+  };
+  /// A node on an edge, between its ends, that moves with something else.
+  struct OnEdge {
+    int node;
+    int edge;
+    double t;
+  };
+  /// A node where entities pass through each other; it stays on all of them.
+  struct Crossing {
+    int node;
+    std::vector<int> faces, edges;
+  };
+
+  std::vector<std::vector<OnFace>> of_face;  ///< by face; of very many, some spread evenly
+  std::vector<OnEdge> on_edges;
+  std::vector<Crossing> crossings;
+};
+
+Joints find_joints(const CadModel& base, const SurfaceMesh& surface,
+                   const Association& association);
+
+}  // namespace cadmorph

@@ -1,0 +1,144 @@
+#include "surface/joints.h"
+
+#include <BRepAlgoAPI_BuilderAlgo.hxx>
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRep_Builder.hxx>
+#include <TopoDS_Compound.hxx>
+#include <catch2/catch.hpp>
+#include <gp_Pln.hxx>
+
+#include "morph_case.h"
+#include "surface/surface_mesh.h"
+#include "triangulation.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector3d;
+
+namespace {
+
+using Parts = std::vector<TopoDS_Shape>;
+
+/// The parts beside each other, no edge where they meet.
+TopoDS_Shape together(const Parts& parts) {
+  TopoDS_Compound compound;
+  BRep_Builder builder;
+  builder.MakeCompound(compound);
+  for (const TopoDS_Shape& part : parts) builder.Add(compound, part);
+  return compound;
+}
+
+/// The parts with all faces split where they meet.
+TopoDS_Shape imprinted(const Parts& parts) {
+  TopTools_ListOfShape arguments;
+  for (const TopoDS_Shape& part : parts) arguments.Append(part);
+  BRepAlgoAPI_BuilderAlgo fuse;
+  fuse.SetArguments(arguments);
+  fuse.Build();
+  REQUIRE(fuse.IsDone());
+  return fuse.Shape();
+}
+
+TopoDS_Shape block(const Vector3d& low, const Vector3d& size) {
+  return BRepPrimAPI_MakeBox(gp_Pnt(low[0], low[1], low[2]), size[0], size[1], size[2]).Solid();
+}
+
+Parts pin_on_plate(double x) {
+  const gp_Ax2 axis(gp_Pnt(x, 20, 6), gp_Dir(0, 0, 1));
+  return {block({0, 0, 0}, {60, 40, 6}), BRepPrimAPI_MakeCylinder(axis, 7, 10).Solid()};
+}
+
+/// Ribs from one side of a plate to the other.
+Parts ribbed_plate(double x) {
+  return {block({0, 0, 0}, {60, 40, 6}), block({x, 0, 6}, {4, 40, 8}),
+          block({x + 18, 0, 6}, {4, 40, 8})};
+}
+
+/// A wall along a part of a plate's side.
+Parts plate_with_wall(double x) {
+  return {block({0, 0, 0}, {60, 40, 6}), block({x, 0, 6}, {22, 4, 8})};
+}
+
+/// A pin that ends on a tube's side.
+Parts pin_on_tube(double z) {
+  const TopoDS_Shape tube = BRepPrimAPI_MakeCylinder(10, 60).Solid();
+  const gp_Ax2 axis(gp_Pnt(0, 0, z), gp_Dir(0.8, 0.6, 0));
+  return {tube, BRepAlgoAPI_Cut(BRepPrimAPI_MakeCylinder(axis, 4, 20).Solid(), tube).Shape()};
+}
+
+TopoDS_Shape sheet(const gp_Ax3& at, double u, double v) {
+  return BRepBuilderAPI_MakeFace(gp_Pln(at), 0, u, 0, v).Face();
+}
+
+/// A sheet that leans on a plate at x, from below it to above it, wider than it or not.
+Parts crossing_sheets(double x, double from, double width) {
+  const gp_Dir up(0.6, 0, 0.8), normal(0.8, 0, -0.6);
+  const gp_Pnt low(x - 6, from, -8);
+  const gp_Dir along(0, 1, 0);
+  const gp_Ax3 leaning(low, normal, along);
+  const bool is_up = leaning.YDirection().Dot(up) > 0;
+  return {
+      sheet(gp_Ax3(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1), gp_Dir(1, 0, 0)), 60, 40),
+      BRepBuilderAPI_MakeFace(gp_Pln(leaning), 0, width, is_up ? 0 : -20, is_up ? 20 : 0).Face()};
+}
+
+/// Moves the mesh of the imprinted parts by CAD in which they are imprinted, and in which not.
+void check_alike(const Parts& base, const Parts& variant, double expected_move) {
+  const Mesh mesh = triangulate(imprinted(base), 0.05, 0.2);
+  const MorphCase split = mesh_case(to_model(imprinted(base)), mesh);
+  const MorphCase whole = mesh_case(to_model(together(base)), mesh);
+  REQUIRE(whole.base->coedges().size() < split.base->coedges().size());
+  const SurfaceMorphResult expected = morph_surface(split, to_model(imprinted(variant)));
+  const SurfaceMorphResult result = morph_surface(whole, to_model(together(variant)));
+  REQUIRE(largest_difference(expected.positions, surface_points(split.boundary, mesh.points)) >
+          0.9 * expected_move);
+  CHECK(result.warnings.empty());
+  CHECK(result.folds.empty());
+  CHECK(largest_difference(result.positions, expected.positions) < 1e-3 * expected_move);
+}
+
+}  // namespace
+
+TEST_CASE("Parts that stand on each other move alike, imprinted or not", "[surface][joints]") {
+  SECTION("a pin on a plate") { check_alike(pin_on_plate(22), pin_on_plate(31), 9); }
+  SECTION("ribs across a plate") { check_alike(ribbed_plate(9), ribbed_plate(17), 8); }
+  SECTION("a wall at a plate's side") { check_alike(plate_with_wall(9), plate_with_wall(20), 11); }
+  SECTION("a pin on a tube") { check_alike(pin_on_tube(25), pin_on_tube(33), 8); }
+  SECTION("a sheet through a plate") {
+    check_alike(crossing_sheets(20, 8, 24), crossing_sheets(29, 8, 24), 9);
+  }
+  SECTION("a sheet through a plate and beyond") {
+    check_alike(crossing_sheets(20, -3, 46), crossing_sheets(29, -3, 46), 9);
+  }
+}
+
+TEST_CASE("Parts that no longer meet are remarked on", "[surface][joints]") {
+  const auto check = [](const Parts& base) {
+    gp_Trsf up;
+    up.SetTranslation(gp_Vec(0, 0, 10));
+    const Parts variant = {base[0], base[1].Moved(up)};
+    const MorphCase c =
+        mesh_case(to_model(together(base)), triangulate(imprinted(base), 0.05, 0.2));
+    const SurfaceMorphResult result = morph_surface(c, to_model(together(variant)));
+    REQUIRE_FALSE(result.warnings.empty());
+    CHECK(result.warnings.back().find("do the parts still meet") != std::string::npos);
+  };
+  SECTION("sheets that crossed") { check(crossing_sheets(20, 8, 24)); }
+  SECTION("a pin off its plate") { check(pin_on_plate(22)); }
+}
+
+TEST_CASE("Ordinary parts have no joints", "[surface][joints]") {
+  for (const std::string& name : all_shapes()) {
+    CAPTURE(name);
+    const MorphCase c = shape_case(name);
+    const Association association = associate(*c.base, c.mesh, c.boundary);
+    const Joints joints =
+        find_joints(*c.base, make_surface_mesh(c.mesh, c.boundary, 1), association);
+    CHECK(joints.on_edges.empty());
+    CHECK(joints.crossings.empty());
+    for (const auto& of_face : joints.of_face) CHECK(of_face.empty());
+  }
+}
