@@ -100,7 +100,11 @@ CurveLocation CurveMap::operator()(const CurveLocation& base) const {
   const CurveLocation to = apply(way_, base);
   if (stretches_.empty()) return to;
   const double fraction = variant_.fraction(to);
-  return variant_.locate(fraction + shift(fraction));
+  const CurveLocation from = variant_.locate(fraction);  // differs by the table's rounding
+  const CurveLocation shifted = variant_.locate(fraction + shift(fraction));
+  if (from.edge != to.edge || shifted.edge != to.edge) return shifted;
+  const CadEdge& edge = variant_.model().edges()[to.edge];
+  return {to.edge, std::clamp(to.t + shifted.t - from.t, edge.first, edge.last)};
 }
 
 // Linear between the joints.

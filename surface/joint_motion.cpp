@@ -1,6 +1,7 @@
 #include "surface/joint_motion.h"
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -8,6 +9,7 @@
 #include "cad/projector.h"
 #include "core/parallel.h"
 #include "surface/curve_maps.h"
+#include "surface/face_map.h"
 
 namespace cadmorph {
 namespace {
@@ -48,43 +50,88 @@ std::optional<Vector3d> meet(const ModelPair& pair, const std::vector<CurveMap>&
   return std::nullopt;
 }
 
-// Along its own curve, or as predicted.
-Vector3d guess(const ModelPair& pair, const Association& association, const Points& feet,
-               const std::vector<CurveMap>& curve_maps, int row) {
-  if (association.dimension[row] != CadDimension::Edge)
-    return pair.prediction(Vector3d(feet.row(row)));
-  const int edge = association.entity[row];
-  const CurveMap& map = curve_maps[pair.base.skeleton().curve_of_edge[edge]];
-  const CurveLocation to = map({edge, association.uv(row, 0)});
-  return pair.variant.evaluate_edge(to.edge, to.t).point;
+// Where the warp of each face alone puts the nodes at which it crosses others, by row.
+std::map<int, std::vector<Vector3d>> crossings_by_warp(const ModelPair& pair,
+                                                       const std::vector<CurveMap>& curve_maps,
+                                                       const std::vector<FaceNodes>& faces,
+                                                       const Points& feet, const Points& placed) {
+  std::map<int, std::vector<Vector3d>> places;
+  for (const FaceNodes& nodes : faces) {
+    const auto firm = nodes.joints.begin() + nodes.placed_joints;
+    const std::vector<int> before(nodes.joints.begin(), firm), crossings(firm, nodes.joints.end());
+    if (crossings.empty() || !nodes.domain) continue;
+    const FaceDomain domain(pair.base, nodes.face, nodes.samples_per_curve,
+                            nodes.joint_uv.topRows(nodes.placed_joints));
+    const FaceMotion motion{curve_maps, feet(before, Eigen::all), placed(before, Eigen::all)};
+    const Parameters uv = nodes.joint_uv.bottomRows(std::ssize(crossings));
+    const FaceMapResult mapped = map_face(domain, pair, motion, uv, feet(crossings, Eigen::all));
+    for (std::size_t i = 0; i < crossings.size(); ++i)
+      places[crossings[i]].push_back(
+          pair.variant.evaluate(pair.match.faces[nodes.face], mapped.uv.row(static_cast<Index>(i)))
+              .point);
+  }
+  return places;
+}
+
+// The mean of the warps' places where they agree; the predicted one the more, the less they do.
+Vector3d blend(const std::vector<Vector3d>& places, const Vector3d& predicted, double length) {
+  if (places.size() < 2) return predicted;
+  Vector3d mean = Vector3d::Zero();
+  double spread = 0;
+  for (const Vector3d& x : places) {
+    mean += x / static_cast<double>(places.size());
+    spread = std::max(spread, (x - places.front()).norm());
+  }
+  return predicted + std::max(0.0, 1 - spread / length) * (mean - predicted);
 }
 
 }  // namespace
 
-Crossings join_curves(const ModelPair& pair, const Joints& joints, const Association& association,
-                      const Points& feet, std::vector<CurveMap>& curve_maps) {
-  std::vector<Vector3d> moved(joints.crossings.size());
-  parallel_for(std::ssize(moved), 16, [&](Index begin, Index end) {
+void join_curves(const ModelPair& pair, const Joints& joints, const Association& association,
+                 std::vector<CurveMap>& curve_maps) {
+  const auto curve_of = [&](int edge) { return pair.base.skeleton().curve_of_edge[edge]; };
+  std::vector<Vector3d> met(joints.crossings.size());
+  parallel_for(std::ssize(met), 16, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const Joints::Crossing& crossing = joints.crossings[i];
-      const Vector3d near = guess(pair, association, feet, curve_maps, crossing.node);
-      moved[i] = meet(pair, curve_maps, crossing, near).value_or(near);
+      if (crossing.edges.empty()) continue;
+      const int n = crossing.node, edge = association.entity[n];
+      const CurveLocation to = curve_maps[curve_of(edge)]({edge, association.uv(n, 0)});
+      const Vector3d near = pair.variant.evaluate_edge(to.edge, to.t).point;
+      met[i] = meet(pair, curve_maps, crossing, near).value_or(near);
     }
   });
-  Crossings crossings;
-  for (std::size_t i = 0; i < moved.size(); ++i)
-    crossings.emplace(joints.crossings[i].node, moved[i]);
+  std::map<int, Vector3d> crossings;  // by row
+  for (std::size_t i = 0; i < met.size(); ++i) crossings.emplace(joints.crossings[i].node, met[i]);
 
-  std::map<int, std::vector<CurveJoint>> through;  // a curve
+  std::map<int, std::vector<CurveJoint>> through;  // by curve
   for (const Joints::OnEdge& joint : joints.on_edges) {
     const auto crossing = crossings.find(joint.node);
     const Vector3d to = crossing != crossings.end()
                             ? crossing->second
                             : map_vertex(pair, curve_maps, association.entity[joint.node]);
-    through[pair.base.skeleton().curve_of_edge[joint.edge]].push_back({{joint.edge, joint.t}, to});
+    through[curve_of(joint.edge)].push_back({{joint.edge, joint.t}, to});
   }
   for (const auto& [curve, of_curve] : through) curve_maps[curve].lead_through(of_curve);
-  return crossings;
+}
+
+void cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+                 const Joints& joints, const std::vector<FaceNodes>& faces,
+                 const SurfaceMesh& surface, const Points& feet, Points& placed) {
+  const auto by_warp = crossings_by_warp(pair, curve_maps, faces, feet, placed);
+  parallel_for(std::ssize(joints.crossings), 16, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      const Joints::Crossing& crossing = joints.crossings[i];
+      const int n = crossing.node;
+      if (!crossing.edges.empty()) continue;
+      const Vector3d predicted = pair.prediction(Vector3d(feet.row(n)));
+      const auto places = by_warp.find(n);
+      const Vector3d near = places == by_warp.end()
+                                ? predicted
+                                : blend(places->second, predicted, surface.local_length[n]);
+      placed.row(n) = meet(pair, curve_maps, crossing, near).value_or(near);
+    }
+  });
 }
 
 std::string parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,

@@ -14,6 +14,7 @@
 #include "surface/curve_maps.h"
 #include "surface/face_folds.h"
 #include "surface/face_map.h"
+#include "surface/face_nodes.h"
 #include "surface/free_patches.h"
 #include "surface/joint_motion.h"
 #include "surface/joints.h"
@@ -29,7 +30,7 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr int kMostSteps = 8;
-constexpr int kMinSamples = 16, kMaxSamples = 200, kRefinement = 4;
+constexpr int kRefinement = 4;
 
 // Orthonormal frame of a surface: tangent, bitangent, normal. Identity at a pole.
 Matrix3d frame(const SurfacePoint& s) {
@@ -73,18 +74,6 @@ std::string name_of(const CadModel& base, const TopologyMatch& match, int face) 
          ", variant face " + std::to_string(match.faces[face] + 1) + ")";
 }
 
-// Nodes of one face.
-struct FaceNodes {
-  std::vector<int> rows;
-  std::vector<int> facets;
-  int samples_per_curve = 0;  ///< of the domain
-  std::vector<int> joints;    ///< rows of what moves with something else
-  Parameters joint_uv;
-  std::unique_ptr<FaceDomain> domain;
-  Parameters uv;
-  Points points;  // S(uv)
-};
-
 }  // namespace
 
 struct SurfaceMorph::Impl {
@@ -97,9 +86,6 @@ struct SurfaceMorph::Impl {
   Joints joints;
   Points feet;  // of all nodes on the base CAD, millimetres
 
-  void collect_joints(int face);
-  void collect_faces();
-  int samples_per_curve(int face, const std::vector<int>& nodes_on_edge) const;
   void find_feet();
   void check_policy() const;
 
@@ -144,48 +130,6 @@ void SurfaceMorph::Impl::find_feet() {
       }
     }
   });
-}
-
-int SurfaceMorph::Impl::samples_per_curve(int face, const std::vector<int>& nodes_on_edge) const {
-  int most = 0;
-  for (const auto& wire : base->faces()[face].wires)
-    for (const int c : wire) most = std::max(most, nodes_on_edge[base->coedges()[c].edge]);
-  return std::clamp(most, kMinSamples, kMaxSamples);
-}
-
-void SurfaceMorph::Impl::collect_joints(int face) {
-  FaceNodes& nodes = faces[face];
-  const auto& of_face = joints.of_face[face];
-  nodes.joint_uv.resize(std::ssize(of_face), 2);
-  for (const Joints::OnFace& joint : of_face) {
-    nodes.joint_uv.row(std::ssize(nodes.joints)) = joint.uv;
-    nodes.joints.push_back(joint.node);
-  }
-}
-
-void SurfaceMorph::Impl::collect_faces() {
-  faces.resize(base->faces().size());
-  std::vector<int> nodes_on_edge(base->edges().size(), 0);
-  for (int n = 0; n < static_cast<int>(association.entity.size()); ++n) {
-    if (association.dimension[n] == CadDimension::Face)
-      faces[association.entity[n]].rows.push_back(n);
-    if (association.dimension[n] == CadDimension::Edge) ++nodes_on_edge[association.entity[n]];
-  }
-  for (int f = 0; f < static_cast<int>(association.facet_face.size()); ++f)
-    if (association.facet_face[f] >= 0) faces[association.facet_face[f]].facets.push_back(f);
-  for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
-    FaceNodes& nodes = faces[f];
-    if (nodes.rows.empty()) continue;
-    nodes.samples_per_curve = samples_per_curve(f, nodes_on_edge);
-    collect_joints(f);
-    nodes.domain = std::make_unique<FaceDomain>(*base, f, nodes.samples_per_curve, nodes.joint_uv);
-    nodes.uv.resize(static_cast<Index>(nodes.rows.size()), 2);
-    nodes.points.resize(nodes.uv.rows(), 3);
-    for (std::size_t i = 0; i < nodes.rows.size(); ++i) {
-      nodes.uv.row(static_cast<Index>(i)) = association.uv.row(nodes.rows[i]);
-      nodes.points.row(static_cast<Index>(i)) = feet.row(nodes.rows[i]);
-    }
-  }
 }
 
 void SurfaceMorph::Impl::check_policy() const {
@@ -398,7 +342,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->check_policy();
   impl_->find_feet();
   impl_->joints = find_joints(*impl_->base, impl_->surface, impl_->association);
-  impl_->collect_faces();
+  impl_->faces = collect_face_nodes(*impl_->base, impl_->association, impl_->joints, impl_->feet);
 }
 
 SurfaceMorph::~SurfaceMorph() = default;
@@ -414,11 +358,11 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   const MotionPrediction prediction(base, joined, match);
   const ModelPair pair{base, joined, match, prediction};
   std::vector<CurveMap> maps = map_curves(pair);
-  const Crossings crossings = join_curves(pair, self.joints, self.association, self.feet, maps);
+  join_curves(pair, self.joints, self.association, maps);
   Placement placed(self.feet);
-  for (const auto& [row, to] : crossings) placed.feet.row(row) = to;
   self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);
+  cross_faces(pair, maps, self.joints, self.faces, self.surface, self.feet, placed.feet);
   SurfaceMorphResult result;
   self.move_faces(pair, maps, placed, result);
   for (Index n = 0; n < placed.feet.rows(); ++n)

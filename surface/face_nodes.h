@@ -1,0 +1,31 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "surface/face_domain.h"
+#include "surface/joints.h"
+
+namespace cadmorph {
+
+/// A face's part of the surface mesh, by rows of that, and the domain that carries it.
+struct FaceNodes {
+  int face = -1;
+  std::vector<int> rows;  ///< nodes on the face alone, ascending
+  std::vector<int> facets;
+  Parameters uv;  ///< of the nodes
+  Points points;  ///< S(uv)
+
+  std::vector<int> joints;  ///< nodes within the face that move with something else
+  Parameters joint_uv;
+  Index placed_joints = 0;  ///< the first of them, which corners and curves place; then crossings
+
+  int samples_per_curve = 0;           ///< of the domain
+  std::unique_ptr<FaceDomain> domain;  ///< null where no node lies on the face
+};
+
+/// The nodes of all faces, by face. `feet`: of all rows on the base.
+std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const Association& association,
+                                          const Joints& joints, const Points& feet);
+
+}  // namespace cadmorph
