@@ -60,7 +60,7 @@ Row row_of(const Series& series, const Candidate& candidate) {
   const Stopwatch watch;
   try {
     const VolumeMorph morph(series.mesh, series.surface_nodes,
-                            {.kernel = candidate.kernel, .rbf = {.solver = SolverKind::Lu}});
+                            {.kernel = candidate.kernel, .rbf = {.solver = SolverKind::Ldlt}});
     const Points positions = morph.morph(series.path(Route())[kSteps - 1]);
     const Figures figures = measure(series, positions);
     row.insert(row.end(), {format("%.3g", 1 / morph.report().reciprocal_condition),

@@ -61,10 +61,10 @@ std::string lapack_library() {
   return std::filesystem::path(info.dli_fname).filename().string();
 }
 
-// Starts this program for one solver; returns whether it ended well. The reference libraries are
-// loaded before OpenBLAS, so that their symbols are taken.
-bool run_child(const std::string& program, const EvaluateOptions& options, const Subject& subject,
-               const Solver& solver) {
+// Starts this program for one solver; -1: it can't be started. The reference libraries are loaded
+// before OpenBLAS, so that their symbols are taken.
+pid_t start_child(const std::string& program, const EvaluateOptions& options,
+                  const Subject& subject, const Solver& solver) {
   std::vector<std::string> words = {program,
                                     "run-solver",
                                     options.models.string(),
@@ -84,12 +84,17 @@ bool run_child(const std::string& program, const EvaluateOptions& options, const
   for (char** entry = environ; *entry; ++entry) environment.push_back(*entry);
   if (solver.is_netlib) environment.push_back(preload.data());
   environment.push_back(nullptr);
-  pid_t child = 0;
-  if (posix_spawn(&child, "/proc/self/exe", nullptr, nullptr, arguments.data(),
-                  environment.data()) != 0)
-    return false;
+  pid_t child = -1;
+  const bool is_started = posix_spawn(&child, "/proc/self/exe", nullptr, nullptr, arguments.data(),
+                                      environment.data()) == 0;
+  return is_started ? child : -1;
+}
+
+// Whether a child ended well, once it has.
+bool ended_well(pid_t child) {
   int status = 0;
-  return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  return child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) &&
+         WEXITSTATUS(status) == 0;
 }
 
 Row row_without_figures(const Subject& subject, const Series& series, const Solver& solver,
@@ -101,11 +106,15 @@ Row row_without_figures(const Subject& subject, const Series& series, const Solv
   return row;
 }
 
+double needed_memory(const Solver& solver, const Series& series) {
+  const auto m = static_cast<double>(series.surface_nodes.size());
+  return solver.matrices * 8 * m * m;
+}
+
 // Why a solver is not run; empty: it is.
 std::string why_not(const Solver& solver, const Series& series) {
   constexpr double kGiB = 1 << 30;
-  const auto m = static_cast<double>(series.surface_nodes.size());
-  const double needed = solver.matrices * 8 * m * m;
+  const double needed = needed_memory(solver, series);
   if (needed > physical_memory())
     return format("does not fit: needs %.0f GiB of %.0f", needed / kGiB, physical_memory() / kGiB);
   if (series.surface_nodes.size() > solver.most_centres) return "not run: takes too long";
@@ -161,14 +170,28 @@ void compare_solvers(const EvaluateOptions& options, const std::string& program)
   ResultsFile file(options.output, kHeader);
   for (const Subject& subject : chosen_subjects(options)) {
     const Series series = make_series(subject, {Route()}, kSteps);
+    std::vector<std::pair<const Solver*, pid_t>> running;
+    const auto finish = [&] {
+      for (const auto& [solver, child] : running)
+        if (!ended_well(child))
+          file.append({row_without_figures(subject, series, *solver, "failed")});
+      running.clear();
+    };
+    // netlib's take one thread each: two of them run side by side, the others alone.
     for (const Solver& solver : kSolvers) {
       if (file.has({subject.family, subject.mesh, solver.name})) continue;
-      options.tell(subject.family + " " + subject.mesh + ": " + solver.name);
-      if (const std::string note = why_not(solver, series); !note.empty())
+      if (const std::string note = why_not(solver, series); !note.empty()) {
         file.append({row_without_figures(subject, series, solver, note)});
-      else if (!run_child(program, options, subject, solver))
-        file.append({row_without_figures(subject, series, solver, "failed")});
+        continue;
+      }
+      const bool is_beside = solver.is_netlib && running.size() == 1 &&
+                             2 * needed_memory(solver, series) < physical_memory();
+      if (!is_beside) finish();
+      options.tell(subject.family + " " + subject.mesh + ": " + solver.name);
+      running.emplace_back(&solver, start_child(program, options, subject, solver));
+      if (!solver.is_netlib) finish();
     }
+    finish();
   }
 }
 

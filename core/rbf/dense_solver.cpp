@@ -9,6 +9,7 @@
 #include "core/archive_types.h"
 #include "core/blas.h"
 #include "core/errors.h"
+#include "core/large_matrix.h"
 #include "core/parallel.h"
 
 extern "C" {
@@ -55,11 +56,12 @@ double one_norm(const MatrixXd& A) {
 
 MatrixXd saddle_matrix(MatrixXd A, const MatrixXd& P) {
   const Index n = P.rows(), q = P.cols();
-  A.conservativeResize(n + q, n + q);
-  A.topRightCorner(n, q) = P;
-  A.bottomLeftCorner(q, n) = P.transpose();
-  A.bottomRightCorner(q, q).setZero();
-  return A;
+  MatrixXd result = large_matrix(n + q, n + q);
+  result.topLeftCorner(n, n) = A;
+  result.topRightCorner(n, q) = P;
+  result.bottomLeftCorner(q, n) = P.transpose();
+  result.bottomRightCorner(q, q).setZero();
+  return result;
 }
 
 MatrixXd saddle_rhs(const MatrixXd& values, Index q) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/errors.h"
+#include "core/large_matrix.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -106,9 +107,12 @@ Eigen::MatrixXd KernelSum::operator()(const ColumnsView& targets, const ColumnsV
 Eigen::MatrixXd KernelSum::matrix(const ColumnsView& points) const {
   const Index n = points.rows();
   const Eigen::MatrixXd one = Eigen::MatrixXd::Ones(1, 1);
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n, n);
+  Eigen::MatrixXd result = large_matrix(n, n);
   parallel_for(n, 32, [&](Index begin, Index end) {
-    for (Index j = begin; j < end; ++j) add(points, points.middleRows(j, 1), one, result.col(j));
+    for (Index j = begin; j < end; ++j) {
+      result.col(j).setZero();
+      add(points, points.middleRows(j, 1), one, result.col(j));
+    }
   });
   return result;
 }
