@@ -18,6 +18,7 @@ using Eigen::Vector3d;
 
 constexpr int kMostProjections = 300;
 constexpr double kStill = 1e-12, kMeet = 1e-7;  // of the diagonal
+constexpr double kNear = 1e-2;                  // of the shortest mesh edge
 constexpr double kParted = 1e-2;                // of the shortest mesh edge
 
 // The point near `guess` where the variants of all entities of a crossing meet. Projects on one
@@ -50,38 +51,105 @@ std::optional<Vector3d> meet(const ModelPair& pair, const std::vector<CurveMap>&
   return std::nullopt;
 }
 
-// Where the warp of each face alone puts the nodes at which it crosses others, by row.
-std::map<int, std::vector<Vector3d>> crossings_by_warp(const ModelPair& pair,
-                                                       const std::vector<CurveMap>& curve_maps,
-                                                       const std::vector<FaceNodes>& faces,
-                                                       const Points& feet, const Points& placed) {
-  std::map<int, std::vector<Vector3d>> places;
-  for (const FaceNodes& nodes : faces) {
-    const auto firm = nodes.joints.begin() + nodes.placed_joints;
-    const std::vector<int> before(nodes.joints.begin(), firm), crossings(firm, nodes.joints.end());
-    if (crossings.empty() || !nodes.domain) continue;
-    const FaceDomain domain(pair.base, nodes.face, nodes.samples_per_curve,
-                            nodes.joint_uv.topRows(nodes.placed_joints));
-    const FaceMotion motion{curve_maps, feet(before, Eigen::all), placed(before, Eigen::all)};
-    const Parameters uv = nodes.joint_uv.bottomRows(std::ssize(crossings));
-    const FaceMapResult mapped = map_face(domain, pair, motion, uv, feet(crossings, Eigen::all));
-    for (std::size_t i = 0; i < crossings.size(); ++i)
-      places[crossings[i]].push_back(
-          pair.variant.evaluate(pair.match.faces[nodes.face], mapped.uv.row(static_cast<Index>(i)))
-              .point);
+// Crossings of the same faces, numbered, by row of the surface mesh.
+std::map<int, int> sets_of_faces(const Joints& joints) {
+  std::map<std::vector<int>, int> number;
+  std::map<int, int> sets;
+  for (const Joints::Crossing& crossing : joints.crossings) {
+    if (!crossing.edges.empty()) continue;
+    std::vector<int> faces = crossing.faces;
+    std::ranges::sort(faces);
+    const int next = static_cast<int>(number.size());
+    sets.emplace(crossing.node, number.emplace(std::move(faces), next).first->second);
   }
-  return places;
+  return sets;
 }
 
-// The mean of the warps' places where they agree; the predicted one the more, the less they do.
-Vector3d blend(const std::vector<Vector3d>& places, const Vector3d& predicted, double length) {
-  if (places.size() < 2) return predicted;
-  Vector3d mean = Vector3d::Zero();
-  double spread = 0;
-  for (const Vector3d& x : places) {
-    mean += x / static_cast<double>(places.size());
-    spread = std::max(spread, (x - places.front()).norm());
+// Where the warps of the faces put the nodes at which they cross others, by row.
+class CrossingWarps {
+ public:
+  CrossingWarps(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+                const std::vector<FaceNodes>& faces, const Points& feet)
+      : pair_(pair), maps_(curve_maps), faces_(faces), feet_(feet) {}
+
+  using Places = std::map<int, std::vector<Vector3d>>;
+
+  // By what the curves and corners say.
+  Places by_curves(const Points& placed) const {
+    Places places;
+    for (const FaceNodes& nodes : faces_) {
+      std::vector<char> is_sought(nodes.joints.size(), 1);
+      std::fill_n(is_sought.begin(), nodes.placed_joints, 0);
+      add(nodes, is_sought, placed, places);
+    }
+    return places;
   }
+
+  // By the crossings with other faces, too.
+  Places by_crossings(const std::map<int, int>& sets, const Points& placed) const {
+    Places places;
+    for (const FaceNodes& nodes : faces_) {
+      std::set<int> here;
+      for (std::size_t i = nodes.placed_joints; i < nodes.joints.size(); ++i)
+        here.insert(sets.at(nodes.joints[i]));
+      for (const int set : here) {
+        std::vector<char> is_sought(nodes.joints.size(), 0);
+        for (std::size_t i = nodes.placed_joints; i < nodes.joints.size(); ++i)
+          is_sought[i] = sets.at(nodes.joints[i]) == set;
+        add(nodes, is_sought, placed, places);
+      }
+    }
+    return places;
+  }
+
+ private:
+  // Moves the joints sought by a warp that follows the others.
+  void add(const FaceNodes& nodes, const std::vector<char>& is_sought, const Points& placed,
+           Places& places) const {
+    std::vector<int> sought, known, sought_rows, known_rows;
+    for (int i = 0; i < static_cast<int>(nodes.joints.size()); ++i) {
+      (is_sought[i] ? sought : known).push_back(i);
+      (is_sought[i] ? sought_rows : known_rows).push_back(nodes.joints[i]);
+    }
+    if (sought.empty() || !nodes.domain) return;
+    const FaceDomain domain(pair_.base, nodes.face, nodes.samples_per_curve,
+                            nodes.joint_uv(known, Eigen::all));
+    const FaceMotion motion{maps_, feet_(known_rows, Eigen::all), placed(known_rows, Eigen::all)};
+    const FaceMapResult mapped = map_face(domain, pair_, motion, nodes.joint_uv(sought, Eigen::all),
+                                          feet_(sought_rows, Eigen::all));
+    for (std::size_t i = 0; i < sought.size(); ++i)
+      places[sought_rows[i]].push_back(
+          pair_.variant
+              .evaluate(pair_.match.faces[nodes.face], mapped.uv.row(static_cast<Index>(i)))
+              .point);
+  }
+
+  const ModelPair& pair_;
+  const std::vector<CurveMap>& maps_;
+  const std::vector<FaceNodes>& faces_;
+  const Points& feet_;
+};
+
+// The mean of where the faces meet near the warps' places, of which one counts the more, the nearer
+// it lies to all the faces itself; the predicted place the more, the less those that count agree.
+Vector3d blend(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+               const Joints::Crossing& crossing, const std::vector<Vector3d>& places,
+               const Vector3d& predicted, double length) {
+  std::vector<std::pair<double, Vector3d>> met;  // with weights
+  double sum = 0;
+  for (const Vector3d& x : places) {
+    double off = kNear * length;
+    for (const int face : crossing.faces)
+      off += project_globally(pair.variant, pair.match.faces[face], x).distance;
+    if (const auto there = meet(pair, curve_maps, crossing, x)) {
+      met.emplace_back(1 / (off * off), *there);
+      sum += met.back().first;
+    }
+  }
+  Vector3d mean = Vector3d::Zero();
+  for (const auto& [weight, x] : met) mean += weight / sum * x;
+  double spread = met.empty() ? length : 0;
+  for (const auto& [weight, x] : met) spread += 2 * weight / sum * (x - mean).norm();
   return predicted + std::max(0.0, 1 - spread / length) * (mean - predicted);
 }
 
@@ -115,23 +183,35 @@ void join_curves(const ModelPair& pair, const Joints& joints, const Association&
   for (const auto& [curve, of_curve] : through) curve_maps[curve].lead_through(of_curve);
 }
 
-void cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-                 const Joints& joints, const std::vector<FaceNodes>& faces,
-                 const SurfaceMesh& surface, const Points& feet, Points& placed) {
-  const auto by_warp = crossings_by_warp(pair, curve_maps, faces, feet, placed);
-  parallel_for(std::ssize(joints.crossings), 16, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      const Joints::Crossing& crossing = joints.crossings[i];
-      const int n = crossing.node;
-      if (!crossing.edges.empty()) continue;
-      const Vector3d predicted = pair.prediction(Vector3d(feet.row(n)));
-      const auto places = by_warp.find(n);
-      const Vector3d near = places == by_warp.end()
-                                ? predicted
-                                : blend(places->second, predicted, surface.local_length[n]);
-      placed.row(n) = meet(pair, curve_maps, crossing, near).value_or(near);
-    }
-  });
+Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+                      const Joints& joints, const std::vector<FaceNodes>& faces,
+                      const SurfaceMesh& surface, const Points& feet, const Points& placed) {
+  const std::map<int, int> sets = sets_of_faces(joints);
+  if (sets.empty()) return {};
+  const CrossingWarps warps(pair, curve_maps, faces, feet);
+  Points moved = placed;
+  const auto place = [&](const CrossingWarps::Places& by_warp) {
+    parallel_for(std::ssize(joints.crossings), 16, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const Joints::Crossing& crossing = joints.crossings[i];
+        const int n = crossing.node;
+        if (!crossing.edges.empty()) continue;
+        const Vector3d predicted = pair.prediction(Vector3d(feet.row(n)));
+        const auto places = by_warp.find(n);
+        const Vector3d near = places == by_warp.end()
+                                  ? predicted
+                                  : blend(pair, curve_maps, crossing, places->second, predicted,
+                                          surface.local_length[n]);
+        moved.row(n) = meet(pair, curve_maps, crossing, near).value_or(near);
+      }
+    });
+  };
+  place(warps.by_curves(moved));
+  // Where several lines of crossings meet, each carries the others along.
+  place(warps.by_crossings(sets, moved));
+  Crossings crossings;
+  for (const auto& [row, set] : sets) crossings.emplace(row, moved.row(row));
+  return crossings;
 }
 
 std::string parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -14,12 +15,15 @@ namespace cadmorph {
 void join_curves(const ModelPair& pair, const Joints& joints, const Association& association,
                  std::vector<CurveMap>& curve_maps);
 
-/// Places nodes where faces pass through each other: where their images meet, near the place that
-/// the faces' own warps give, or the predicted one where these differ by a mesh edge. `feet`: of
-/// all rows on the base. `placed`: on the variant, corners and curves before. Parallel.
-void cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-                 const Joints& joints, const std::vector<FaceNodes>& faces,
-                 const SurfaceMesh& surface, const Points& feet, Points& placed);
+/// Places of nodes on the variant, millimetres, by row of the surface mesh.
+using Crossings = std::map<int, Eigen::Vector3d>;
+
+/// Where the nodes go at which faces pass through each other: to where the faces' images meet, near
+/// the places that the faces' own warps give, or the predicted one where these differ by a mesh
+/// edge. `feet`: of all rows on the base. `placed`: on the variant, corners and curves. Parallel.
+Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+                      const Joints& joints, const std::vector<FaceNodes>& faces,
+                      const SurfaceMesh& surface, const Points& feet, const Points& placed);
 
 /// A remark on joints that the variant parts: nodes that went, at `placed`, off a face or a curve
 /// on which they lay; empty when there are none.

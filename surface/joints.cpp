@@ -31,7 +31,7 @@ class Outline {
       for (const int c : wire) edges.insert(model.coedges()[c].edge);
     for (const int edge : edges) {
       const CadEdge& e = model.edges()[edge];
-      if (e.is_degenerate || e.is_seam) continue;
+      if (!e.is_physical()) continue;
       for (int i = 0; i <= kSpans; ++i) {
         const double t = e.first + (e.last - e.first) * i / kSpans;
         seeds_.push_back({edge, t, model.evaluate_edge(edge, t).point});
@@ -39,11 +39,14 @@ class Outline {
     }
   }
 
-  bool is_near(const Vector3d& x, double reach) const {
-    return std::ranges::any_of(seeds_, [&](const Seed& seed) {
-      return (seed.point - x).norm() <= reach + model_.edges()[seed.edge].length / kSpans &&
-             project_on_edge(model_, seed.edge, x, seed.t).distance < reach;
-    });
+  // An edge within reach.
+  std::optional<EdgeFoot> near(const Vector3d& x, double reach) const {
+    for (const Seed& seed : seeds_) {
+      if ((seed.point - x).norm() > reach + model_.edges()[seed.edge].length / kSpans) continue;
+      const EdgeFoot foot = project_on_edge(model_, seed.edge, x, seed.t);
+      if (foot.distance < reach) return foot;
+    }
+    return std::nullopt;
   }
 
  private:
@@ -85,25 +88,31 @@ class JointFinder {
 
   void look_at(int n) {
     const bool is_vertex = dimension(n) == CadDimension::Vertex;
+    std::map<int, double> edges;  // with a parameter
+    if (dimension(n) != CadDimension::Face) edges = foreign_edges(n);
     Joints::Crossing crossing{n, {}, {}};
     bool crosses = false;
     for (const int face : foreign_faces(n)) {
+      if (const auto wire = wire_near(face, n)) {
+        if (dimension(n) != CadDimension::Face && !is_on_curve_of(n, wire->edge))
+          edges.emplace(wire->edge, wire->t);
+        continue;
+      }
       const std::optional<Vector2d> uv = within(face, n);
       if (!uv) continue;
       const double sine = is_vertex ? 0 : sine_to_face(n, face, *uv);
-      if (dimension(n) == CadDimension::Face && sine < kAcross) continue;  // two faces in one place
+      if (dimension(n) == CadDimension::Face && sine <= kAcross) continue;  // two faces in one place
       crosses |= sine > kAcross;
       joints_.of_face[face].push_back({n, *uv});
       crossing.faces.push_back(face);
     }
-    if (dimension(n) != CadDimension::Face)
-      for (const auto& [edge, seed] : foreign_edges(n)) {
-        const std::optional<double> t = along(edge, n, seed);
-        if (!t || (!is_vertex && sine_to_edge(n, edge, *t) < kAcross)) continue;
-        crosses |= !is_vertex;
-        joints_.on_edges.push_back({n, edge, *t});
-        crossing.edges.push_back(edge);
-      }
+    for (const auto& [edge, seed] : edges) {
+      const std::optional<double> t = along(edge, n, seed);
+      if (!t || (!is_vertex && sine_to_edge(n, edge, *t) < kAcross)) continue;
+      crosses |= !is_vertex;
+      joints_.on_edges.push_back({n, edge, *t});
+      crossing.edges.push_back(edge);
+    }
     if (crosses) add(std::move(crossing));
   }
 
@@ -167,15 +176,17 @@ class JointFinder {
     return tolerance + kOnEntity * surface_.local_length[n];
   }
 
-  // Parameters of a node that lies on a face, clear of its wires.
-  std::optional<Vector2d> within(int face, int n) {
-    const Vector3d x = surface_.points.row(n);
-    const FaceFoot foot = project_on_face(base_, face, x, seed(face, n));
+  std::optional<EdgeFoot> wire_near(int face, int n) {
+    const Outline& outline = outlines_.try_emplace(face, base_, face).first->second;
+    return outline.near(surface_.points.row(n), kClear * surface_.local_length[n]);
+  }
+
+  // Parameters of a node that lies on a face.
+  std::optional<Vector2d> within(int face, int n) const {
+    const FaceFoot foot = project_on_face(base_, face, surface_.points.row(n), seed(face, n));
     if (foot.distance > on_entity(n, base_.faces()[face].tolerance) ||
         !base_.is_inside(face, foot.uv))
       return std::nullopt;
-    const Outline& outline = outlines_.try_emplace(face, base_, face).first->second;
-    if (outline.is_near(x, kClear * surface_.local_length[n])) return std::nullopt;
     return foot.uv;
   }
 

@@ -50,7 +50,8 @@ struct Placement {
       : feet(std::move(base_feet)),
         offsets(Points::Zero(feet.rows(), 3)),
         uv(Parameters::Zero(feet.rows(), 2)),
-        entity(feet.rows(), -1) {}
+        entity(feet.rows(), -1),
+        is_crossing(feet.rows(), 0) {}
 
   Placement rows(const std::vector<int>& nodes) const {
     Placement result(feet(nodes, Eigen::all));
@@ -64,10 +65,23 @@ struct Placement {
     uv(nodes, Eigen::all) = values.uv;
   }
 
+  void cross(int row, const Vector3d& to) {
+    feet.row(row) = to;
+    is_crossing[row] = 1;
+  }
+
   Points feet, offsets;
-  Parameters uv;            ///< face (u, v), edge (t, 0)
-  std::vector<int> entity;  ///< variant face or edge; -1
+  Parameters uv;                  ///< face (u, v), edge (t, 0)
+  std::vector<int> entity;        ///< variant face or edge; -1
+  std::vector<char> is_crossing;  ///< on several faces: the foot stays
 };
+
+// Where the warp puts a node, unless it has its place already.
+Vector2d place_on_face(const CadModel& variant, int face, const Placement& placed, int row,
+                       const Vector2d& warped) {
+  if (!placed.is_crossing[row]) return warped;
+  return project_on_face(variant, face, placed.feet.row(row), warped).uv;
+}
 
 std::string name_of(const CadModel& base, const TopologyMatch& match, int face) {
   return "face " + std::to_string(face + 1) + " (" + to_string(base.faces()[face].type) +
@@ -184,7 +198,8 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
     for (Index i = begin; i < end; ++i) {
       const int n = nodes.rows[static_cast<std::size_t>(i)];
       const SurfacePoint from = base->evaluate(face, nodes.uv.row(i));
-      const SurfacePoint to = pair.variant.evaluate(variant, mapped.uv.row(i));
+      const Vector2d uv = place_on_face(pair.variant, variant, placed, n, mapped.uv.row(i));
+      const SurfacePoint to = pair.variant.evaluate(variant, uv);
       Matrix3d turn = frame(to) * frame(from).transpose();
       const bool is_turned_over =
           base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed;
@@ -192,7 +207,7 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
         turn = frame(to) * Vector3d(1, -1, -1).asDiagonal() * frame(from).transpose();
       placed.feet.row(n) = to.point;
       placed.offsets.row(n) = turn * offset(n);
-      placed.uv.row(n) = mapped.uv.row(i);
+      placed.uv.row(n) = uv;
       placed.entity[n] = variant;
     }
   });
@@ -362,7 +377,9 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   Placement placed(self.feet);
   self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);
-  cross_faces(pair, maps, self.joints, self.faces, self.surface, self.feet, placed.feet);
+  for (const auto& [row, to] :
+       cross_faces(pair, maps, self.joints, self.faces, self.surface, self.feet, placed.feet))
+    placed.cross(row, to);
   SurfaceMorphResult result;
   self.move_faces(pair, maps, placed, result);
   for (Index n = 0; n < placed.feet.rows(); ++n)

@@ -85,8 +85,24 @@ Parts crossing_sheets(double x, double from, double width) {
       BRepBuilderAPI_MakeFace(gp_Pln(leaning), 0, width, is_up ? 0 : -20, is_up ? 20 : 0).Face()};
 }
 
+/// Three sheets through each other, the third at x.
+Parts three_sheets(double x) {
+  return {sheet(gp_Ax3(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1), gp_Dir(1, 0, 0)), 60, 40),
+          sheet(gp_Ax3(gp_Pnt(0, 20, -15), gp_Dir(0, -1, 0), gp_Dir(1, 0, 0)), 60, 30),
+          sheet(gp_Ax3(gp_Pnt(x, 0, -15), gp_Dir(1, 0, 0), gp_Dir(0, 1, 0)), 40, 30)};
+}
+
+/// A rod through a sheet.
+Parts rod_through_sheet(double x) {
+  const gp_Ax2 axis(gp_Pnt(x, 20, -12), gp_Dir(0, 0, 1));
+  return {sheet(gp_Ax3(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1), gp_Dir(1, 0, 0)), 70, 40),
+          BRepPrimAPI_MakeCylinder(axis, 6, 24).Solid()};
+}
+
 /// Moves the mesh of the imprinted parts by CAD in which they are imprinted, and in which not.
-void check_alike(const Parts& base, const Parts& variant, double expected_move) {
+/// `tolerance`: of the expected move.
+void check_alike(const Parts& base, const Parts& variant, double expected_move,
+                 double tolerance = 1e-3) {
   const Mesh mesh = triangulate(imprinted(base), 0.05, 0.2);
   const MorphCase split = mesh_case(to_model(imprinted(base)), mesh);
   const MorphCase whole = mesh_case(to_model(together(base)), mesh);
@@ -97,7 +113,7 @@ void check_alike(const Parts& base, const Parts& variant, double expected_move) 
           0.9 * expected_move);
   CHECK(result.warnings.empty());
   CHECK(result.folds.empty());
-  CHECK(largest_difference(result.positions, expected.positions) < 1e-3 * expected_move);
+  CHECK(largest_difference(result.positions, expected.positions) < tolerance * expected_move);
 }
 
 }  // namespace
@@ -112,6 +128,10 @@ TEST_CASE("Parts that stand on each other move alike, imprinted or not", "[surfa
   }
   SECTION("a sheet through a plate and beyond") {
     check_alike(crossing_sheets(20, -3, 46), crossing_sheets(29, -3, 46), 9);
+  }
+  SECTION("three sheets") { check_alike(three_sheets(22), three_sheets(31), 9, 0.1); }
+  SECTION("a rod by more than its diameter") {
+    check_alike(rod_through_sheet(20), rod_through_sheet(45), 25, 0.1);
   }
 }
 
