@@ -170,7 +170,8 @@ void join_curves(const ModelPair& pair, const Joints& joints, const Association&
     }
   });
   std::map<int, Vector3d> crossings;  // by row
-  for (std::size_t i = 0; i < met.size(); ++i) crossings.emplace(joints.crossings[i].node, met[i]);
+  for (std::size_t i = 0; i < met.size(); ++i)
+    if (!joints.crossings[i].edges.empty()) crossings.emplace(joints.crossings[i].node, met[i]);
 
   std::map<int, std::vector<CurveJoint>> through;  // by curve
   for (const Joints::OnEdge& joint : joints.on_edges) {
@@ -208,7 +209,9 @@ Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_
   };
   place(warps.by_curves(moved));
   // Where several lines of crossings meet, each carries the others along.
-  place(warps.by_crossings(sets, moved));
+  const bool is_one_set =
+      std::ranges::all_of(sets, [](const auto& set) { return set.second == 0; });
+  if (!is_one_set) place(warps.by_crossings(sets, moved));
   Crossings crossings;
   for (const auto& [row, set] : sets) crossings.emplace(row, moved.row(row));
   return crossings;

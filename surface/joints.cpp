@@ -101,7 +101,8 @@ class JointFinder {
       const std::optional<Vector2d> uv = within(face, n);
       if (!uv) continue;
       const double sine = is_vertex ? 0 : sine_to_face(n, face, *uv);
-      if (dimension(n) == CadDimension::Face && sine <= kAcross) continue;  // two faces in one place
+      const bool coincides = dimension(n) == CadDimension::Face && sine <= kAcross;
+      if (coincides) continue;
       crosses |= sine > kAcross;
       joints_.of_face[face].push_back({n, *uv});
       crossing.faces.push_back(face);

@@ -32,6 +32,8 @@ struct Joints {
   std::vector<Crossing> crossings;
 };
 
+/// The joints of a mesh on its base CAD, by the facets around each node. `surface` in millimetres;
+/// rows as in `association`.
 Joints find_joints(const CadModel& base, const SurfaceMesh& surface,
                    const Association& association);
 
