@@ -256,6 +256,35 @@ int corner_count(CellType type, Index node_count) {
   }
 }
 
+void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes) {
+  if (mesh.offsets.empty()) mesh.offsets.push_back(0);
+  mesh.types.push_back(type);
+  mesh.connectivity.insert(mesh.connectivity.end(), nodes.begin(), nodes.end());
+  mesh.offsets.push_back(std::ssize(mesh.connectivity));
+  if (!mesh.polyhedron_offsets.empty())
+    mesh.polyhedron_offsets.push_back(std::ssize(mesh.polyhedron_faces));
+}
+
+void add_polyhedron(Mesh& mesh, std::span<const std::vector<Index>> faces) {
+  if (mesh.polyhedron_offsets.empty()) mesh.polyhedron_offsets.assign(mesh.types.size() + 1, 0);
+  std::vector<Index> nodes;
+  for (const std::vector<Index>& face : faces) {
+    mesh.polyhedron_faces.push_back(std::ssize(face));
+    mesh.polyhedron_faces.insert(mesh.polyhedron_faces.end(), face.begin(), face.end());
+    for (const Index node : face)
+      if (std::ranges::find(nodes, node) == nodes.end()) nodes.push_back(node);
+  }
+  add_cell(mesh, Polyhedron, nodes);
+}
+
+void tidy_groups(Mesh& mesh) {
+  for (NodeGroup& group : mesh.groups) {
+    std::ranges::sort(group.nodes);
+    const auto double_nodes = std::ranges::unique(group.nodes);
+    group.nodes.erase(double_nodes.begin(), double_nodes.end());
+  }
+}
+
 void check_mesh(const Mesh& mesh) {
   if (mesh.node_count() == 0) fail("it has no nodes");
   if (mesh.cell_count() == 0) fail("it has no cells");

@@ -40,6 +40,13 @@ enum class CellType : std::uint8_t {
   Polyhedron = 42,
 };
 
+/// A part of the mesh that its file names: a marker, a patch, a physical group, a set.
+struct NodeGroup {
+  std::string name;
+  std::string kind;          ///< in the words of the format: "marker", "patch", "node set"
+  std::vector<Index> nodes;  ///< ascending, each once
+};
+
 /// An unstructured mesh of any VTK cells: solid, shell, line and vertex cells may be mixed.
 struct Mesh {
   Points points;                    ///< N x 3, in the file's own unit
@@ -51,8 +58,9 @@ struct Mesh {
   std::vector<Index> polyhedron_offsets;
   /// Per polyhedron: node count of its first face, that face's node ids, next count, ...
   std::vector<Index> polyhedron_faces;
-  std::vector<int> regions;  ///< region id of each cell; empty when the mesh has no regions
-  std::string region_array;  ///< name of the cell array that `regions` came from; may be empty
+  std::vector<int> regions;       ///< region id of each cell; empty when the mesh has no regions
+  std::string region_array;       ///< name of the cell array that `regions` came from; may be empty
+  std::vector<NodeGroup> groups;  ///< in the file's order
 
   Index node_count() const { return points.rows(); }
   Index cell_count() const { return static_cast<Index>(types.size()); }
@@ -62,6 +70,15 @@ struct Mesh {
   }
   int region(Index c) const { return regions.empty() ? 0 : regions[c]; }
 };
+
+/// Appends a cell. Its nodes are in VTK's order; a polyhedron needs add_polyhedron.
+void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes);
+
+/// Appends a polyhedron of faces, each the ids of its nodes.
+void add_polyhedron(Mesh& mesh, std::span<const std::vector<Index>> faces);
+
+/// Sorts the nodes of each group and leaves out what is double.
+void tidy_groups(Mesh& mesh);
 
 /// Topological dimension of a cell type: 0 vertex, 1 line, 2 shell, 3 solid; -1 for a number that
 /// is no CellType.

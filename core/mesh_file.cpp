@@ -1,187 +1,146 @@
 #include "core/mesh_file.h"
 
-#include <vtkCellArray.h>
-#include <vtkCellData.h>
-#include <vtkDoubleArray.h>
-#include <vtkFieldData.h>
-#include <vtkIdTypeArray.h>
-#include <vtkIntArray.h>
-#include <vtkNew.h>
-#include <vtkPointData.h>
-#include <vtkSmartPointer.h>
-#include <vtkUnsignedCharArray.h>
-#include <vtkUnstructuredGrid.h>
-#include <vtkVariant.h>
-
 #include <algorithm>
-#include <string>
-#include <tuple>
-#include <utility>
 
+#include "core/edge_lengths.h"
 #include "core/errors.h"
-#include "core/vtk/layout.h"
-#include "core/vtk/reader.h"
-#include "core/vtk/writer.h"
+#include "core/formats/formats.h"
+#include "core/formats/mesh_format.h"
 
 namespace fs = std::filesystem;
 
 namespace cadmorph {
 namespace {
 
-vtkSmartPointer<vtkPoints> to_vtk(const Points& points) {
-  auto result = vtkSmartPointer<vtkPoints>::New();
-  result->SetDataTypeToDouble();
-  result->SetNumberOfPoints(points.rows());
-  std::copy_n(points.data(), points.size(),
-              vtkDoubleArray::SafeDownCast(result->GetData())->GetPointer(0));
-  return result;
+// More may turn thin elements over.
+constexpr double kLargestRounding = 1e-3;  // of a node's shortest edge
+
+bool is_vtk_name(const fs::path& path) {
+  return path.extension() == ".vtu" || path.extension() == ".vtk";
 }
 
-void check_rows(const std::string& name, Index rows, Index expected) {
-  if (rows != expected)
-    throw InvalidInputError("the array '" + name + "' to write has " + std::to_string(rows) +
-                            " rows, not " + std::to_string(expected));
+void check_coordinates(const fs::path& path, const Points& points, Index nodes) {
+  if (points.rows() != nodes)
+    throw InvalidInputError("the array 'coordinates' to write has " +
+                            std::to_string(points.rows()) + " rows, not " + std::to_string(nodes));
+  if (!points.allFinite())
+    throw InvalidInputError("the coordinates to write to " + path.string() + " are not all finite");
 }
 
-void add_arrays(vtkDataSetAttributes* data, Index count,
-                const std::map<std::string, RowMatrix>& arrays,
-                const std::map<std::string, std::vector<int>>& integers) {
-  for (const auto& [name, values] : arrays) {
-    check_rows(name, values.rows(), count);
-    vtkNew<vtkDoubleArray> array;
-    array->SetName(name.c_str());
-    array->SetNumberOfComponents(static_cast<int>(values.cols()));
-    array->SetNumberOfTuples(count);
-    std::copy_n(values.data(), values.size(), array->GetPointer(0));
-    data->AddArray(array);
+CoordinateRounding measure_rounding(Mesh mesh, const Points& wanted, const Points& written) {
+  if (written.rows() == 0) return {};
+  const Eigen::VectorXd distances = (written - wanted).rowwise().norm();
+  CoordinateRounding rounding;
+  if (distances.maxCoeff() == 0) return rounding;
+  mesh.points = wanted;
+  const Eigen::VectorXd edges = incident_edges(mesh).shortest;
+  for (Index n = 0; n < distances.size(); ++n) {
+    rounding.largest = std::max(rounding.largest, distances(n));
+    const double relative = edges(n) > 0 ? distances(n) / edges(n) : 0;
+    if (relative <= rounding.relative) continue;
+    rounding.relative = relative;
+    rounding.node = n;
   }
-  for (const auto& [name, values] : integers) {
-    check_rows(name, std::ssize(values), count);
-    vtkNew<vtkIntArray> array;
-    array->SetName(name.c_str());
-    array->SetNumberOfTuples(count);
-    std::ranges::copy(values, array->GetPointer(0));
-    data->AddArray(array);
+  return rounding;
+}
+
+void check_rounding(const CoordinateRounding& rounding, const fs::path& path) {
+  if (rounding.relative <= kLargestRounding) return;
+  throw InvalidInputError(
+      "can't write the mesh " + path.string() + ": its numbers have too few digits: node " +
+      std::to_string(rounding.node) + " would be rounded by " + std::to_string(rounding.relative) +
+      " of its shortest edge; write the mesh with double precision or wider columns first, or with "
+      "its origin nearer to the part");
+}
+
+/// The groups as arrays of 0 and 1.
+ExtraArrays with_groups(const Mesh& mesh, ExtraArrays extra) {
+  for (const NodeGroup& group : mesh.groups) {
+    std::vector<int> flags(std::size_t(mesh.node_count()), 0);
+    for (const Index node : group.nodes) flags[std::size_t(node)] = 1;
+    extra.point_integers.emplace(group.name, std::move(flags));
   }
-}
-
-void add_extra(vtkUnstructuredGrid* grid, const ExtraArrays& extra) {
-  add_arrays(grid->GetPointData(), grid->GetNumberOfPoints(), extra.point_arrays,
-             extra.point_integers);
-  add_arrays(grid->GetCellData(), grid->GetNumberOfCells(), extra.cell_arrays, extra.cell_integers);
-}
-
-vtkSmartPointer<vtkIdTypeArray> to_vtk(const std::vector<Index>& values) {
-  auto array = vtkSmartPointer<vtkIdTypeArray>::New();
-  array->SetNumberOfValues(std::ssize(values));
-  std::ranges::copy(values, array->GetPointer(0));
-  return array;
-}
-
-DataArray to_array(vtkAbstractArray* source, ArrayLocation location) {
-  DataArray result{.name = source->GetName() ? source->GetName() : "",
-                   .location = location,
-                   .type = source->GetDataTypeAsString()};
-  const Index tuples = source->GetNumberOfTuples();
-  if (auto* numbers = vtkDataArray::SafeDownCast(source)) {
-    const int type = numbers->GetDataType();
-    result.is_integral = type != VTK_FLOAT && type != VTK_DOUBLE;
-    result.values.resize(tuples, numbers->GetNumberOfComponents());
-    for (Index i = 0; i < tuples; ++i) numbers->GetTuple(i, result.values.row(i).data());
-    if (result.is_integral && numbers->GetDataTypeSize() == sizeof(std::int64_t)) {
-      const auto* first = static_cast<const std::int64_t*>(numbers->GetVoidPointer(0));
-      result.wide_integers.assign(first, first + numbers->GetNumberOfValues());
-    }
-  } else {
-    for (Index i = 0; i < source->GetNumberOfValues(); ++i)
-      result.texts.push_back(source->GetVariantValue(i).ToString());
-  }
-  return result;
-}
-
-void add_to(std::vector<DataArray>& arrays, vtkFieldData* data, ArrayLocation location) {
-  for (int i = 0; i < data->GetNumberOfArrays(); ++i)
-    arrays.push_back(to_array(data->GetAbstractArray(i), location));
-}
-
-/// Sets the cells with VTK's form of polyhedron faces: the number of faces before them.
-void set_cells(const Mesh& mesh, vtkUnstructuredGrid* grid) {
-  vtkNew<vtkUnsignedCharArray> types;
-  for (CellType type : mesh.types) types->InsertNextValue(static_cast<unsigned char>(type));
-  vtkNew<vtkCellArray> cells;
-  cells->SetData(to_vtk(mesh.offsets), to_vtk(mesh.connectivity));
-  if (mesh.polyhedron_faces.empty()) {
-    grid->SetCells(types, cells);
-    return;
-  }
-  std::vector<Index> locations, faces;
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    const Index end = mesh.polyhedron_offsets[c + 1];
-    const bool is_polyhedron = mesh.types[c] == CellType::Polyhedron;
-    locations.push_back(is_polyhedron ? std::ssize(faces) : -1);
-    if (!is_polyhedron) continue;
-    const auto count = faces.size();
-    faces.push_back(0);
-    for (Index at = mesh.polyhedron_offsets[c]; at < end; at += mesh.polyhedron_faces[at] + 1)
-      ++faces[count];
-    faces.insert(faces.end(), mesh.polyhedron_faces.begin() + mesh.polyhedron_offsets[c],
-                 mesh.polyhedron_faces.begin() + end);
-  }
-  grid->SetCells(types, cells, to_vtk(locations), to_vtk(faces));
+  return extra;
 }
 
 }  // namespace
 
 struct MeshFile::Impl {
   fs::path path;
-  Grid grid;
-  Layout layout;
-  Mesh mesh;
+  std::string format;
+  ReadMesh contents;
 };
 
 MeshFile::MeshFile(const fs::path& path) : impl_(std::make_unique<Impl>()) {
+  const MeshFormat& format = format_of(path);
   impl_->path = path;
-  std::tie(impl_->grid, impl_->layout) = read_grid(path);
-  impl_->mesh = to_mesh(impl_->grid, path);
+  impl_->format = format.name;
+  impl_->contents = format.read(path);
+  try {
+    check_mesh(impl_->contents.mesh);
+  } catch (const InvalidInputError& error) {
+    throw InvalidInputError(path.string() + ": " + error.what());
+  }
 }
 
 MeshFile::~MeshFile() = default;
 MeshFile::MeshFile(MeshFile&&) noexcept = default;
 MeshFile& MeshFile::operator=(MeshFile&&) noexcept = default;
 
-const Mesh& MeshFile::mesh() const { return impl_->mesh; }
+const Mesh& MeshFile::mesh() const { return impl_->contents.mesh; }
 
 const fs::path& MeshFile::path() const { return impl_->path; }
 
-std::vector<DataArray> MeshFile::arrays() const {
-  std::vector<DataArray> result;
-  add_to(result, impl_->grid->GetPointData(), ArrayLocation::Point);
-  add_to(result, impl_->grid->GetCellData(), ArrayLocation::Cell);
-  add_to(result, impl_->grid->GetFieldData(), ArrayLocation::Field);
-  return result;
+const std::string& MeshFile::format() const { return impl_->format; }
+
+const std::vector<std::string>& MeshFile::remarks() const { return impl_->contents.remarks; }
+
+std::vector<DataArray> MeshFile::arrays() const { return impl_->contents.copier->arrays(); }
+
+bool MeshFile::takes_arrays(const fs::path& path) const {
+  return impl_->contents.copier->takes_arrays() || is_vtk_name(path);
 }
 
-void MeshFile::write(const fs::path& path, const Points& points, const ExtraArrays& extra) const {
-  check_rows("coordinates", points.rows(), impl_->mesh.node_count());
-  if (!points.allFinite())
-    throw InvalidInputError("the coordinates to write to " + path.string() + " are not all finite");
-  vtkNew<vtkUnstructuredGrid> grid;
-  grid->ShallowCopy(impl_->grid);
-  grid->SetPoints(to_vtk(points));
-  add_extra(grid, extra);
-  write_grid(grid, impl_->layout, path);
+void MeshFile::check_target(const fs::path& path) const {
+  if (is_vtk_name(path)) return;
+  const std::string wanted = mesh_extension(path), own = mesh_extension(impl_->path);
+  if (wanted.empty() || wanted == own) return;
+  for (const MeshFormat& format : mesh_formats()) {
+    const bool is_of_format =
+        std::ranges::find(format.extensions, std::string_view(wanted)) != format.extensions.end();
+    if (is_of_format && format.name != impl_->format)
+      throw InvalidInputError("can't write " + path.string() + ": the mesh is a file of " +
+                              impl_->format + ", and its copy can't be one of " +
+                              std::string(format.name) + "; name it ..." + own +
+                              " (or .vtu, to look at it)");
+  }
 }
 
-void write_mesh(const fs::path& path, const Mesh& mesh, const ExtraArrays& extra) {
-  vtkNew<vtkUnstructuredGrid> grid;
-  grid->SetPoints(to_vtk(mesh.points));
-  set_cells(mesh, grid);
-  ExtraArrays arrays = extra;
-  if (!mesh.regions.empty())
-    arrays.cell_integers.emplace(mesh.region_array.empty() ? "RegionId" : mesh.region_array,
-                                 mesh.regions);
-  add_extra(grid, arrays);
-  write_grid(grid, {.compressor = vtkXMLWriter::ZLIB}, path);
+CoordinateRounding MeshFile::write(const fs::path& path, const Points& points,
+                                   const ExtraArrays& extra) const {
+  const Mesh& mesh = impl_->contents.mesh;
+  const MeshCopier& copier = *impl_->contents.copier;
+  check_coordinates(path, points, mesh.node_count());
+  check_target(path);
+  if (copier.takes_arrays()) {
+    copier.write_arrays(path, points, extra);
+    return {};
+  }
+  if (is_vtk_name(path)) {
+    Mesh moved = mesh;
+    moved.points = points;
+    write_mesh(path, moved, with_groups(mesh, extra));
+    return {};
+  }
+  if (!extra.point_arrays.empty() || !extra.cell_arrays.empty() || !extra.point_integers.empty() ||
+      !extra.cell_integers.empty())
+    throw InvalidInputError("a file of " + impl_->format +
+                            " can't hold extra arrays: " + path.string());
+  const CoordinateRounding rounding =
+      measure_rounding(mesh, points, copier.readable(mesh.points, points));
+  check_rounding(rounding, path);
+  copier.write(path, mesh.points, points);
+  return rounding;
 }
 
 }  // namespace cadmorph

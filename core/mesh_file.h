@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "core/mesh.h"
 
@@ -30,12 +32,20 @@ struct DataArray {
   std::vector<std::string> texts = {};  ///< of an array of strings
 };
 
-/// A mesh file held open: its mesh, and everything else in it (arrays, field data, names, types),
-/// so that a copy with other coordinates loses nothing.
+/// How far the coordinates in a file are from those that were to be written, where the file has
+/// too few digits for them.
+struct CoordinateRounding {
+  double largest = 0;   ///< in the mesh's unit
+  double relative = 0;  ///< the largest in the node's shortest edge
+  Index node = -1;      ///< where; -1: nothing was rounded
+};
+
+/// A mesh file held open: its mesh, and everything else in it, so that a copy with other
+/// coordinates loses nothing.
 class MeshFile {
  public:
-  /// Reads a .vtu (ascii, binary, appended, compressed; XML) or legacy .vtk unstructured grid.
-  /// Throws IoError when the file is missing, no mesh, truncated or damaged (what, where, remedy);
+  /// Reads a file (or folder) of any format in docs/formats.md, known by its content. Throws
+  /// IoError when it is missing, no mesh, truncated or damaged (what, where, remedy);
   /// InvalidInputError when its contents are invalid (see check_mesh). VTK prints nothing
   /// meanwhile; its logger on stderr stays off from then on.
   explicit MeshFile(const std::filesystem::path& path);
@@ -45,19 +55,36 @@ class MeshFile {
 
   const Mesh& mesh() const;
   const std::filesystem::path& path() const;
+  /// "SU2", "VTK", ...
+  const std::string& format() const;
+  /// What the file's user should know, a sentence each: what in it is of the base, what was left
+  /// out.
+  const std::vector<std::string>& remarks() const;
 
-  /// Copies of all arrays.
+  /// Copies of all arrays; none of formats that have no arrays of nodes and cells.
   std::vector<DataArray> arrays() const;
 
-  /// Writes a copy with only the coordinates replaced (N x 3, as float64) and `extra` added (in
-  /// place of arrays of the same names), in the input's own encoding and compressor; where `path`
-  /// ends in .vtu or .vtk, in that format. Legacy files come out binary, for VTK's legacy ascii
-  /// keeps 11 digits only, and have no node order of polyhedra, only their faces. The file appears
-  /// whole or not at all: written beside `path` (beside its target, if that is a link), flushed to
-  /// disk, then renamed. Throws IoError, leaving nothing behind; InvalidInputError for wrong sizes
-  /// or coordinates that are not finite.
-  void write(const std::filesystem::path& path, const Points& points,
-             const ExtraArrays& extra = {}) const;
+  /// Whether a copy at `path` holds extra arrays: one in a format of VTK does.
+  bool takes_arrays(const std::filesystem::path& path) const;
+
+  /// Throws InvalidInputError where `path` names another format than the file's, unless VTK's.
+  void check_target(const std::filesystem::path& path) const;
+
+  /// Writes a copy with only the coordinates replaced (N x 3): a coordinate that is as it was keeps
+  /// its bytes. It appears whole or not at all: written beside `path` (beside its target, if that
+  /// is a link), flushed to disk, then renamed. Returns how far coordinates were rounded to the
+  /// digits that the file has; throws InvalidInputError above a thousandth of the shortest edge.
+  ///
+  /// VTK's formats hold float64 always, in the input's own encoding and compressor, and `extra` (in
+  /// place of arrays of the same names). Legacy files come out binary, for VTK's legacy ascii keeps
+  /// 11 digits only, and have no node order of polyhedra, only their faces. A path that ends in
+  /// .vtu or .vtk makes such a file of any input; of one that is not VTK's, with its groups as
+  /// point arrays and without its other contents.
+  ///
+  /// Throws IoError, leaving nothing behind; InvalidInputError for wrong sizes, coordinates that
+  /// are not finite, extra arrays for a format without, and as check_target.
+  CoordinateRounding write(const std::filesystem::path& path, const Points& points,
+                           const ExtraArrays& extra = {}) const;
 
  private:
   struct Impl;

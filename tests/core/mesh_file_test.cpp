@@ -466,7 +466,7 @@ TEST_CASE("files that can't be read say why", "[core][mesh_file]") {
   require_io_error(folder / "missing.vtu", "no such file");
   require_io_error(folder.path(), "folder");
   put(folder / "empty.vtu", "");
-  require_io_error(folder / "empty.vtu", "no VTK file");
+  require_io_error(folder / "empty.vtu", "it is empty");
   put(folder / "garbage.vtu", std::string(5000, '\x81'));
   require_io_error(folder / "garbage.vtu", "no VTK file");
   put(folder / "surface.vtp",

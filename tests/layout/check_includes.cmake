@@ -36,8 +36,9 @@ forbid("[A-Za-z0-9_]+\\.hxx" "OCCT headers belong in cad/*.cpp"
     cad/pcurve_repair.cpp cad/step_reader.cpp cad/trim_loops.cpp)
 forbid("vtk[A-Za-z]+\\.h" "VTK belongs in the mesh file and the picture"
   FOLDERS core cad surface volume apps
-  EXCEPT core/mesh_file.cpp core/vtk/layout.h core/vtk/messages.cpp core/vtk/reader.h core/vtk/reader.cpp
-    core/vtk/writer.h core/vtk/writer.cpp apps/picture/picture.cpp
+  EXCEPT core/formats/vtk.cpp core/formats/vtk/layout.h core/formats/vtk/messages.cpp
+    core/formats/vtk/reader.h core/formats/vtk/reader.cpp core/formats/vtk/writer.h
+    core/formats/vtk/writer.cpp apps/picture/picture.cpp
     apps/picture/picture_renderer.cpp)
 forbid("nanoflann" "nanoflann belongs in the kd-tree" FOLDERS core cad surface volume apps
   EXCEPT core/kd_tree.cpp)

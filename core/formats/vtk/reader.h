@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <utility>
 
+#include "core/formats/vtk/layout.h"
 #include "core/mesh.h"
-#include "core/vtk/layout.h"
 
 namespace cadmorph {
 
@@ -16,7 +16,7 @@ using Grid = vtkSmartPointer<vtkUnstructuredGrid>;
 /// Reads a .vtu or legacy .vtk file. Throws IoError.
 std::pair<Grid, Layout> read_grid(const std::filesystem::path& path);
 
-/// The grid as a checked mesh; `path` stands in messages. Throws IoError, InvalidInputError.
+/// The grid as a mesh; `path` stands in messages. Throws IoError.
 Mesh to_mesh(vtkUnstructuredGrid* grid, const std::filesystem::path& path);
 
 }  // namespace cadmorph

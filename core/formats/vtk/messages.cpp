@@ -1,4 +1,4 @@
-#include "core/vtk/messages.h"
+#include "core/formats/vtk/messages.h"
 
 #include <vtkLogger.h>
 #include <vtkNew.h>

@@ -1,4 +1,4 @@
-#include "core/vtk/reader.h"
+#include "core/formats/vtk/reader.h"
 
 #include <vtkCellArray.h>
 #include <vtkCellData.h>
@@ -10,15 +10,14 @@
 #include <vtkXMLUnstructuredGridReader.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <fstream>
 #include <limits>
 #include <optional>
 #include <string>
 
-#include "core/errors.h"
-#include "core/vtk/messages.h"
+#include "core/formats/mesh_format.h"
+#include "core/formats/source_file.h"
+#include "core/formats/vtk/messages.h"
 
 namespace fs = std::filesystem;
 
@@ -32,15 +31,6 @@ constexpr const char* kRegionArrays[] = {
     "material",      "Material",         "RegionIds",       "RegionId",    "region",
     "Region",        "regions",          "ElementBlockIds", "cell_tags",   "CellTags",
     "medit:ref",     "cell_ids",         "PartIds",         "PartId"};
-
-std::string file_start(const fs::path& path, std::size_t bytes) {
-  std::ifstream stream(path, std::ios::binary);
-  std::string text(bytes, '\0');
-  if (!stream) fail_reading(path, std::strerror(errno));
-  stream.read(text.data(), static_cast<std::streamsize>(bytes));
-  text.resize(static_cast<std::size_t>(stream.gcount()));
-  return text;
-}
 
 /// Whether the file's last characters hold XML's closing tag.
 bool has_closing_tag(const fs::path& path) {
@@ -178,18 +168,11 @@ void take_regions(vtkUnstructuredGrid* grid, Mesh& mesh) {
 }  // namespace
 
 std::pair<Grid, Layout> read_grid(const fs::path& path) {
-  std::error_code error;
-  const auto status = fs::status(path, error);
-  if (!fs::exists(status)) fail_reading(path, "there is no such file");
-  if (fs::is_directory(status)) fail_reading(path, "it is a folder");
-  const std::string start = file_start(path, 4096);
-  if (start.starts_with("# vtk DataFile")) {
+  if (read_start(path, 14) == "# vtk DataFile") {
     Layout layout;
     const Grid grid = read_legacy(path, layout);
     return {grid, layout};
   }
-  if (start.find("<VTKFile") == std::string::npos)
-    fail_reading(path, "it is no VTK file; give an unstructured grid as .vtu or .vtk");
   const Layout layout = xml_layout(path);
   return {read_xml(path), layout};
 }
@@ -199,11 +182,6 @@ Mesh to_mesh(vtkUnstructuredGrid* grid, const fs::path& path) {
   take_points(grid, mesh);
   take_cells(grid, mesh);
   take_polyhedra(grid, path, mesh);
-  try {
-    check_mesh(mesh);
-  } catch (const InvalidInputError& error) {
-    throw InvalidInputError(path.string() + ": " + error.what());
-  }
   take_regions(grid, mesh);
   return mesh;
 }

@@ -1,4 +1,4 @@
-#include "core/vtk/writer.h"
+#include "core/formats/vtk/writer.h"
 
 #include <vtkErrorCode.h>
 #include <vtkNew.h>
@@ -12,8 +12,9 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "core/formats/mesh_format.h"
+#include "core/formats/vtk/messages.h"
 #include "core/temporary_file.h"
-#include "core/vtk/messages.h"
 
 namespace fs = std::filesystem;
 

@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "core/vtk/layout.h"
+#include "core/formats/vtk/layout.h"
 
 namespace cadmorph {
 

@@ -1,4 +1,4 @@
-#include "core/vtk/layout.h"
+#include "core/formats/vtk/layout.h"
 
 #include <cctype>
 #include <fstream>
@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/errors.h"
+#include "core/formats/mesh_format.h"
 
 namespace fs = std::filesystem;
 
@@ -71,14 +71,6 @@ int compressor_of(const std::string& name) {
 }
 
 }  // namespace
-
-void fail_reading(const fs::path& path, const std::string& why) {
-  throw IoError("can't read the mesh " + path.string() + ": " + why);
-}
-
-void fail_writing(const fs::path& path, const std::string& why) {
-  throw IoError("can't write the mesh " + path.string() + ": " + why);
-}
 
 Layout xml_layout(const fs::path& path) {
   TagScanner scanner(path);

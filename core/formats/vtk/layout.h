@@ -21,8 +21,4 @@ struct Layout {
 /// The layout of a .vtu file, from its first tags. Throws IoError when it holds another data set.
 Layout xml_layout(const std::filesystem::path& path);
 
-/// Throws IoError.
-[[noreturn]] void fail_reading(const std::filesystem::path& path, const std::string& why);
-[[noreturn]] void fail_writing(const std::filesystem::path& path, const std::string& why);
-
 }  // namespace cadmorph

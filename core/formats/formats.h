@@ -1,0 +1,11 @@
+#pragma once
+
+#include "core/formats/mesh_format.h"
+
+namespace cadmorph {
+
+// One source each, named as the function.
+const MeshFormat& su2_format();
+const MeshFormat& vtk_format();
+
+}  // namespace cadmorph

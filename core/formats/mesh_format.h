@@ -1,0 +1,86 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/mesh.h"
+#include "core/mesh_file.h"
+
+namespace cadmorph {
+
+/// Writes copies of a mesh file with other coordinates.
+class MeshCopier {
+ public:
+  virtual ~MeshCopier() = default;
+
+  /// Writes a copy of the file to `target`, whole or not at all. `before` (N x 3) are the
+  /// coordinates as they were read, `after` those of the copy: a coordinate that is the same in
+  /// both keeps its bytes, and so does all else. Throws IoError, leaving nothing behind;
+  /// InvalidInputError for coordinates that the format can't hold.
+  virtual void write(const std::filesystem::path& target, const Points& before,
+                     const Points& after) const = 0;
+
+  /// The coordinates that a reader of such a copy will find, where the file has too few digits for
+  /// some of `after`; empty where it holds them all.
+  virtual Points readable(const Points& /*before*/, const Points& /*after*/) const { return {}; }
+
+  /// Whether a copy can carry extra arrays: write_arrays then takes the place of write.
+  virtual bool takes_arrays() const { return false; }
+  virtual void write_arrays(const std::filesystem::path& /*target*/, const Points& /*after*/,
+                            const ExtraArrays& /*extra*/) const {}
+
+  /// Copies of the file's arrays, where the format has arrays of nodes and cells.
+  virtual std::vector<DataArray> arrays() const { return {}; }
+};
+
+/// A mesh file read.
+struct ReadMesh {
+  Mesh mesh;                         ///< not yet checked (see check_mesh)
+  std::vector<std::string> remarks;  ///< what its user should know, a sentence each
+  std::unique_ptr<const MeshCopier> copier;
+};
+
+/// What tells the format of a file.
+struct FileStart {
+  std::filesystem::path path;
+  bool is_folder = false;
+  std::string extension;  ///< lower case, with the dot, that of a compressed file without ".gz"
+  std::string bytes;      ///< the first 64 KiB, uncompressed; empty for a folder
+};
+
+enum class Recognition {
+  No,
+  Possible,  ///< nothing speaks against it: the extension decides
+  Sure,
+};
+
+/// A format of mesh files: one source in core/formats, one line in the table of formats.cpp.
+struct MeshFormat {
+  std::string_view name;                     ///< "SU2"
+  std::vector<std::string_view> extensions;  ///< lower case, with the dot, the usual one first
+  Recognition (*recognise)(const FileStart&);
+  /// Throws IoError for a file that is damaged, truncated or holds what can't be read: what, where
+  /// (line or byte), what was expected.
+  ReadMesh (*read)(const std::filesystem::path&);
+};
+
+/// All formats.
+std::span<const MeshFormat> mesh_formats();
+
+/// The format of a file or folder, by its content; by its name where the content leaves a choice.
+/// Throws IoError when there is no such file, or it is of no known format.
+const MeshFormat& format_of(const std::filesystem::path& path);
+
+/// The extension of a mesh file that tells its format, in its own spelling: ".su2", ".b8.ugrid",
+/// ".msh.gz"; empty for a folder or a name without one.
+std::string mesh_extension(const std::filesystem::path& path);
+
+/// Throw IoError: "can't read the mesh PATH: WHY".
+[[noreturn]] void fail_reading(const std::filesystem::path& path, const std::string& why);
+[[noreturn]] void fail_writing(const std::filesystem::path& path, const std::string& why);
+
+}  // namespace cadmorph
