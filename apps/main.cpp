@@ -25,8 +25,8 @@ constexpr const char* kDescription =
     "  cadmorph apply FIELD.cmf MESH [-o OUT] [options]\n"
     "  cadmorph compare REFERENCE MESH [options]\n"
     "\n"
-    "Both STEP files must have the same topology; MESH (.vtu or .vtk) is the mesh of the first. "
-    "The\n"
+    "Both STEP files must have the same topology; MESH is the mesh of the first, in the format it\n"
+    "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: docs/formats.md), and so is OUT. The\n"
     "result has the same elements, each surface node on the new CAD.";
 
 constexpr const char* kExamples =

@@ -58,9 +58,9 @@ struct Mesh {
   std::vector<Index> polyhedron_offsets;
   /// Per polyhedron: node count of its first face, that face's node ids, next count, ...
   std::vector<Index> polyhedron_faces;
-  std::vector<int> regions;       ///< region id of each cell; empty when the mesh has no regions
-  std::string region_array;       ///< name of the cell array that `regions` came from; may be empty
-  std::vector<NodeGroup> groups;  ///< in the file's order
+  std::vector<int> regions;  ///< region id of each cell; empty when the mesh has no regions
+  std::string region_array;  ///< name of the cell array that `regions` came from; may be empty
+  std::vector<NodeGroup> groups = {};  ///< in the file's order
 
   Index node_count() const { return points.rows(); }
   Index cell_count() const { return static_cast<Index>(types.size()); }

@@ -15,10 +15,6 @@ namespace {
 // More may turn thin elements over.
 constexpr double kLargestRounding = 1e-3;  // of a node's shortest edge
 
-bool is_vtk_name(const fs::path& path) {
-  return path.extension() == ".vtu" || path.extension() == ".vtk";
-}
-
 void check_coordinates(const fs::path& path, const Points& points, Index nodes) {
   if (points.rows() != nodes)
     throw InvalidInputError("the array 'coordinates' to write has " +
@@ -101,27 +97,12 @@ bool MeshFile::takes_arrays(const fs::path& path) const {
   return impl_->contents.copier->takes_arrays() || is_vtk_name(path);
 }
 
-void MeshFile::check_target(const fs::path& path) const {
-  if (is_vtk_name(path)) return;
-  const std::string wanted = mesh_extension(path), own = mesh_extension(impl_->path);
-  if (wanted.empty() || wanted == own) return;
-  for (const MeshFormat& format : mesh_formats()) {
-    const bool is_of_format =
-        std::ranges::find(format.extensions, std::string_view(wanted)) != format.extensions.end();
-    if (is_of_format && format.name != impl_->format)
-      throw InvalidInputError("can't write " + path.string() + ": the mesh is a file of " +
-                              impl_->format + ", and its copy can't be one of " +
-                              std::string(format.name) + "; name it ..." + own +
-                              " (or .vtu, to look at it)");
-  }
-}
-
 CoordinateRounding MeshFile::write(const fs::path& path, const Points& points,
                                    const ExtraArrays& extra) const {
   const Mesh& mesh = impl_->contents.mesh;
   const MeshCopier& copier = *impl_->contents.copier;
   check_coordinates(path, points, mesh.node_count());
-  check_target(path);
+  check_copy_name(impl_->path, path);
   if (copier.takes_arrays()) {
     copier.write_arrays(path, points, extra);
     return {};

@@ -76,11 +76,26 @@ struct Placement {
   std::vector<char> is_crossing;  ///< on several faces: the foot stays
 };
 
+// A node that moved by no more than the rounding of its way through the CAD has not moved.
+void keep_still(const Points& start, Points& positions) {
+  constexpr double kRounding = 1e-13;  // of the largest coordinate, of some 1e-16 an operation
+  const double least = kRounding * start.cwiseAbs().maxCoeff();
+  for (Index n = 0; n < start.rows(); ++n)
+    if ((positions.row(n) - start.row(n)).cwiseAbs().maxCoeff() <= least)
+      positions.row(n) = start.row(n);
+}
+
 // Where the warp puts a node, unless it has its place already.
 Vector2d place_on_face(const CadModel& variant, int face, const Placement& placed, int row,
                        const Vector2d& warped) {
   if (!placed.is_crossing[row]) return warped;
   return project_on_face(variant, face, placed.feet.row(row), warped).uv;
+}
+
+std::string text_of(const Vector3d& point) {
+  std::ostringstream text;
+  text << point.transpose();
+  return text.str();
 }
 
 std::string name_of(const CadModel& base, const TopologyMatch& match, int face) {
@@ -93,8 +108,10 @@ std::string name_of(const CadModel& base, const TopologyMatch& match, int face) 
 struct SurfaceMorph::Impl {
   std::shared_ptr<const CadModel> base;
   SurfaceMorphOptions options;
+  Points start;  // the nodes' positions, in the mesh's unit
   SurfaceMesh surface;
   Association association;
+  std::vector<GroupConstraint> constraints;  // of the nodes, by their groups
   std::vector<FreePatch> patches;
   std::vector<FaceNodes> faces;
   Joints joints;
@@ -102,6 +119,8 @@ struct SurfaceMorph::Impl {
 
   void find_feet();
   void check_policy() const;
+  GroupConstraint constraint(const FreePatch& patch) const;
+  bool slides(const FreePatch& patch) const;
 
   void move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
                     Placement& placed) const;
@@ -147,6 +166,11 @@ void SurfaceMorph::Impl::find_feet() {
 }
 
 void SurfaceMorph::Impl::check_policy() const {
+  for (const FreePatch& patch : patches)
+    if (constraint(patch) == GroupConstraint::Slide && !patch.is_planar)
+      throw InvalidInputError(
+          "a group of the mesh is to slide in its plane, but is not plane: its patch near (" +
+          text_of(patch.origin) + ") mm; hold it, or let it follow the volume");
   const bool is_refused =
       !patches.empty() &&
       (options.unmatched == UnmatchedPolicy::Error ||
@@ -161,6 +185,26 @@ void SurfaceMorph::Impl::check_policy() const {
        << (options.unmatched == UnmatchedPolicy::Slide ? "patches that are not planar" : "them")
        << "; --unmatched auto or fix keeps them.";
   throw AssociationError(text.str());
+}
+
+// What the groups say of a patch: one node that is held holds it.
+GroupConstraint SurfaceMorph::Impl::constraint(const FreePatch& patch) const {
+  GroupConstraint result = GroupConstraint::None;
+  for (const auto* nodes : {&patch.inner, &patch.border})
+    for (const int n : *nodes) {
+      const GroupConstraint wanted = constraints[static_cast<std::size_t>(n)];
+      const bool is_own = nodes == &patch.inner || patch.inner.empty();
+      if (is_own && wanted == GroupConstraint::Hold) return wanted;
+      if (is_own && wanted != GroupConstraint::None) result = wanted;
+    }
+  return result;
+}
+
+bool SurfaceMorph::Impl::slides(const FreePatch& patch) const {
+  if (!patch.is_planar || patch.touched.empty()) return false;
+  const GroupConstraint named = constraint(patch);
+  if (named != GroupConstraint::None) return named == GroupConstraint::Slide;
+  return options.unmatched != UnmatchedPolicy::Fix;
 }
 
 void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
@@ -329,12 +373,12 @@ void SurfaceMorph::Impl::move_amid(Points& moved) const {
 std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
   Index slid = 0, fixed = 0;
   for (const FreePatch& patch : patches) {
-    const bool slides =
-        patch.is_planar && options.unmatched != UnmatchedPolicy::Fix && !patch.touched.empty();
-    if (slides) slide_patch(surface, patch, moved);
-    ++(slides ? slid : fixed);
+    if (constraint(patch) == GroupConstraint::Follow) continue;
+    const bool is_sliding = slides(patch);
+    if (is_sliding) slide_patch(surface, patch, moved);
+    ++(is_sliding ? slid : fixed);
   }
-  if (patches.empty()) return {};
+  if (slid + fixed == 0) return {};
   return {std::to_string(association.unmatched_nodes) +
           " surface nodes lie on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
           std::to_string(slid) + " slide in their plane (--unmatched)"};
@@ -352,6 +396,10 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->base = std::move(base);
   impl_->options = std::move(options);
   impl_->association = std::move(association);
+  impl_->start = mesh.points(boundary.nodes, Eigen::all);
+  impl_->constraints = find_constraints(mesh, boundary, impl_->options.groups);
+  if (!impl_->options.groups.is_empty())
+    apply_constraints(impl_->constraints, boundary, impl_->association);
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
   impl_->patches = find_free_patches(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
@@ -391,6 +439,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
     result.warnings.push_back(std::move(note));
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
+  keep_still(self.start, result.positions);
   result.beyond_wires = self.distances_beyond_wires(pair, placed);
   result.entity = std::move(placed.entity);
   result.uv = std::move(placed.uv);

@@ -9,6 +9,7 @@
 #include "core/boundary.h"
 #include "core/mesh.h"
 #include "surface/association.h"
+#include "surface/group_constraints.h"
 
 namespace cadmorph {
 
@@ -26,6 +27,8 @@ struct SurfaceMorphOptions {
   /// Puts nodes exactly on the variant CAD instead of carrying their offset from the base CAD.
   bool snap = false;
   UnmatchedPolicy unmatched = UnmatchedPolicy::Auto;
+  /// Of named parts of the mesh; goes before `unmatched`.
+  GroupConstraints groups = {};
 };
 
 /// The surface of one variant. Rows follow Boundary::nodes.

@@ -15,6 +15,7 @@
 #include "cad/packed_model.h"
 #include "cad/step_reader.h"
 #include "core/content_hash.h"
+#include "core/formats/mesh_format.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -66,6 +67,16 @@ BatchIdentity identity_of(const BatchOptions& options) {
           .options = options.options_text};
 }
 
+/// Bytes of a file, or of all files in a folder.
+std::uintmax_t size_of(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return fs::file_size(path, error);
+  std::uintmax_t size = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(path, error))
+    if (entry.is_regular_file(error)) size += entry.file_size(error);
+  return size;
+}
+
 fs::path failed_out(const fs::path& out) { return failed_path(out).lexically_normal(); }
 
 std::string joined(const std::vector<std::string>& lines) {
@@ -91,8 +102,8 @@ bool is_finished(const Variant& variant, const ResultRow& row, const BatchFolder
     return false;
   if (row.out.empty()) return true;
   const fs::path expected = row.exit_code == 0 ? variant.out : failed_out(variant.out);
-  return row.out == expected && fs::file_size(folder.path_of(row.out), error) == row.out_bytes &&
-         !error;
+  const fs::path out = folder.path_of(row.out);
+  return row.out == expected && fs::exists(out, error) && size_of(out) == row.out_bytes;
 }
 
 // Stands for a variant until it is done again, so that no older row does, nor its mesh.
@@ -157,11 +168,19 @@ class BatchRun {
 
   // A mesh of an earlier run, good or refused, would outlive another outcome.
   void remove_old_meshes() const {
-    std::error_code ignored;
     for (const Variant* variant : todo_)
       if (options_.is_resumed || rows_.contains(variant->id))
         for (const fs::path& out : {variant->out, failed_out(variant->out)})
-          fs::remove(folder_.path_of(out), ignored);
+          remove_mesh(folder_.path_of(out));
+  }
+
+  // A folder only where it holds a mesh, as one that a batch wrote does.
+  static void remove_mesh(const fs::path& path) {
+    std::error_code ignored;
+    if (is_mesh_folder(path))
+      fs::remove_all(path, ignored);
+    else
+      fs::remove(path, ignored);
   }
 
   void check_outputs() const {
@@ -296,13 +315,16 @@ class BatchRun {
     PipelineReport& report = work.result->report;
     const bool is_done = report.outcome == Outcome::Done;
     row.out = is_done ? work.read.variant->out : failed_out(work.read.variant->out);
-    const fs::path staged =
+    const WrittenMesh staged =
         job_->of(*work.result)
             .write(*work.result, folder_.staging() / work.read.variant->out.filename(),
                    options_.has_diagnostics);
-    row.out_bytes = fs::file_size(staged);
-    folder_.publish(staged, row.out);
+    row.out_bytes = size_of(staged.path);
+    if (!staged.diagnostics.empty())
+      folder_.publish(staged.diagnostics, row.out.parent_path() / staged.diagnostics.filename());
+    folder_.publish(staged.path, row.out);
     report.written = folder_.path_of(row.out);
+    report.rounding = staged.rounding;
     row.figures = figures_of(report);
     row.message = joined(report.warnings);
     if (is_done) return;

@@ -8,6 +8,7 @@
 #include "apps/batch/csv.h"
 #include "apps/pipeline/exit_code.h"
 #include "apps/pipeline/output_file.h"
+#include "core/formats/mesh_format.h"
 
 namespace cadmorph {
 namespace {
@@ -76,7 +77,7 @@ class ManifestReader {
     if (variant.out.is_absolute() || std::ranges::find(variant.out, "..") != variant.out.end())
       fail(record.line,
            "the output " + variant.out.string() + " must lie in the folder of the batch");
-    if (variant.out.extension() != extension_)
+    if (mesh_extension(variant.out) != extension_ && !is_vtk_name(variant.out))
       fail(record.line, "the output " + variant.out.string() + " must be a " + extension_ +
                             " file, as the mesh is");
     check_new(variant.id, "the id \"" + variant.id + "\"", record.line);

@@ -30,6 +30,8 @@ void check_files(const ApplyCommand& command) {
 }
 
 void warn(const ApplyReport& report) {
+  for (const std::string& remark : mesh_remarks(report.mesh, report.remarks))
+    std::fprintf(stderr, "cadmorph: warning: %s\n", remark.c_str());
   if (report.outside == 0) return;
   std::fprintf(stderr,
                "cadmorph: warning: %s of %s points lie outside the box of %s, for which the field "

@@ -17,6 +17,7 @@
 #include "apps/summary/text_table.h"
 #include "apps/version.h"
 #include "core/content_hash.h"
+#include "core/formats/mesh_format.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -54,7 +55,7 @@ void take_interrupts() {
 
 void add_options(CLI::App& app, BatchCommand& command) {
   app.add_option("BASE", command.base, "STEP file the mesh was made for");
-  app.add_option("MESH", command.mesh, "mesh of BASE, .vtu or .vtk");
+  app.add_option("MESH", command.mesh, "mesh of BASE, of any format in docs/formats.md");
   app.add_option("VARIANT", command.steps, "STEP files to move the mesh onto");
   app.add_option("-o,--output", command.folder, "folder of the meshes and results")
       ->type_name("DIR");
@@ -222,7 +223,7 @@ ExitCode collect(const BatchCommand& command) {
 
 BatchOptions options_of(const CLI::App& parser, const BatchCommand& command) {
   check_files(command);
-  const std::string extension = command.mesh.extension().string();
+  const std::string extension = mesh_extension(command.mesh);
   BatchOptions options;
   options.base_cad = command.base;
   options.mesh = command.mesh;

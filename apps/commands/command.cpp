@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "apps/pipeline/output_file.h"
+#include "core/formats/mesh_format.h"
 
 namespace cadmorph {
 namespace {
@@ -54,11 +55,19 @@ void check_outputs(const std::vector<Output>& outputs, const std::vector<fs::pat
     if (output.is_needed && !output.file.empty()) check_output(output.file, {});
 }
 
+std::vector<std::string> mesh_remarks(const fs::path& mesh,
+                                      const std::vector<std::string>& remarks) {
+  std::vector<std::string> lines;
+  for (const std::string& remark : remarks) lines.push_back(mesh.string() + ": " + remark);
+  return lines;
+}
+
 void check_format(const fs::path& output, const fs::path& mesh) {
-  const fs::path format = mesh.extension();
-  if ((format == ".vtu" || format == ".vtk") && output.extension() != format)
-    throw UsageError("the output " + output.string() + " must be a " + format.string() +
-                     " file, as the mesh is");
+  try {
+    check_copy_name(mesh, output);
+  } catch (const InvalidInputError& error) {
+    throw UsageError(error.what());
+  }
 }
 
 }  // namespace cadmorph

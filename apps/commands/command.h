@@ -54,6 +54,10 @@ Output json_output(const std::string& json);
 void check_outputs(const std::vector<Output>& outputs,
                    const std::vector<std::filesystem::path>& inputs);
 
+/// What the user should know of a mesh file (see MeshFile::remarks), the file named.
+std::vector<std::string> mesh_remarks(const std::filesystem::path& mesh,
+                                      const std::vector<std::string>& remarks);
+
 /// Refuses a name for a moved mesh that is not of the mesh's format. Throws UsageError.
 void check_format(const std::filesystem::path& output, const std::filesystem::path& mesh);
 

@@ -128,8 +128,9 @@ ExitCode run_compare(const CompareCommand& command) {
 void add_compare_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<CompareCommand>();
   CLI::App* parser = app.add_subcommand("compare", "tell what differs between two meshes");
-  parser->add_option("REFERENCE", command->reference, "mesh, .vtu or .vtk")->required();
-  parser->add_option("MESH", command->mesh, "mesh, .vtu or .vtk")->required();
+  parser->add_option("REFERENCE", command->reference, "mesh of any format in docs/formats.md")
+      ->required();
+  parser->add_option("MESH", command->mesh, "mesh of any format in docs/formats.md")->required();
   auto* tolerance =
       parser
           ->add_option("--tolerance", command->options.tolerance,

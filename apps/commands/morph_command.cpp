@@ -36,7 +36,8 @@ void add_show_options(CLI::App& app, ShowFiles& show) {
 void add_options(CLI::App& app, MorphCommand& command) {
   app.add_option("BASE", command.files.base_cad, "STEP file the mesh was made for");
   app.add_option("VARIANT", command.files.variant_cad, "STEP file to move the mesh onto");
-  app.add_option("MESH", command.files.mesh, "mesh of BASE, .vtu or .vtk");
+  app.add_option("MESH", command.files.mesh,
+                 "mesh of BASE: a file or folder of any format in docs/formats.md");
   app.add_option("-o,--output", command.output, "morphed mesh (default: <stem>.morphed.<ext>)")
       ->type_name("OUT");
   app.add_option("--via", command.files.via,
@@ -94,7 +95,8 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
     };
   const PipelineReport report = morph_files(files, options);
   ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
-  std::vector<std::string> warnings = report.warnings;
+  std::vector<std::string> warnings = mesh_remarks(report.mesh_file, report.remarks);
+  warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());
   if (!report.cache.remark.empty()) warnings.push_back(report.cache.remark);
   ShowReport shown;
   if (!command.show.is_empty()) shown = showing.write(report, static_cast<int>(code));

@@ -158,8 +158,18 @@ void add_mesh_options(CLI::App& app, MorphOptions& raw) {
               {"error", UnmatchedPolicy::Error},
               {"fix", UnmatchedPolicy::Fix},
               {"slide", UnmatchedPolicy::Slide}},
-             "what mesh surface on no CAD face does (default: auto)")
+             "what mesh surface on no CAD face does, but for named parts (default: auto)")
       ->group(group);
+  const auto add_group_option = [&](const char* name, std::vector<std::string>& names,
+                                    const char* what) {
+    app.add_option(name, names, what)->type_name("GROUP")->allow_extra_args(false)->group(group);
+  };
+  add_group_option("--hold", surface.groups.held,
+                   "named part of the mesh (marker, patch, set) whose nodes stay; may be repeated");
+  add_group_option("--slide", surface.groups.sliding,
+                   "named part on no CAD face that slides in its plane; may be repeated");
+  add_group_option("--follow", surface.groups.following,
+                   "named part on no CAD face that follows the volume; may be repeated");
   app.add_option("--mesh-unit", raw.mesh_unit, "length unit of the mesh (default: detected)")
       ->type_name("mm|cm|m|inch|foot|NUMBER")
       ->group(group);

@@ -61,7 +61,7 @@ ExitCode run_quality(const QualityCommand& command) {
 void add_quality_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<QualityCommand>();
   CLI::App* parser = app.add_subcommand("quality", "measure the elements of a mesh");
-  parser->add_option("MESH", command->mesh, "mesh, .vtu or .vtk")->required();
+  parser->add_option("MESH", command->mesh, "mesh of any format in docs/formats.md")->required();
   parser
       ->add_option("--min-scaled-jacobian", command->min_scaled_jacobian,
                    "exit 5 when an element is below")

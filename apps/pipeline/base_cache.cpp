@@ -45,7 +45,9 @@ std::string hash_of(const Values& values) {
 
 // A file may have changed since it was read: what was read counts beside the file.
 std::string contents_of(const Mesh& mesh) {
-  return content_hash(hash_of(mesh.points) + hash_of(mesh.types) + hash_of(mesh.offsets) +
+  std::string groups;
+  for (const NodeGroup& group : mesh.groups) groups += group.name + "\n" + hash_of(group.nodes);
+  return content_hash(groups + hash_of(mesh.points) + hash_of(mesh.types) + hash_of(mesh.offsets) +
                       hash_of(mesh.connectivity) + hash_of(mesh.polyhedron_offsets) +
                       hash_of(mesh.polyhedron_faces) + hash_of(mesh.regions));
 }
@@ -74,6 +76,20 @@ std::string contents_of(const CadModel& cad) {
   return hash_of(samples);
 }
 
+// Of a mesh that is a folder, what was read of it counts alone.
+std::string hash_of_file(const fs::path& mesh) {
+  return fs::is_directory(mesh) ? std::string() : file_hash(mesh);
+}
+
+std::string names_of(const GroupConstraints& groups) {
+  std::string all;
+  for (const auto* names : {&groups.held, &groups.sliding, &groups.following}) {
+    for (const std::string& name : *names) all += name + "\n";
+    all += "\n";
+  }
+  return all;
+}
+
 // The program's own bytes and its libraries count, too: another build may compute otherwise.
 Key key_of(const BaseInputs& inputs) {
   const VolumeMorphOptions& volume = inputs.options.volume;
@@ -84,7 +100,8 @@ Key key_of(const BaseInputs& inputs) {
           {"BLAS kernel", blas_info().kernel},
           {"set of libraries", loaded_libraries()},
           {"base CAD", file_hash(inputs.cad->file_name()) + contents_of(*inputs.cad)},
-          {"mesh", file_hash(inputs.file.path()) + contents_of(inputs.mesh)},
+          {"mesh", hash_of_file(inputs.file.path()) + contents_of(inputs.mesh)},
+          {"held, sliding and following groups", names_of(inputs.options.surface.groups)},
           {"mesh unit", exact(association.mesh_unit_mm)},
           {"association tolerance", exact(association.tolerance)},
           {"method", to_string(volume.method)},

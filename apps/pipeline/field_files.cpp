@@ -47,8 +47,8 @@ void measure(const Mesh& mesh, const Points& moved, ApplyReport& report) {
   report.bad_cells = bad_cells(report);
 }
 
-fs::path write(const MeshFile& mesh, const Points& moved, const ApplyReport& report,
-               const fs::path& output) {
+WrittenMesh write(const MeshFile& mesh, const Points& moved, const ApplyReport& report,
+                  const fs::path& output) {
   ExtraArrays extra;
   if (!report.bad_cells.empty()) {
     std::vector<int> is_bad(static_cast<std::size_t>(mesh.mesh().cell_count()), 0);
@@ -56,8 +56,9 @@ fs::path write(const MeshFile& mesh, const Points& moved, const ApplyReport& rep
     extra.cell_integers["cadmorph_bad"] = std::move(is_bad);
   }
   const fs::path path = report.bad_cells.empty() ? output : failed_path(output);
-  as_output([&] { mesh.write(path, moved, extra); });
-  return path;
+  WrittenMesh written{.path = path};
+  as_output([&] { written.rounding = mesh.write(path, moved, extra); });
+  return written;
 }
 
 // The fields of a series of morphs, one after the other.
@@ -89,7 +90,7 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options)
   FieldReport report;
   MorphFiles trip = files;
   trip.on_leg = [&](const MorphJob& job, const MorphResult& result) { record.add(job, result); };
-  trip.write = [&](const MorphJob&, const MorphResult& result) -> fs::path {
+  trip.write = [&](const MorphJob&, const MorphResult& result) -> WrittenMesh {
     if (result.report.outcome != Outcome::Done) return {};
     DeformationTerms& terms = record.terms();
     terms.base_cad = files.base_cad.string();
@@ -97,7 +98,7 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options)
     terms.mesh_file = files.mesh.string();
     as_output([&] { write_field(files.output, terms); });
     report.field = figures_of(files.output, terms);
-    return files.output;
+    return {.path = files.output};
   };
   report.morph = morph_files(trip, without_repair(options));
   return report;
@@ -116,13 +117,17 @@ ApplyReport apply_files(const fs::path& field, const fs::path& mesh, const fs::p
   ApplyReport report;
   report.field = figures_of(field, deformation.terms());
   report.mesh = mesh;
+  report.mesh_format = file.format();
+  report.remarks = file.remarks();
   report.nodes = before.node_count();
   report.cells = before.cell_count();
   report.at_nodes = moved.at_nodes;
   report.outside = moved.outside;
   report.max_displacement = (moved.positions - before.points).rowwise().norm().maxCoeff();
   measure(before, moved.positions, report);
-  report.written = write(file, moved.positions, report, output);
+  const WrittenMesh written = write(file, moved.positions, report, output);
+  report.written = written.path;
+  report.rounding = written.rounding;
   report.seconds = clock.phases().front().seconds;
   return report;
 }

@@ -26,6 +26,9 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options 
 struct ApplyReport {
   FieldFigures field;
   std::filesystem::path mesh, written;  ///< written: the output, or the failed mesh
+  std::string mesh_format;
+  std::vector<std::string> remarks;  ///< on the mesh file
+  CoordinateRounding rounding;       ///< see PipelineReport
   Index nodes = 0, cells = 0;
   Index at_nodes = 0;           ///< at the place of a node whose position the CAD gave
   Index outside = 0;            ///< outside the box of the mesh the field was made for

@@ -1,5 +1,7 @@
 #include "apps/pipeline/morph_base.h"
 
+#include <algorithm>
+
 #include "core/blas.h"
 #include "core/parallel.h"
 #include "surface/motion_path.h"
@@ -12,6 +14,13 @@ PipelineOptions with_progress_everywhere(PipelineOptions options) {
     options.surface.association.progress = options.progress;
   if (!options.volume.rbf.progress) options.volume.rbf.progress = options.progress;
   return options;
+}
+
+// Those of a lower dimension than the mesh.
+Index lower_cells(const Mesh& mesh) {
+  const int highest = dimension(mesh);
+  return std::ranges::count_if(mesh.types,
+                               [&](CellType type) { return dimension(type) < highest; });
 }
 
 }  // namespace
@@ -43,6 +52,9 @@ void MorphBase::fill_report() {
   const Association& association = surface->association();
   report.base_cad = figures_of(*cad);
   report.mesh_file = mesh_file->path();
+  report.mesh_format = mesh_file->format();
+  report.remarks = mesh_file->remarks();
+  report.other_cells = lower_cells(mesh());
   report.nodes = mesh().node_count();
   report.cells = mesh().cell_count();
   report.vertex_nodes = association.vertex_nodes;

@@ -101,12 +101,13 @@ class Trip {
       files_.on_result(job, result_);
     }
     clock.start("writing");
-    const fs::path written = files_.write
-                                 ? files_.write(job, result_)
-                                 : job.write(result_, files_.output, files_.has_diagnostics);
+    const WrittenMesh written = files_.write
+                                    ? files_.write(job, result_)
+                                    : job.write(result_, files_.output, files_.has_diagnostics);
     add_phases(phases_, clock.phases());
     PipelineReport report = is_series() ? series_report() : result_.report;
-    report.written = written;
+    report.written = written.path;
+    report.rounding = written.rounding;
     report.phases = phases_;
     report.seconds = sum(phases_);
     report.peak_memory = peak_memory();

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "core/formats/mesh_format.h"
 #include "core/temporary_file.h"
 
 namespace cadmorph {
@@ -15,12 +16,24 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Without a final slash.
+fs::path trimmed(const fs::path& path) { return path.has_filename() ? path : path.parent_path(); }
+
 fs::path folder_of(const fs::path& file) {
-  return file.has_parent_path() ? file.parent_path() : fs::path(".");
+  const fs::path folder = trimmed(file).parent_path();
+  return folder.empty() ? fs::path(".") : folder;
 }
 
 [[noreturn]] void refuse(const fs::path& output, const std::string& why) {
   throw OutputError("can't write " + output.string() + ": " + why);
+}
+
+/// The suffix before the extension that tells the mesh's format.
+fs::path with_suffix(fs::path path, const std::string& suffix) {
+  path = trimmed(path);
+  if (path.filename() == "." || path.filename() == "..") path = fs::canonical(path);
+  const std::string name = path.filename().string(), extension = mesh_extension(path);
+  return path.parent_path() / (name.substr(0, name.size() - extension.size()) + suffix + extension);
 }
 
 }  // namespace
@@ -36,7 +49,7 @@ void check_output(const fs::path& output, const std::vector<fs::path>& inputs) {
   if (!fs::is_directory(folder, error)) refuse(output, folder.string() + " is no folder");
   if (access(folder.c_str(), W_OK | X_OK) != 0)
     refuse(output, "no permission to write in the folder " + folder.string());
-  if (fs::exists(output, error) && !fs::is_regular_file(output, error))
+  if (fs::exists(output, error) && !fs::is_regular_file(output, error) && !is_mesh_folder(output))
     refuse(output, "it exists and is no regular file");
 }
 
@@ -55,12 +68,18 @@ bool is_same_file(const fs::path& a, const fs::path& b) {
   return !full_a.empty() && full_a == full(b);
 }
 
-fs::path default_output(const fs::path& mesh) {
-  return mesh.parent_path() / (mesh.stem().string() + ".morphed" + mesh.extension().string());
-}
+fs::path default_output(const fs::path& mesh) { return with_suffix(mesh, ".morphed"); }
 
 fs::path failed_path(const fs::path& output) {
-  return folder_of(output) / (output.stem().string() + ".failed" + output.extension().string());
+  if (!is_vtk_name(output)) return vtu_path(output, ".failed");
+  return with_suffix(output, ".failed");
+}
+
+fs::path vtu_path(const fs::path& output, const std::string& suffix) {
+  const fs::path path = with_suffix(output, suffix);
+  const std::string name = path.filename().string();
+  return path.parent_path() /
+         (name.substr(0, name.size() - mesh_extension(output).size()) + ".vtu");
 }
 
 std::string read_bytes(const fs::path& path) {

@@ -30,8 +30,11 @@ bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b
 /// Where a morphed mesh goes when not told: `<stem>.morphed.<ext>` beside the mesh.
 std::filesystem::path default_output(const std::filesystem::path& mesh);
 
-/// `<stem>.failed.<ext>` beside `output`.
+/// `<stem>.failed.<ext>` beside `output`; `.vtu` for formats that can't mark cells.
 std::filesystem::path failed_path(const std::filesystem::path& output);
+
+/// `<stem><suffix>.vtu` beside `output`: for arrays that its format can't hold.
+std::filesystem::path vtu_path(const std::filesystem::path& output, const std::string& suffix);
 
 /// Returns the contents of a file. Throws IoError.
 std::string read_bytes(const std::filesystem::path& path);

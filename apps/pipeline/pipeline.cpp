@@ -208,9 +208,10 @@ DeformationTerms MorphJob::deformation(const MorphResult& result) const {
   return terms;
 }
 
-fs::path MorphJob::write(const MorphResult& result, const fs::path& output,
-                         bool has_diagnostics) const {
+WrittenMesh MorphJob::write(const MorphResult& result, const fs::path& output,
+                            bool has_diagnostics) const {
   ExtraArrays extra;
+  WrittenMesh written;
   if (has_diagnostics) add_diagnostics(*this, base_->mesh_file->mesh().points, result, extra);
   fs::path path = output;
   if (result.report.outcome != Outcome::Done) {
@@ -219,8 +220,16 @@ fs::path MorphJob::write(const MorphResult& result, const fs::path& output,
     for (const Index c : bad_cells(*base_, result)) is_bad[c] = 1;
     extra.cell_integers["cadmorph_bad"] = std::move(is_bad);
   }
-  as_output([&] { base_->mesh_file->write(path, result.positions, extra); });
-  return path;
+  const MeshFile& file = *base_->mesh_file;
+  as_output([&] {
+    if (!file.takes_arrays(path) && has_diagnostics) {
+      written.diagnostics = vtu_path(path, ".diagnostics");
+      file.write(written.diagnostics, result.positions, std::exchange(extra, {}));
+    }
+    written.rounding = file.write(path, result.positions, extra);
+  });
+  written.path = path;
+  return written;
 }
 
 }  // namespace cadmorph

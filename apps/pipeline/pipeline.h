@@ -71,6 +71,13 @@ struct MeshFigures {
   QualityChecks checks;   ///< as OpenFOAM's checkMesh states them
 };
 
+/// What a named part of the mesh did (see Mesh::groups).
+struct GroupFigures {
+  std::string name, kind;
+  Index nodes = 0;
+  double max_displacement = 0;  ///< millimetres
+};
+
 /// What raising poor elements came to.
 struct ImproveReport {
   double below = 0;                       ///< scaled Jacobian asked for
@@ -108,8 +115,12 @@ struct PipelineReport {
   std::filesystem::path mesh_file;
   Index nodes = 0, cells = 0;
   Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0, unmatched_nodes = 0, interior_nodes = 0;
-  Index amid_nodes = 0;          ///< in the middle of straight edges, off the CAD
-  double mesh_unit_mm = 1;       ///< millimetres per mesh unit
+  Index amid_nodes = 0;              ///< in the middle of straight edges, off the CAD
+  std::string mesh_format;           ///< "SU2"
+  std::vector<std::string> remarks;  ///< on the mesh file: see MeshFile::remarks
+  std::vector<GroupFigures> groups;  ///< of the mesh, in the file's order
+  Index other_cells = 0;    ///< of lower dimension than the mesh: boundary patches, beams, points
+  double mesh_unit_mm = 1;  ///< millimetres per mesh unit
   bool is_unit_detected = true;  ///< not given by the user
   std::string matched_by;        ///< see TopologyMatch::how
   double least_confidence = 1;   ///< of any face pair
@@ -133,6 +144,14 @@ struct PipelineReport {
   int threads = 1;
   std::string blas_kernel;        ///< OpenBLAS core name; empty for another BLAS
   std::filesystem::path written;  ///< the mesh written: the output, or the failed one
+  CoordinateRounding rounding;    ///< of its coordinates, to the digits that its format holds
+};
+
+/// A mesh file written.
+struct WrittenMesh {
+  std::filesystem::path path = {};
+  std::filesystem::path diagnostics = {};  ///< the file beside with its arrays; may be none
+  CoordinateRounding rounding = {};
 };
 
 /// A morphed mesh.
@@ -186,9 +205,10 @@ class MorphJob {
   /// entity), _cad_entity (1-based as in `cadmorph match`; 0: none there), _uv and
   /// _scaled_jacobian; the
   /// displacement from the file's positions, the entities of this job's base CAD.
-  /// Returns the path written. Throws OutputError.
-  std::filesystem::path write(const MorphResult& result, const std::filesystem::path& output,
-                              bool has_diagnostics = false) const;
+  /// A format that has no arrays keeps them in `<stem>.diagnostics.vtu` beside. Throws OutputError;
+  /// InvalidInputError where the format's numbers are too coarse (see MeshFile::write).
+  WrittenMesh write(const MorphResult& result, const std::filesystem::path& output,
+                    bool has_diagnostics = false) const;
 
   /// The job whose base CAD and association a result tells of: this one, or one that it keeps of
   /// the base CAD with its cut faces merged.
@@ -233,8 +253,8 @@ struct MorphFiles {
   /// Called with the result of each morph of the series, unless it was refused.
   std::function<void(const MorphJob& job, const MorphResult& result)> on_leg = {};
 
-  /// Writes something else than the mesh to `output`; returns the file written, if any.
-  std::function<std::filesystem::path(const MorphJob& job, const MorphResult& result)> write = {};
+  /// Writes something else than the mesh to `output`; returns what was written, if anything.
+  std::function<WrittenMesh(const MorphJob& job, const MorphResult& result)> write = {};
 
   /// All that is read.
   std::vector<std::filesystem::path> inputs() const;

@@ -175,6 +175,23 @@ void improve_result(const MorphBase& base, Sliding& sliding, MorphResult& result
   report.min_after = result.quality.min;
 }
 
+std::vector<GroupFigures> figures_of_groups(const Mesh& mesh, const Points& positions,
+                                            double mesh_unit_mm) {
+  std::vector<GroupFigures> result;
+  for (const NodeGroup& group : mesh.groups) {
+    GroupFigures figures{.name = group.name,
+                         .kind = group.kind,
+                         .nodes = std::ssize(group.nodes),
+                         .max_displacement = 0};
+    for (const Index node : group.nodes)
+      figures.max_displacement =
+          std::max(figures.max_displacement,
+                   mesh_unit_mm * (positions.row(node) - mesh.points.row(node)).norm());
+    result.push_back(std::move(figures));
+  }
+  return result;
+}
+
 void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
   improve_result(base, sliding, result);
@@ -183,6 +200,7 @@ void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
               check_quality(base.mesh(), result.positions, base.neighbours, base.orientation));
   figures.max_displacement =
       figures.mesh_unit_mm * (result.positions - base.mesh().points).rowwise().norm().maxCoeff();
+  figures.groups = figures_of_groups(base.mesh(), result.positions, figures.mesh_unit_mm);
   judge(base, result);
 }
 

@@ -41,14 +41,16 @@ std::string field_text(const FieldFigures& field) {
 
 std::string apply_text(const ApplyReport& report) {
   std::string text = field_text(report.field);
-  text += format("%-14s%s (%s nodes, %s cells)\n", "Mesh", report.mesh.c_str(),
-                 with_commas(report.nodes).c_str(), with_commas(report.cells).c_str());
+  text += format("%-14s%s (%s, %s nodes, %s cells)\n", "Mesh", report.mesh.c_str(),
+                 report.mesh_format.c_str(), with_commas(report.nodes).c_str(),
+                 with_commas(report.cells).c_str());
   text += format("%-14s%s put exactly where the CAD put them, %s by the field\n", "Nodes",
                  with_commas(report.at_nodes).c_str(),
                  with_commas(report.nodes - report.at_nodes).c_str());
   text += format("%-14s%.6g mesh units\n", "Largest move", report.max_displacement);
   text.append("\n").append(quality_table(report)).append("\n");
   text += format("%-14s%.2f s\n", "Time", report.seconds);
+  if (report.rounding.node >= 0) text += labelled("Rounding", rounding_text(report.rounding));
   text +=
       format("%-14s%s\n", report.bad_cells.empty() ? "Written" : "Refused", report.written.c_str());
   return text;
@@ -64,7 +66,10 @@ std::string apply_json(const ApplyReport& report, int exit_code) {
                    {"mesh_unit_mm", field.mesh_unit_mm},
                    {"centres", field.centres},
                    {"steps", field.steps}};
-  json["mesh"] = {{"file", report.mesh.string()}, {"nodes", report.nodes}, {"cells", report.cells}};
+  json["mesh"] = {{"file", report.mesh.string()},
+                  {"format", report.mesh_format},
+                  {"nodes", report.nodes},
+                  {"cells", report.cells}};
   json["exact_nodes"] = report.at_nodes;
   json["nodes_outside"] = report.outside;
   json["max_displacement"] = json_number(report.max_displacement);

@@ -168,8 +168,11 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["base_cad"] = to_json(report.base_cad);
   json["variant_cad"] = to_json(report.variant_cad);
   json["mesh"] = {{"file", report.mesh_file.string()},
+                  {"format", report.mesh_format},
+                  {"remarks", report.remarks},
                   {"nodes", report.nodes},
                   {"cells", report.cells},
+                  {"cells_of_lower_dimension", report.other_cells},
                   {"unit", unit_name(report.mesh_unit_mm)},
                   {"unit_mm", report.mesh_unit_mm},
                   {"is_unit_detected", report.is_unit_detected}};
@@ -177,6 +180,12 @@ std::string to_json(const PipelineReport& report, int exit_code) {
       {"vertex", report.vertex_nodes},       {"edge", report.edge_nodes},
       {"face", report.face_nodes},           {"amid_straight_edges", report.amid_nodes},
       {"unmatched", report.unmatched_nodes}, {"interior", report.interior_nodes}};
+  json["groups"] = Json::array();
+  for (const GroupFigures& group : report.groups)
+    json["groups"].push_back({{"name", group.name},
+                              {"kind", group.kind},
+                              {"nodes", group.nodes},
+                              {"max_displacement_mm", json_number(group.max_displacement)}});
   json["match"] = {{"how", report.matched_by},
                    {"least_confidence", json_number(report.least_confidence)},
                    {"scale", json_number(report.alignment.scale)}};
@@ -207,6 +216,10 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["threads"] = report.threads;
   json["blas_kernel"] = report.blas_kernel;
   json["written"] = report.written.string();
+  if (report.rounding.node >= 0)
+    json["rounding"] = {{"largest", json_number(report.rounding.largest)},
+                        {"of_shortest_edge", json_number(report.rounding.relative)},
+                        {"node", report.rounding.node}};
   return json_text(json);
 }
 

@@ -1,5 +1,6 @@
 #include "apps/summary/summary.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -22,10 +23,14 @@ std::string cad_line(const CadFigures& cad) {
 }
 
 std::string mesh_line(const PipelineReport& report) {
-  return report.mesh_file.string() +
-         format(" (%s nodes, %s cells; unit %s, %s)", with_commas(report.nodes).c_str(),
-                with_commas(report.cells).c_str(), unit_name(report.mesh_unit_mm).c_str(),
-                report.is_unit_detected ? "detected" : "given");
+  std::string cells = with_commas(report.cells - report.other_cells) + " cells";
+  if (report.other_cells > 0)
+    cells += " and " + with_commas(report.other_cells) + " of lower dimension";
+  return report.mesh_file.string() + format(" (%s, %s nodes, %s; unit %s, %s)",
+                                            report.mesh_format.c_str(),
+                                            with_commas(report.nodes).c_str(), cells.c_str(),
+                                            unit_name(report.mesh_unit_mm).c_str(),
+                                            report.is_unit_detected ? "detected" : "given");
 }
 
 std::string node_line(const PipelineReport& report) {
@@ -52,6 +57,18 @@ std::string before_after_table(const PipelineReport& report) {
   for (Row& row : distance_rows(report)) rows.push_back(std::move(row));
   for (Row& row : quality_rows(report.before, report.after)) rows.push_back(std::move(row));
   return align(rows);
+}
+
+std::string group_table(const std::vector<GroupFigures>& groups) {
+  constexpr std::size_t kShown = 24;
+  std::vector<Row> rows = {{"Named part", "kind", "nodes", "largest move"}};
+  for (std::size_t i = 0; i < std::min(groups.size(), kShown); ++i)
+    rows.push_back({groups[i].name, groups[i].kind, with_commas(groups[i].nodes),
+                    millimetres(groups[i].max_displacement)});
+  std::string text = align(rows);
+  if (groups.size() > kShown)
+    text += format("and %zu more: --json has all\n", groups.size() - kShown);
+  return text;
 }
 
 std::string solver_line(const PipelineReport& report) {
@@ -223,6 +240,13 @@ std::string to_string(CacheUse use) {
   return "none";
 }
 
+std::string rounding_text(const CoordinateRounding& rounding) {
+  return format(
+      "coordinates rounded to the file's digits: %.1e of the shortest edge at most "
+      "(%.1e mesh units)",
+      rounding.relative, rounding.largest);
+}
+
 std::string cache_text(const CacheReport& cache) {
   const std::string file = cache.file.string();
   if (cache.use == CacheUse::Used) return "read from " + file;
@@ -282,10 +306,12 @@ std::string summary_text(const PipelineReport& report) {
     text += labelled(format("Leg %zu", i + 1), leg_text(report.legs[i]));
   text += labelled("Largest move", millimetres(report.max_displacement));
   text.append("\n").append(before_after_table(report)).append("\n");
+  if (!report.groups.empty()) text.append(group_table(report.groups)).append("\n");
   if (const std::string hint = quality_hint(report); !hint.empty()) text += labelled("Hint", hint);
   if (report.cache.use != CacheUse::None) text += labelled("Base set-up", cache_text(report.cache));
   text += labelled("Time", time_line(report));
   text += labelled("Machine", machine_line(report));
+  if (report.rounding.node >= 0) text += labelled("Rounding", rounding_text(report.rounding));
   text +=
       labelled(report.outcome == Outcome::Done ? "Written" : "Refused", report.written.string());
   return text;

@@ -17,6 +17,8 @@ std::vector<std::vector<std::string>> distance_rows(const PipelineReport& report
 std::vector<std::vector<std::string>> quality_rows(const MeshFigures& before,
                                                    const MeshFigures& after);
 
+/// What rounding to the digits of a file came to.
+std::string rounding_text(const CoordinateRounding& rounding);
 /// What came of the file to keep the base side in, in a few words.
 std::string cache_text(const CacheReport& cache);
 

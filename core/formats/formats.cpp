@@ -94,6 +94,41 @@ std::string mesh_extension(const fs::path& path) {
   return extension;
 }
 
+bool is_vtk_name(const fs::path& path) { return has_extension(vtk_format(), path.extension()); }
+
+bool is_mesh_folder(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return false;
+  FileStart start;
+  start.path = path;
+  start.is_folder = true;
+  return std::ranges::any_of(mesh_formats(), [&](const MeshFormat& format) {
+    return format.recognise(start) != Recognition::No;
+  });
+}
+
+void check_copy_name(const fs::path& mesh, const fs::path& target) {
+  if (is_vtk_name(target)) return;
+  const MeshFormat& own = format_of(mesh);
+  const std::string extension = lower(mesh_extension(target));
+  const auto refuse = [&](const std::string& other) {
+    const std::string spelling = mesh_extension(mesh);
+    throw InvalidInputError("can't write " + target.string() + ": the mesh is a " +
+                            std::string(own.name) + (spelling.empty() ? " folder" : " file") +
+                            ", and its copy can't be " + other + "; name it as the mesh is" +
+                            (spelling.empty() ? "" : ", *" + spelling) +
+                            ", or *.vtu to look at it");
+  };
+  std::error_code error;
+  const bool is_folder = fs::is_directory(mesh, error);
+  if (!is_folder && fs::is_directory(target, error)) refuse("a folder");
+  if (own.name == vtk_format().name) refuse("a file of another format");
+  if (extension.empty() || extension == lower(mesh_extension(mesh))) return;
+  for (const MeshFormat& format : mesh_formats())
+    if (has_extension(format, extension) && (is_folder || !has_extension(own, extension)))
+      refuse("a " + std::string(format.name) + " file");
+}
+
 void fail_reading(const fs::path& path, const std::string& why) {
   throw IoError("can't read the mesh " + path.string() + ": " + why);
 }

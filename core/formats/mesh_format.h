@@ -79,6 +79,16 @@ const MeshFormat& format_of(const std::filesystem::path& path);
 /// ".msh.gz"; empty for a folder or a name without one.
 std::string mesh_extension(const std::filesystem::path& path);
 
+/// Whether the name is one of VTK's formats, which any mesh can be written in.
+bool is_vtk_name(const std::filesystem::path& path);
+
+/// Whether a path is a folder that holds a mesh: an output folder of an earlier run.
+bool is_mesh_folder(const std::filesystem::path& path);
+
+/// Throws InvalidInputError where a copy of the mesh file `mesh` can't have the name `target`,
+/// since that says another format: all but VTK's. Throws as format_of.
+void check_copy_name(const std::filesystem::path& mesh, const std::filesystem::path& target);
+
 /// Throw IoError: "can't read the mesh PATH: WHY".
 [[noreturn]] void fail_reading(const std::filesystem::path& path, const std::string& why);
 [[noreturn]] void fail_writing(const std::filesystem::path& path, const std::string& why);

@@ -1,0 +1,142 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "command_line.h"
+#include "core/formats/mesh_format.h"
+#include "core/mesh_file.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Json = nlohmann::json;
+
+std::string digits(double value) {
+  char text[32];
+  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+/// The hexahedra of `mesh` as SU2 text; markers of the planes x, y, z = 0 and z = 30.
+std::string su2_text(const Mesh& mesh) {
+  std::string text = "NDIME= 3\nNELEM= " + std::to_string(mesh.cell_count()) + "\n";
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    text += "12";
+    for (const Index node : mesh.cell(c)) text += " " + std::to_string(node);
+    text += "\n";
+  }
+  text += "NPOIN= " + std::to_string(mesh.node_count()) + "\n";
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    text += digits(mesh.points(n, 0)) + " " + digits(mesh.points(n, 1)) + "  " +
+            digits(mesh.points(n, 2)) + " % " + std::to_string(n) + "\n";
+  const auto add_marker = [&](const std::string& name, int axis, double at) {
+    std::string nodes;
+    Index count = 0;
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      if (mesh.points(n, axis) == at) nodes += "1 " + std::to_string(n) + "\n", ++count;
+    text += "MARKER_TAG= " + name + "\nMARKER_ELEMS= " + std::to_string(count) + "\n" + nodes;
+  };
+  text += "NMARK= 3\n";
+  add_marker("inlet", 0, 0);
+  add_marker("floor", 2, 0);
+  add_marker("lid", 2, 30);
+  return text;
+}
+
+/// Workplace with box.su2, the mesh of box.vtu.
+class Su2Workplace : public Workplace {
+ public:
+  Su2Workplace() { write("box.su2", su2_text(box_mesh(3))); }
+  Points points(const std::string& name) const { return MeshFile(folder() / name).mesh().points; }
+};
+
+}  // namespace
+
+TEST_CASE("A morph of another format gives the nodes of the same mesh as VTK", "[apps][formats]") {
+  const Su2Workplace place;
+  const RunResult result = place.run("box.step box_moved.step box.su2 --json report.json");
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  REQUIRE(place.run("box.step box_moved.step box.vtu").exit_code == 0);
+  CHECK(place.points("box.morphed.su2") == place.points("box.morphed.vtu"));
+  CHECK_THAT(result.out, Catch::Contains("SU2") && Catch::Contains("inlet"));
+  const Json report = Json::parse(place.read("report.json"));
+  CHECK(report["mesh"]["format"] == "SU2");
+  REQUIRE(report["groups"].size() == 3);
+  CHECK(report["groups"][0]["name"] == "inlet");
+  CHECK(report["groups"][0]["kind"] == "marker");
+  CHECK(report["groups"][0]["nodes"] == 7 * 10);
+  CHECK(report["groups"][0]["max_displacement_mm"].get<double>() == 0);
+  CHECK(report["groups"][2]["max_displacement_mm"].get<double>() == Approx(2));
+}
+
+TEST_CASE("An identity gives the bytes of the file back", "[apps][formats]") {
+  const Su2Workplace place;
+  REQUIRE(place.run("box.step box.step box.su2 -o same.su2").exit_code == 0);
+  CHECK(place.read("same.su2") == place.read("box.su2"));
+  REQUIRE(place.run("field box.step box.step box.su2 -o zero.cmf").exit_code == 0);
+  const RunResult applied = place.run("apply zero.cmf box.su2 -o applied.su2");
+  INFO(applied.err);
+  REQUIRE(applied.exit_code == 0);
+  CHECK(place.read("applied.su2") == place.read("box.su2"));
+}
+
+TEST_CASE("All commands take another format", "[apps][formats]") {
+  const Su2Workplace place;
+  REQUIRE(place.run("field box.step box_moved.step box.vtu -o f.cmf").exit_code == 0);
+  REQUIRE(place.run("apply f.cmf box.su2").exit_code == 0);
+  REQUIRE(place.run("box.step box_moved.step box.su2 -o main.su2").exit_code == 0);
+  CHECK(place.run("compare main.su2 box.morphed.su2 --tolerance 1e-9").exit_code == 0);
+  CHECK(place.run("compare main.su2 box.su2").exit_code == 7);
+  const RunResult quality = place.run("quality main.su2");
+  CHECK(quality.exit_code == 0);
+  CHECK_THAT(quality.out, Catch::Contains("Scaled Jacobian"));
+  REQUIRE(place.run("batch box.step box.su2 box_moved.step -o out").exit_code == 0);
+  CHECK(place.read("out/box_moved.su2") == place.read("main.su2"));
+}
+
+TEST_CASE("A mesh can be written for VTK, and between its formats", "[apps][formats]") {
+  const Su2Workplace place;
+  REQUIRE(place.run("box.step box_moved.step box.su2 -o look.vtu").exit_code == 0);
+  const MeshFile look(place.folder() / "look.vtu");
+  const auto arrays = look.arrays();
+  CHECK(std::ranges::count(arrays, "inlet", &DataArray::name) == 1);
+  REQUIRE(place.run("box.step box_moved.step box.vtu -o box.vtk").exit_code == 0);
+  CHECK(place.points("box.vtk") == look.mesh().points);
+  const RunResult refused = place.run("box.step box_moved.step box.vtu -o box2.su2");
+  CHECK(refused.exit_code == 1);
+  CHECK_THAT(refused.err, Catch::Contains("box2.su2") && Catch::Contains("VTK"));
+}
+
+TEST_CASE("What a format can't hold goes into a file beside", "[apps][formats]") {
+  const Su2Workplace place;
+  REQUIRE(place.run("box.step box_moved.step box.su2 --diagnostics -o d.su2").exit_code == 0);
+  CHECK(place.points("d.su2") == place.points("d.diagnostics.vtu"));
+  const RunResult poor =
+      place.run("box.step box_moved.step box.su2 --min-scaled-jacobian 1 -o poor.su2");
+  CHECK(poor.exit_code == 5);
+  CHECK(!place.has("poor.su2"));
+  const auto arrays = MeshFile(place.folder() / "poor.failed.vtu").arrays();
+  CHECK(std::ranges::count(arrays, "cadmorph_bad", &DataArray::name) == 1);
+}
+
+TEST_CASE("Named parts are held, and unknown names refused", "[apps][formats]") {
+  const Su2Workplace place;
+  const std::string job = "box.step box_moved.step box.su2 ";
+  const RunResult result = place.run(job + "--hold floor -o held.su2");
+  INFO(result.err);
+  const Points before = box_mesh(3).points;
+  // The floor's hexahedra shear by two of ten: valid.
+  REQUIRE(result.exit_code == 0);
+  const Points held = place.points("held.su2");
+  for (Index n = 0; n < before.rows(); ++n) {
+    if (before(n, 2) == 0) CHECK(held.row(n) == before.row(n));
+    if (before(n, 2) == 30) CHECK(held(n, 0) == Approx(1.2 * before(n, 0)).margin(1e-9));
+  }
+  const RunResult unknown = place.run(job + "--hold ceiling");
+  CHECK(unknown.exit_code == 2);
+  CHECK_THAT(unknown.err, Catch::Contains("ceiling") && Catch::Contains("inlet, floor, lid"));
+}
+
+}  // namespace cadmorph
