@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <new>
 
-#include "apps/blas_restart.h"
 #include "apps/commands/command.h"
 #include "apps/summary/json_report.h"
 #include "apps/version.h"
+#include "core/blas.h"
 
 namespace {
 
@@ -77,13 +77,13 @@ void parse(int argc, char** argv, Action& action) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  use_fitting_blas_kernel();
   // A full disk or a file size limit is an error to report, not a signal to die from.
   std::signal(SIGXFSZ, SIG_IGN);
   Action action;
   try {
     parse(argc, argv, action);
     if (!action.run) return 0;
-    if (action.needs_fast_blas) restart_with_fitting_blas(argv);
     return static_cast<int>(action.run());
   } catch (const std::bad_alloc&) {
     return fail("out of memory; free some, or use a smaller mesh", ExitCode::Resources,

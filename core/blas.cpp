@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <mutex>
 #include <string_view>
 
@@ -29,7 +30,8 @@ bool contains(const std::array<std::string_view, N>& names, std::string_view nam
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-std::string suggested_core(const std::string& kernel) {
+// Code that this processor can run where `kernel` is slower; else empty.
+std::string better_kernel(const std::string& kernel) {
 #if defined(__x86_64__)
   constexpr std::array<std::string_view, 3> kAvx512 = {"SkylakeX", "Cooperlake", "Sapphirerapids"};
   constexpr std::array<std::string_view, 3> kAvx2 = {"Haswell", "Zen", "Excavator"};
@@ -64,13 +66,23 @@ SerialBlas::~SerialBlas() {
   if (--serial_users == 0 && wanted_threads > 0) apply_threads(wanted_threads);
 }
 
-BlasInfo blas_info() {
+std::string blas_kernel() {
   const auto core_name = find_symbol<char* (*)()>("openblas_get_corename");
-  if (!core_name) return {};
-  BlasInfo info;
-  info.kernel = core_name();
-  info.suggested = suggested_core(info.kernel);
-  return info;
+  return core_name ? core_name() : std::string();
+}
+
+// OpenBLAS takes its kernel when it is loaded, before main; its two functions do so once more.
+void use_fitting_blas_kernel() {
+  constexpr const char* kVariable = "OPENBLAS_CORETYPE";
+  const auto forget = find_symbol<void (*)()>("gotoblas_dynamic_quit"),
+             choose = find_symbol<void (*)()>("gotoblas_dynamic_init");
+  if (std::getenv(kVariable) || !forget || !choose) return;
+  const std::string better = better_kernel(blas_kernel());
+  if (better.empty()) return;
+  setenv(kVariable, better.c_str(), 1);
+  forget();
+  choose();
+  unsetenv(kVariable);
 }
 
 }  // namespace cadmorph

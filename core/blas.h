@@ -17,16 +17,15 @@ class SerialBlas {
   SerialBlas& operator=(const SerialBlas&) = delete;
 };
 
-/// What the loaded BLAS says of itself.
-struct BlasInfo {
-  std::string kernel;  ///< OpenBLAS core name, such as "SkylakeX"; empty for another BLAS
-  std::string
-      suggested;  ///< core type this processor could run when `kernel` is slower; else empty
-};
+/// Name of the code that the BLAS runs, such as "SkylakeX" (OpenBLAS's core name); empty for
+/// another BLAS than OpenBLAS.
+std::string blas_kernel();
 
-/// Returns the BLAS's kernel and, where OpenBLAS did not know this processor and fell back to an
-/// old one (it knows none newer than itself), the value of OPENBLAS_CORETYPE that mends it. It
-/// must be in the environment before the library loads, so the program starts itself anew.
-BlasInfo blas_info();
+/// Has OpenBLAS run code for this processor's vector instructions where, by itself, it runs older
+/// code: it falls back to "Prescott" on processors newer than itself. Last bits depend on that
+/// code, so a program calls this first of all, whatever it is to compute. A choice of the user's,
+/// OPENBLAS_CORETYPE, stays; nothing happens where the BLAS has no such choice. No other thread may
+/// be in the BLAS, or in the environment, meanwhile.
+void use_fitting_blas_kernel();
 
 }  // namespace cadmorph

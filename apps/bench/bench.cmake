@@ -17,7 +17,6 @@ add_executable(cadmorph-bench
   bench/rbf_warps.cpp
   bench/results_file.cpp
   bench/solvers.cpp
-  blas_restart.cpp
   summary/text_table.cpp)
 target_link_libraries(cadmorph-bench PRIVATE cadmorph::pipeline CLI11::CLI11)
 target_compile_definitions(cadmorph-bench PRIVATE

@@ -7,8 +7,8 @@
 #include "apps/bench/evaluate.h"
 #include "apps/bench/kernels.h"
 #include "apps/bench/solvers.h"
-#include "apps/blas_restart.h"
 #include "apps/pipeline/exit_code.h"
+#include "core/blas.h"
 #include "core/errors.h"
 
 namespace {
@@ -60,7 +60,7 @@ void add_commands(CLI::App& app, CommandLine& line) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  restart_with_fitting_blas(argv);
+  use_fitting_blas_kernel();
   CommandLine line;
   line.options.tell = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
   CLI::App app("cadmorph-bench: compares morphing methods, kernels and solvers on model families.",

@@ -264,7 +264,6 @@ void add_batch_command(CLI::App& app, Action& action) {
       return;
     }
     const BatchOptions options = options_of(*parser, *command);
-    action.needs_fast_blas = is_dense(options.pipeline);
     action.run = [command, options] { return run(*command, options); };
   });
   add_step_reader(app, action);

@@ -16,8 +16,7 @@ namespace cadmorph {
 /// What the command line asked for.
 struct Action {
   std::function<ExitCode()> run;
-  std::string json;              ///< file for the report, "-" for stdout, empty for none
-  bool needs_fast_blas = false;  ///< large dense systems
+  std::string json;  ///< file for the report, "-" for stdout, empty for none
 };
 
 // Each adds its command to the program; parsing then fills `action`, or throws UsageError.

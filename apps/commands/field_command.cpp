@@ -90,7 +90,6 @@ void add_field_command(CLI::App& app, Action& action) {
     action.json = command->json;
     check(*command);
     const PipelineOptions options = resolve(command->options);
-    action.needs_fast_blas = is_dense(options);
     action.run = [command, options] { return run_field(*command, options); };
   });
 }

@@ -125,7 +125,6 @@ void prepare(MorphCommand& command, Action& action) {
   if (!files.via.empty() && !command.options.face_map.empty())
     throw UsageError("--map names faces of two CAD models and can't be used with --via");
   const PipelineOptions options = resolve(command.options);
-  action.needs_fast_blas = is_dense(options);
   action.run = [command, options] { return run_morph(command, options); };
 }
 

@@ -224,13 +224,4 @@ PipelineOptions resolve(const MorphOptions& options) {
   return result;
 }
 
-bool is_dense(const PipelineOptions& options) {
-  const VolumeMorphOptions& volume = options.volume;
-  if (volume.method != MorphMethod::Rbf) return false;
-  const bool is_triharmonic =
-      volume.kernel.order == 3 && volume.kernel.kind == KernelKind::Polyharmonic;
-  return volume.rbf.solver != SolverKind::Fast &&
-         !(volume.rbf.solver == SolverKind::Auto && is_triharmonic);
-}
-
 }  // namespace cadmorph

@@ -47,7 +47,4 @@ CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map);
 /// What the options come to. Throws UsageError; what read_face_map throws.
 PipelineOptions resolve(const MorphOptions& options);
 
-/// Whether the volume morph solves dense systems, which need a fast BLAS.
-bool is_dense(const PipelineOptions& options);
-
 }  // namespace cadmorph

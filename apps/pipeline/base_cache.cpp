@@ -97,7 +97,7 @@ Key key_of(const BaseInputs& inputs) {
   const Kernel& kernel = volume.kernel;
   return {{"program", file_hash("/proc/self/exe")},
           {"instruction set", name(simd::best())},
-          {"BLAS kernel", blas_info().kernel},
+          {"BLAS kernel", blas_kernel()},
           {"set of libraries", loaded_libraries()},
           {"base CAD", file_hash(inputs.cad->file_name()) + contents_of(*inputs.cad)},
           {"mesh", hash_of_file(inputs.file.path()) + contents_of(inputs.mesh)},

@@ -73,7 +73,7 @@ void MorphBase::fill_report() {
   report.kernel = options.volume.kernel;
   report.can_repair = options.can_repair;
   report.threads = thread_count();
-  report.blas_kernel = blas_info().kernel;
+  report.blas_kernel = blas_kernel();
   if (validity.invalid > 0)
     report.warnings.push_back("the input mesh has " + std::to_string(validity.invalid) +
                               " inverted cells already, the first is cell " +

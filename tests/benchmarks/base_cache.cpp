@@ -13,6 +13,7 @@
 
 #include "apps/pipeline/pipeline.h"
 #include "cad/step_reader.h"
+#include "core/blas.h"
 #include "core/mesh_file.h"
 
 namespace {
@@ -90,6 +91,7 @@ void run(const fs::path& scratch, Index n) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  use_fitting_blas_kernel();
   const fs::path scratch = fs::temp_directory_path() / ("base_cache." + std::to_string(getpid()));
   fs::create_directory(scratch);
   int code = 0;

@@ -325,6 +325,7 @@ const std::vector<std::pair<std::string, Table>> kTables = {
 }  // namespace
 
 int main(int argc, char** argv) {
+  use_fitting_blas_kernel();
   Arguments arguments;
   CLI::App app("Prints tables of the RBF solvers' speed and accuracy.", "rbf_scaling");
   std::vector<std::string> names, set_names;
@@ -345,9 +346,9 @@ int main(int argc, char** argv) {
                                                 {"baseline", InstructionSet::Baseline}}));
   CLI11_PARSE(app, argc, argv);
   simd::limit_to(most);
-  const BlasInfo blas = blas_info();
+  const std::string kernel = blas_kernel();
   std::printf("%s, %d threads, %s, BLAS kernel %s\n", processor().c_str(), thread_count(),
-              name(simd::best()), blas.kernel.empty() ? "unknown" : blas.kernel.c_str());
+              name(simd::best()), kernel.empty() ? "unknown" : kernel.c_str());
   try {
     for (const auto& [table, print] : kTables)
       if (arguments.tables.empty() ||
