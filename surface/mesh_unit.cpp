@@ -1,11 +1,16 @@
 #include "surface/mesh_unit.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <vector>
 
 #include "cad/face_sampler.h"
+#include "cad/projector.h"
+#include "core/errors.h"
 
 namespace cadmorph {
 namespace {
@@ -19,49 +24,134 @@ constexpr std::array<Unit, 5> kUnits{
     {{1, "mm"}, {1000, "m"}, {10, "cm"}, {25.4, "inch"}, {304.8, "foot"}}};
 constexpr Index kProbes = 400;
 constexpr Index kSamples = 10'000;
+constexpr double kOnCad = 0.1;       // of the local edge, as the association takes
+constexpr double kSameSize = 0.02;   // of the diagonal: a coarse mesh cuts corners
+constexpr double kNearSample = 1.5;  // of a face's sample spacing: farther is beyond its wires
 constexpr double kClearlyBetter = 1.1;
-constexpr double kSameSize = 0.02;  // of the diagonal: a coarse mesh cuts corners
-constexpr double kReach = 0.02;     // of the mesh's size
+constexpr double kComparable = 0.5;  // of the best score
+constexpr double kFits = 0.02;       // a lower score is chance
+constexpr Index kFacesTried = 4;
+
+/// A surface node, in the mesh's unit.
+struct Probe {
+  Eigen::Vector3d point;
+  double edge;  ///< shortest facet edge at it
+};
+
+std::vector<Probe> choose_probes(const Mesh& mesh, const Boundary& boundary) {
+  const Index nodes = std::ssize(boundary.nodes), stride = std::max<Index>(1, nodes / kProbes);
+  std::vector<Probe> probes;
+  std::vector<int> probe_of(static_cast<std::size_t>(mesh.node_count()), -1);
+  for (Index i = 0; i < nodes; i += stride) {
+    const Index node = boundary.nodes[i];
+    probe_of[node] = static_cast<int>(probes.size());
+    probes.push_back({mesh.points.row(node), std::numeric_limits<double>::infinity()});
+  }
+  const auto add = [&](Index node, double length) {
+    if (probe_of[node] < 0 || length == 0) return;
+    double& edge = probes[probe_of[node]].edge;
+    edge = std::min(edge, length);
+  };
+  for (Index f = 0; f < boundary.facet_count(); ++f) {
+    const auto facet = boundary.facet(f);
+    const int corners = corner_count(boundary.types[f], std::ssize(facet));
+    for (int c = 0; c < corners; ++c) {
+      const Index a = facet[c], b = facet[(c + 1) % corners];
+      const double length = (mesh.points.row(a) - mesh.points.row(b)).norm();
+      add(a, length);
+      add(b, length);
+    }
+  }
+  // Mid-side nodes stand beside corners that tell as much.
+  std::erase_if(probes, [](const Probe& probe) { return !std::isfinite(probe.edge); });
+  return probes;
+}
+
+/// How well the mesh fits in a unit.
+struct Fit {
+  Unit unit;
+  double share = 0;  ///< of the probes that lie on the CAD
+  double span = 0;   ///< of the CAD's diagonal, by the probes on it
+  bool is_of_one_size = false;
+
+  /// In too small a unit all nodes may lie on the CAD, but on little of it: a plane mesh on its
+  /// plane, a body at the origin.
+  double score() const { return share * span * span; }
+};
+
+class FitFinder {
+ public:
+  explicit FitFinder(const CadModel& base)
+      : base_(base), samples_(sample_faces(base, kSamples)), tree_(samples_.points) {}
+
+  Fit operator()(const Unit& unit, const std::vector<Probe>& probes, double mesh_size) const {
+    Fit fit{.unit = unit};
+    Eigen::AlignedBox3d box;
+    Index found = 0;
+    for (const Probe& probe : probes) {
+      const Eigen::Vector3d x = unit.mm * probe.point;
+      if (!is_on_cad(x, kOnCad * unit.mm * probe.edge)) continue;
+      ++found;
+      box.extend(x);
+    }
+    if (found > 0) {
+      fit.share = static_cast<double>(found) / static_cast<double>(probes.size());
+      fit.span = std::min(1.0, box.diagonal().norm() / base_.diagonal());
+    }
+    fit.is_of_one_size = std::abs(unit.mm * mesh_size / base_.diagonal() - 1) < kSameSize;
+    return fit;
+  }
+
+ private:
+  bool is_on_cad(const Eigen::Vector3d& x, double tolerance) const {
+    for (const Neighbour& near : tree_.nearest(x.data(), kFacesTried)) {
+      const int face = samples_.face[near.index];
+      const double reach = kNearSample * samples_.face_spacing[face] + tolerance;
+      if (near.squared_distance > reach * reach) continue;
+      const FaceFoot foot = project_on_face(base_, face, x, samples_.uv[near.index]);
+      if (foot.distance <= tolerance + base_.faces()[face].tolerance) return true;
+    }
+    return false;
+  }
+
+  const CadModel& base_;
+  FaceSamples samples_;
+  KdTree tree_;
+};
+
+[[noreturn]] void refuse(const Fit& a, const Fit& b) {
+  const auto percent = [](double share) { return std::to_string(std::lround(100 * share)) + " %"; };
+  throw AssociationError("the mesh's unit can't be told: in " + std::string(a.unit.name) + " " +
+                         percent(a.share) + " of its surface nodes lie on the CAD, in " +
+                         b.unit.name + " " + percent(b.share) + "; say which it is (--mesh-unit)");
+}
 
 }  // namespace
 
 double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& boundary) {
   const double size = (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).norm();
-  const FaceSamples samples = sample_faces(base, kSamples);
-  const KdTree tree(samples.points);
-  const auto nodes = static_cast<Index>(boundary.nodes.size());
-  const Index stride = std::max<Index>(1, nodes / kProbes);
-  // Places of the CAD that probes lie at, each once, by the part of it that they span: in too small
-  // a unit the body lies at one place, a symmetry plane perhaps on one face.
-  const auto hits = [&](double mm) {
-    const double reach = std::min(samples.spacing, kReach * mm * size);
-    std::vector<Index> places;
-    for (Index i = 0; i < nodes; i += stride) {
-      const Eigen::Vector3d x = mm * mesh.points.row(boundary.nodes[i]);
-      const Neighbour nearest = tree.nearest(x.data(), 1)[0];
-      if (nearest.squared_distance <= reach * reach) places.push_back(nearest.index);
-    }
-    if (places.empty()) return 0.0;
-    std::sort(places.begin(), places.end());
-    places.erase(std::unique(places.begin(), places.end()), places.end());
-    const RowMatrix at = samples.points(places, Eigen::all);
-    const double span =
-        (at.colwise().maxCoeff() - at.colwise().minCoeff()).norm() / base.diagonal();
-    return static_cast<double>(places.size()) * span * span;
-  };
-  // The size alone decides nothing: that of a far field may be the CAD's in another unit.
-  double best_unit = 1;
-  for (const Unit& unit : kUnits)
-    if (std::abs(unit.mm * size / base.diagonal() - 1) < kSameSize) best_unit = unit.mm;
-  double best = hits(best_unit);
-  for (const Unit& unit : kUnits) {
-    const double found = hits(unit.mm);
-    if (found > kClearlyBetter * best) {
-      best = found;
-      best_unit = unit.mm;
-    }
+  const std::vector<Probe> probes = choose_probes(mesh, boundary);
+  const FitFinder find(base);
+  std::vector<Fit> fits;
+  for (const Unit& unit : kUnits) fits.push_back(find(unit, probes, size));
+  const double best = std::ranges::max(fits, {}, &Fit::score).score();
+  // Off the CAD in any unit: the size is all that is left to go by.
+  if (best < kFits) {
+    const auto alike = std::ranges::find_if(fits, &Fit::is_of_one_size);
+    return alike == fits.end() ? 1.0 : alike->unit.mm;
   }
-  return best_unit;
+  std::erase_if(fits, [&](const Fit& fit) { return fit.score() < kComparable * best; });
+  // All nodes on the CAD beat any other fit, then a clearly better one, then one of the CAD's size:
+  // the size of a far field alone may be the CAD's in another unit.
+  const auto keep = [&](auto&& is_kept) {
+    if (std::ranges::any_of(fits, is_kept)) std::erase_if(fits, std::not_fn(is_kept));
+  };
+  keep([](const Fit& fit) { return fit.share == 1; });
+  const double best_left = std::ranges::max(fits, {}, &Fit::score).score();
+  keep([&](const Fit& fit) { return kClearlyBetter * fit.score() >= best_left; });
+  keep([](const Fit& fit) { return fit.is_of_one_size; });
+  if (fits.size() > 1) refuse(fits[0], fits[1]);
+  return fits.front().unit.mm;
 }
 
 std::string mesh_unit_name(double mm_per_unit) {

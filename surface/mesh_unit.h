@@ -5,9 +5,10 @@
 
 namespace cadmorph {
 
-/// Millimetres per unit of the mesh: of mm, m, cm, inch and foot the one that brings surface nodes
-/// to most places of the CAD; where several do equally well, the one in which mesh and CAD are of
-/// one size, else millimetres.
+/// Millimetres per unit of the mesh: of mm, m, cm, inch and foot the one in which all surface nodes
+/// lie on the CAD, else the one in which most of them do and over most of it; where none fits, the
+/// one in which mesh and CAD are of one size, else millimetres. Looks at some 400 nodes. Throws
+/// AssociationError that names two units when they fit nearly alike.
 double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& boundary);
 
 /// "mm", "m", "cm", "inch" or "foot" for a factor of detect_mesh_unit, else "<factor> mm".

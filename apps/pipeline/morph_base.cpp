@@ -16,11 +16,18 @@ PipelineOptions with_progress_everywhere(PipelineOptions options) {
   return options;
 }
 
-// Those of a lower dimension than the mesh.
-Index lower_cells(const Mesh& mesh) {
+// Counts cells of a lower dimension than the mesh, and nodes that they alone, or no cell, use.
+void count_others(const Mesh& mesh, PipelineReport& report) {
   const int highest = dimension(mesh);
-  return std::ranges::count_if(mesh.types,
-                               [&](CellType type) { return dimension(type) < highest; });
+  report.has_solids = highest == 3;
+  std::vector<char> is_used(static_cast<std::size_t>(mesh.node_count()), 0);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (dimension(mesh.types[c]) < highest)
+      ++report.other_cells;
+    else
+      for (const Index node : mesh.cell(c)) is_used[node] = 1;
+  }
+  report.loose_nodes = std::ranges::count(is_used, 0);
 }
 
 }  // namespace
@@ -54,7 +61,7 @@ void MorphBase::fill_report() {
   report.mesh_file = mesh_file->path();
   report.mesh_format = mesh_file->format();
   report.remarks = mesh_file->remarks();
-  report.other_cells = lower_cells(mesh());
+  count_others(mesh(), report);
   report.nodes = mesh().node_count();
   report.cells = mesh().cell_count();
   report.vertex_nodes = association.vertex_nodes;

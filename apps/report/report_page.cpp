@@ -125,6 +125,16 @@ list phase_rows(const PipelineReport& report) {
   return result;
 }
 
+list group_rows(const PipelineReport& report) {
+  list result;
+  for (const GroupFigures& group : report.groups)
+    result.push_back(row({{"name", group.name},
+                          {"kind", group.kind},
+                          {"nodes", with_commas(group.nodes)},
+                          {"move", millimetres(group.max_displacement)}}));
+  return result;
+}
+
 list picture_list(const PipelineReport& report, const PageContents& contents) {
   struct Caption {
     const char *file, *title;
@@ -260,6 +270,8 @@ std::string report_page(const PipelineReport& report, const PageContents& conten
   page.set("bin_table", partial([] { return std::string(kBinTableTemplate); }));
   page.set("worst", worst_rows(contents));
   page.set("matches", match_lists(contents.matches));
+  page.set("has_groups", !report.groups.empty());
+  page.set("groups", group_rows(report));
   page.set("phases", phase_rows(report));
   page.set("style", std::string(kPageStyle));
   page.set("script", std::string(kPageScript));

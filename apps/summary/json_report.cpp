@@ -179,7 +179,8 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["nodes"] = {
       {"vertex", report.vertex_nodes},       {"edge", report.edge_nodes},
       {"face", report.face_nodes},           {"amid_straight_edges", report.amid_nodes},
-      {"unmatched", report.unmatched_nodes}, {"interior", report.interior_nodes}};
+      {"unmatched", report.unmatched_nodes}, {"interior", report.interior_nodes},
+      {"loose", report.loose_nodes}};
   json["groups"] = Json::array();
   for (const GroupFigures& group : report.groups)
     json["groups"].push_back({{"name", group.name},

@@ -42,6 +42,9 @@ std::string node_line(const PipelineReport& report) {
     text += ", " + with_commas(report.amid_nodes) + " amid straight edges off the CAD";
   if (report.unmatched_nodes > 0)
     text += ", " + with_commas(report.unmatched_nodes) + " on no CAD face";
+  if (report.loose_nodes > 0)
+    text += format("; %s of the interior ones in no %s element, they follow the field",
+                   with_commas(report.loose_nodes).c_str(), report.has_solids ? "volume" : "shell");
   return text;
 }
 

@@ -18,6 +18,7 @@ from pathlib import Path
 # Who runs marked blocks, and what its file must contain to do so, besides the page's name.
 RUNNERS = {
     ".ci/run": "tests/docs/run_in_tree.sh",
+    "tests/formats/walks_test.sh": "run_shown_commands",
     "tests/schedulers/dakota_test.sh": "run_shown_commands",
     "tests/schedulers/slurm_test.sh": "run_shown_commands",
     "tests/schedulers/snakemake_test.sh": "run_shown_commands",

@@ -44,7 +44,8 @@ enter_user_folder() {
 # run_shown_commands PAGE: those that PAGE marks as run by this test, as they stand, in one shell.
 run_shown_commands() {
   local lines
-  lines=$("$root/tests/docs/page_commands.py" list "tests/schedulers/${0##*/}" "$root/$1")
+  lines=$("$root/tests/docs/page_commands.py" list "$(realpath --relative-to="$root" "$0")" \
+    "$root/$1")
   [[ -n $lines ]] || fail "$1 shows nothing that this test runs"
   bash -euo pipefail -c "$lines"
 }
