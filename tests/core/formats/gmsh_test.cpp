@@ -1,0 +1,332 @@
+#include <catch2/catch.hpp>
+#include <map>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/core/formats/binary_text.h"
+#include "tests/core/formats/format_checks.h"
+
+namespace cadmorph::test {
+namespace {
+
+// Two tetrahedra in two volumes, with a named group, one without a name, and one within another;
+// node numbers with gaps. Each element of two groups is there twice, as gmsh writes it.
+const std::string kVersion2 =
+    "$Comments\nby hand\n$EndComments\n"
+    "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+    "$PhysicalNames\n2\n2 7 \"left wall\"\n3 1 \"body\"\n$EndPhysicalNames\n"
+    "$Nodes\n6\n"
+    "10 0 0 0\n20 1.0 0 0\n30 0 1.00e0 0\n1000000 0 0 1\n50 1 1 1\n60 5 5 5\n"
+    "$EndNodes\n"
+    "$Elements\n6\n"
+    "1 15 2 0 1 10\n"
+    "2 2 2 7 4 10 1000000 30\n"
+    "3 2 2 9 4 10 1000000 30\n"
+    "4 4 2 1 1 10 20 30 1000000\n"
+    "5 4 2 3 1 10 20 30 1000000\n"
+    "6 4 4 1 2 1 1 20 50 30 1000000\n"
+    "$EndElements\n"
+    "$Periodic\n0\n$EndPeriodic\n"
+    "$NodeData\n1\n\"T\"\n1\n0\n3\n0\n1\n1\n10 0.5\n$EndNodeData\n";
+
+const std::string kVersion4 =
+    "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"
+    "$PhysicalNames\n1\n2 7 \"left wall\"\n$EndPhysicalNames\n"
+    "$Entities\n1 0 1 2\n"
+    "1 0 0 0 0 \n"
+    "4 0 0 0 0 1 1 2 7 9 0 \n"
+    "1 0 0 0 1 1 1 1 1 1 4 \n"
+    "2 0 0 0 1 1 1 1 1 0 \n"
+    "$EndEntities\n"
+    "$Nodes\n2 5 10 1000000\n"
+    "2 4 1 3\n10\n1000000\n30\n0 0 0 0.1 0.2\n0 0 1 0.3 0.4\n0 1 0 0.5 0.6\n"
+    "3 1 0 2\n20\n50\n1.0 0 0\n1 1 1\n"
+    "$EndNodes\n"
+    "$Elements\n3 3 1 3\n"
+    "2 4 2 1\n1 10 1000000 30 \n"
+    "3 1 4 1\n2 10 20 30 1000000 \n"
+    "3 2 4 1\n3 20 50 30 1000000 \n"
+    "$EndElements\n";
+
+/// The mesh of kVersion2, less what is doubled there.
+std::string binary_version_2(bool is_big_endian) {
+  BinaryText text(is_big_endian);
+  text.text("$MeshFormat\n2.2 1 8\n").int32({1}).text("\n$EndMeshFormat\n$Nodes\n5\n");
+  const auto node = [&](int number, double x, double y, double z) {
+    text.int32({number}).float64({x, y, z});
+  };
+  node(10, 0, 0, 0);
+  node(20, 1, 0, 0);
+  node(30, 0, 1, 0);
+  node(1000000, 0, 0, 1);
+  node(50, 1, 1, 1);
+  text.text("\n$EndNodes\n$Elements\n3\n");
+  text.int32({2, 1, 2}).int32({1, 7, 4, 10, 1000000, 30});
+  text.int32({4, 2, 2}).int32({2, 1, 1, 10, 20, 30, 1000000}).int32({3, 1, 2, 20, 50, 30, 1000000});
+  return text.text("\n$EndElements\n").bytes();
+}
+
+std::string binary_version_4(bool is_big_endian) {
+  BinaryText text(is_big_endian);
+  text.text("$MeshFormat\n4.1 1 8\n").int32({1}).text("\n$EndMeshFormat\n$Entities\n");
+  text.int64({0, 0, 1, 2});
+  text.int32({4}).float64({0, 0, 0, 0, 1, 1}).int64({1}).int32({7}).int64({0});
+  text.int32({1}).float64({0, 0, 0, 1, 1, 1}).int64({0}).int64({1}).int32({4});
+  text.int32({2}).float64({0, 0, 0, 1, 1, 1}).int64({0}).int64({0});
+  text.text("\n$EndEntities\n$Nodes\n").int64({2, 5, 10, 1000000});
+  text.int32({2, 4, 1}).int64({3, 10, 1000000, 30});
+  text.float64({0, 0, 0, 0.1, 0.2, 0, 0, 1, 0.3, 0.4, 0, 1, 0, 0.5, 0.6});
+  text.int32({3, 1, 0}).int64({2, 20, 50}).float64({1, 0, 0, 1, 1, 1});
+  text.text("\n$EndNodes\n$Elements\n").int64({3, 3, 1, 3});
+  text.int32({2, 4, 2}).int64({1, 1, 10, 1000000, 30});
+  text.int32({3, 1, 4}).int64({1, 2, 10, 20, 30, 1000000});
+  text.int32({3, 2, 4}).int64({1, 3, 20, 50, 30, 1000000});
+  return text.text("\n$EndElements\n").bytes();
+}
+
+/// A file with one element of gmsh's number `type`, its nodes at digits / 4.
+std::string one_element(int type, const std::string& digits) {
+  const std::size_t count = digits.size() / 3;
+  std::ostringstream nodes, element;
+  for (std::size_t i = 0; i < count; ++i) {
+    nodes << i + 1;
+    for (std::size_t c = 0; c < 3; ++c) nodes << ' ' << 0.25 * (digits[3 * i + c] - '0');
+    nodes << '\n';
+    element << ' ' << i + 1;
+  }
+  std::ostringstream text;
+  text << "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n"
+       << count << '\n'
+       << nodes.str() << "$EndNodes\n$Elements\n1\n1 " << type << " 2 0 1" << element.str()
+       << "\n$EndElements\n";
+  return text.str();
+}
+
+using Corners = std::vector<Index>;
+
+/// The corners in whose middle VTK has each further node of a cell.
+const std::map<CellType, std::vector<Corners>>& middles() {
+  static const std::vector<Corners> hexahedron = {{0, 1},
+                                                  {1, 2},
+                                                  {2, 3},
+                                                  {3, 0},
+                                                  {4, 5},
+                                                  {5, 6},
+                                                  {6, 7},
+                                                  {7, 4},
+                                                  {0, 4},
+                                                  {1, 5},
+                                                  {2, 6},
+                                                  {3, 7},
+                                                  {0, 4, 7, 3},
+                                                  {1, 2, 6, 5},
+                                                  {0, 1, 5, 4},
+                                                  {3, 7, 6, 2},
+                                                  {0, 1, 2, 3},
+                                                  {4, 5, 6, 7},
+                                                  {0, 1, 2, 3, 4, 5, 6, 7}};
+  static const std::vector<Corners> wedge = {{0, 1}, {1, 2},       {2, 0},       {3, 4},
+                                             {4, 5}, {5, 3},       {0, 3},       {1, 4},
+                                             {2, 5}, {0, 1, 4, 3}, {1, 2, 5, 4}, {2, 0, 3, 5}};
+  static const std::vector<Corners> quad = {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 1, 2, 3}};
+  static const std::map<CellType, std::vector<Corners>> all = {
+      {CellType::QuadraticEdge, {{0, 1}}},
+      {CellType::QuadraticTriangle, {{0, 1}, {1, 2}, {2, 0}}},
+      {CellType::QuadraticQuad, {quad.begin(), quad.begin() + 4}},
+      {CellType::BiquadraticQuad, quad},
+      {CellType::QuadraticTetra, {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}}},
+      {CellType::QuadraticHexahedron, {hexahedron.begin(), hexahedron.begin() + 12}},
+      {CellType::TriquadraticHexahedron, hexahedron},
+      {CellType::QuadraticWedge, {wedge.begin(), wedge.begin() + 9}},
+      {CellType::BiquadraticQuadraticWedge, wedge},
+      {CellType::QuadraticPyramid,
+       {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 4}, {1, 4}, {2, 4}, {3, 4}}}};
+  return all;
+}
+
+void require_middles(const Mesh& mesh, CellType type) {
+  REQUIRE(mesh.types == std::vector{type});
+  const auto cell = mesh.cell(0);
+  const std::vector<Corners>& expected = middles().at(type);
+  const std::size_t corners = cell.size() - expected.size();
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
+    for (const Index corner : expected[i]) middle += mesh.points.row(cell[std::size_t(corner)]);
+    middle /= double(expected[i].size());
+    INFO("node " << corners + i << " of VTK type " << int(type));
+    CHECK((mesh.points.row(cell[corners + i]) - middle).norm() < 1e-12);
+  }
+}
+
+void require_two_tetrahedra(const Mesh& mesh) {
+  const std::size_t cells = mesh.types.size();
+  CHECK(mesh.types[cells - 2] == CellType::Tetra);
+  CHECK(mesh.types[cells - 1] == CellType::Tetra);
+  CHECK(mesh.regions[cells - 2] == 1);
+  CHECK(mesh.regions[cells - 1] == 2);
+  const auto last = mesh.cell(Index(cells) - 1);
+  CHECK(mesh.points.row(last[0]) == Eigen::RowVector3d(1, 0, 0));
+  CHECK(mesh.points.row(last[1]) == Eigen::RowVector3d(1, 1, 1));
+  CHECK(mesh.points.row(last[2]) == Eigen::RowVector3d(0, 1, 0));
+  CHECK(mesh.points.row(last[3]) == Eigen::RowVector3d(0, 0, 1));
+}
+
+}  // namespace
+
+TEST_CASE("A gmsh file gives its cells, nodes and physical groups", "[core][formats]") {
+  const FormatFolder folder;
+  SECTION("version 2") {
+    const MeshFile file(folder.put("two.msh", kVersion2));
+    const Mesh& mesh = file.mesh();
+    CHECK(file.format() == "gmsh");
+    CHECK(mesh.types ==
+          std::vector{CellType::Vertex, CellType::Triangle, CellType::Tetra, CellType::Tetra});
+    CHECK(mesh.connectivity == std::vector<Index>{0, 0, 3, 2, 0, 1, 2, 3, 1, 4, 2, 3});
+    require_two_tetrahedra(mesh);
+    CHECK(mesh.node_count() == 6);
+    REQUIRE(mesh.groups.size() == 2);
+    CHECK(mesh.groups[0].name == "left wall");
+    CHECK(mesh.groups[0].kind == "physical group");
+    CHECK(mesh.groups[0].nodes == std::vector<Index>{0, 2, 3});
+    CHECK(mesh.groups[1].name == "physical surface 9");
+    CHECK(mesh.groups[1].nodes == std::vector<Index>{0, 2, 3});
+    CHECK(file.remarks().size() == 2);  // periodic maps, elements listed twice
+  }
+  SECTION("version 4") {
+    const MeshFile file(folder.put("two.msh", kVersion4));
+    const Mesh& mesh = file.mesh();
+    CHECK(mesh.connectivity == std::vector<Index>{0, 1, 2, 0, 3, 2, 1, 3, 4, 2, 1});
+    require_two_tetrahedra(mesh);
+    REQUIRE(mesh.groups.size() == 2);
+    CHECK(mesh.groups[0].name == "left wall");
+    CHECK(mesh.groups[1].name == "physical surface 9");
+    CHECK(mesh.groups[1].nodes == std::vector<Index>{0, 1, 2});
+    CHECK(file.remarks().size() == 2);  // parameters, entities
+  }
+}
+
+TEST_CASE("Binary gmsh files of both byte orders give what text does", "[core][formats]") {
+  const FormatFolder folder;
+  for (const bool is_big_endian : {false, true}) {
+    const MeshFile old_file(folder.put("old.msh", binary_version_2(is_big_endian)));
+    CHECK(old_file.mesh().connectivity == std::vector<Index>{0, 3, 2, 0, 1, 2, 3, 1, 4, 2, 3});
+    require_two_tetrahedra(old_file.mesh());
+    const MeshFile new_file(folder.put("new.msh", binary_version_4(is_big_endian)));
+    require_two_tetrahedra(new_file.mesh());
+    REQUIRE(new_file.mesh().groups.size() == 1);
+    CHECK(new_file.mesh().groups[0].nodes == std::vector<Index>{0, 1, 2});
+  }
+}
+
+TEST_CASE("Second-order elements of gmsh come in VTK's node order", "[core][formats]") {
+  const FormatFolder folder;
+  // Nodes of straight elements in the order of files that gmsh 4.8.4 wrote.
+  const auto check = [&](int type, CellType expected, const std::string& digits) {
+    const MeshFile file(folder.put("one.msh", one_element(type, digits)));
+    require_middles(file.mesh(), expected);
+  };
+  check(8, CellType::QuadraticEdge, "000400200");
+  check(9, CellType::QuadraticTriangle, "040000400020200220");
+  check(10, CellType::BiquadraticQuad, "000400440040200420240020220");
+  check(11, CellType::QuadraticTetra, "000040004400020022002200202220");
+  check(12, CellType::TriquadraticHexahedron,
+        "000400440040004404444044200020002420402240442042204024424244220202022422242224222");
+  check(13, CellType::BiquadraticQuadraticWedge,
+        "000400040004404044200020002220402042204024224202022222");
+  check(14, CellType::QuadraticPyramid, "440040000400222240420331020131200111311220");
+  check(16, CellType::QuadraticQuad, "000400440040200420240020");
+  check(17, CellType::QuadraticHexahedron,
+        "000400440040004404444044200020002420402240442042204024424244");
+  check(18, CellType::QuadraticWedge, "000400040004404044200020002220402042204024224");
+  check(19, CellType::QuadraticPyramid, "440040000400222240420331020131200111311");
+}
+
+TEST_CASE("gmsh files come back with other coordinates alone", "[core][formats]") {
+  const FormatFolder folder;
+  require_promise(folder.put("two.msh", kVersion2), folder, "out.msh");
+  require_promise(folder.put("two.msh", kVersion4), folder, "out.msh");
+  require_promise(folder.put("two.msh", binary_version_2(false)), folder, "out.msh");
+  require_promise(folder.put("two.msh", binary_version_2(true)), folder, "out.msh");
+  require_promise(folder.put("two.msh", binary_version_4(false)), folder, "out.msh");
+  require_promise(folder.put("two.msh", binary_version_4(true)), folder, "out.msh");
+}
+
+TEST_CASE("What did not move keeps its characters in a gmsh file", "[core][formats]") {
+  const FormatFolder folder;
+  const MeshFile file(folder.put("two.msh", kVersion4));
+  Points moved = file.mesh().points;
+  moved(1, 2) = 1.25;
+  file.write(folder / "out.msh", moved);
+  std::string expected = kVersion4;
+  const std::string old_line = "0 0 1 0.3 0.4";
+  expected.replace(expected.find(old_line), old_line.size(), "0 0 1.25 0.3 0.4");
+  CHECK(bytes_of(folder / "out.msh") == expected);
+}
+
+TEST_CASE("Partitions of a gmsh mesh are no regions", "[core][formats]") {
+  const FormatFolder folder;
+  std::string text = kVersion4;
+  const std::string old_entities =
+      text.substr(text.find("$Entities"), text.find("$Nodes") - text.find("$Entities"));
+  // Volume 1 in partitions 5 and 6, and the surface between them.
+  text.replace(text.find(old_entities), old_entities.size(),
+               "$PartitionedEntities\n2\n1\n8 1\n0 0 1 2\n"
+               "4 3 1 2 1 2 0 0 0 0 1 1 1 7 0 \n"
+               "5 3 1 1 1 0 0 0 1 1 1 0 1 4 \n"
+               "6 3 1 1 2 0 0 0 1 1 1 0 0 \n"
+               "$EndPartitionedEntities\n");
+  text.replace(text.find("3 1 4 1\n2"), 9, "3 5 4 1\n2");
+  text.replace(text.find("3 2 4 1\n3"), 9, "3 6 4 1\n3");
+  const MeshFile file(folder.put("parts.msh", text));
+  CHECK(file.mesh().regions == std::vector<int>{4, 1, 1});
+  CHECK(file.mesh().groups.empty());
+}
+
+TEST_CASE("Physical groups part a gmsh mesh whose entities are all alike", "[core][formats]") {
+  const FormatFolder folder;
+  std::string text = kVersion2;
+  text.replace(text.find("6 4 4 1 2 1 1"), 13, "6 4 4 5 1 1 1");
+  const MeshFile file(folder.put("alike.msh", text));
+  CHECK(file.mesh().regions == std::vector<int>{0, 7, 1, 5});
+  CHECK(file.mesh().region_array == "physical group");
+}
+
+TEST_CASE("Bad gmsh files are refused by place", "[core][formats]") {
+  const FormatFolder folder;
+  const auto refused = [&](std::string text, const std::string& old_text,
+                           const std::string& new_text, std::initializer_list<std::string> parts) {
+    text.replace(text.find(old_text), old_text.size(), new_text);
+    require_refused(folder.put("bad.msh", text), parts);
+  };
+  refused(kVersion2, "2.2 0 8", "3.0 0 8",
+          {"bad.msh", "line 5", "2.0 to 2.2 and 4.1", "gmsh FILE"});
+  refused(kVersion2, "$Nodes\n6", "$Nodes\n7", {"line 20", "number of a node", "$EndNodes"});
+  refused(kVersion2, "$Nodes\n6", "$Nodes\n-6", {"line 13", "negative"});
+  refused(kVersion2, "20 1.0", "10 1.0", {"two nodes", "number 10"});
+  refused(kVersion2, "10 20 30 1000000", "10 20 31 1000000", {"line 26", "node 31"});
+  refused(kVersion2, "4 4 2 1 1 10", "4 29 2 1 1 10",
+          {"line 26", "type 29", "tetrahedron of order"});
+  refused(kVersion2, "4 4 2 1 1 10", "4 999 2 1 1 10", {"line 26", "type 999", "not known"});
+  refused(kVersion2, "$EndNodeData", "$EndNode", {"line 33", "$NodeData", "cut off"});
+  refused(kVersion2, "2 7 \"left wall\"", "2 7 left", {"quotes"});
+  refused(kVersion4, "2 5 10 1000000", "2 6 10 1000000", {"line 16", "6", "there are 5"});
+  refused(kVersion4, "3 3 1 3", "3 4 1 3", {"line 31", "4", "there are 3"});
+  refused(kVersion4, "$EndEntities", "$EndEntitie", {"line 14", "$EndEntities"});
+  require_refused(folder.put("bad.msh", "$NOD\n0\n$ENDNOD\n"), {"format 1", "gmsh FILE"});
+  require_refused(folder.put("bad.msh", kVersion2.substr(0, kVersion2.find("$Elements"))),
+                  {"no elements"});
+  const std::string binary = binary_version_4(false);
+  require_refused(folder.put("bad.msh", binary.substr(0, binary.find("$EndNodes") - 60)),
+                  {"byte", "the file"});
+}
+
+TEST_CASE("Damaged gmsh files never crash the reader", "[core][formats]") {
+  const FormatFolder folder;
+  require_robust(folder.put("two.msh", kVersion2), folder);
+  require_robust(folder.put("two.msh", kVersion4), folder);
+  require_robust(folder.put("two.msh", binary_version_2(false)), folder);
+  require_robust(folder.put("two.msh", binary_version_4(true)), folder);
+}
+
+}  // namespace cadmorph::test
