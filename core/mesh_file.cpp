@@ -104,7 +104,7 @@ bool MeshFile::takes_arrays(const fs::path& path) const {
 void MeshFile::check_target(const fs::path& path) const {
   if (is_vtk_name(path)) return;
   const std::string wanted = mesh_extension(path), own = mesh_extension(impl_->path);
-  if (wanted.empty() || wanted == own) return;
+  if (wanted.empty() || wanted == own) return impl_->contents.copier->check_target(path);
   for (const MeshFormat& format : mesh_formats()) {
     const bool is_of_format =
         std::ranges::find(format.extensions, std::string_view(wanted)) != format.extensions.end();
@@ -114,6 +114,7 @@ void MeshFile::check_target(const fs::path& path) const {
                               std::string(format.name) + "; name it ..." + own +
                               " (or .vtu, to look at it)");
   }
+  impl_->contents.copier->check_target(path);
 }
 
 CoordinateRounding MeshFile::write(const fs::path& path, const Points& points,
