@@ -97,12 +97,17 @@ bool MeshFile::takes_arrays(const fs::path& path) const {
   return impl_->contents.copier->takes_arrays() || is_vtk_name(path);
 }
 
+void MeshFile::check_target(const fs::path& path) const {
+  check_copy_name(impl_->path, path);
+  if (!is_vtk_name(path)) impl_->contents.copier->check_target(path);
+}
+
 CoordinateRounding MeshFile::write(const fs::path& path, const Points& points,
                                    const ExtraArrays& extra) const {
   const Mesh& mesh = impl_->contents.mesh;
   const MeshCopier& copier = *impl_->contents.copier;
   check_coordinates(path, points, mesh.node_count());
-  check_copy_name(impl_->path, path);
+  check_target(path);
   if (copier.takes_arrays()) {
     copier.write_arrays(path, points, extra);
     return {};

@@ -67,6 +67,10 @@ class MeshFile {
   /// Whether a copy at `path` holds extra arrays: one in a format of VTK does.
   bool takes_arrays(const std::filesystem::path& path) const;
 
+  /// Throws InvalidInputError where no copy can be written to `path`: its name says another format
+  /// (VTK's apart), or files that belong to the mesh would have to lie elsewhere.
+  void check_target(const std::filesystem::path& path) const;
+
   /// Writes a copy with only the coordinates replaced (N x 3): a coordinate that is as it was keeps
   /// its bytes. It appears whole or not at all: written beside `path` (beside its target, if that
   /// is a link), flushed to disk, then renamed. Returns how far coordinates were rounded to the
@@ -79,8 +83,7 @@ class MeshFile {
   /// point arrays and without its other contents.
   ///
   /// Throws IoError, leaving nothing behind; InvalidInputError for wrong sizes, coordinates that
-  /// are not finite, extra arrays for a format without, and a name of another
-  /// format but VTK's.
+  /// are not finite, extra arrays for a format without, and as check_target.
   CoordinateRounding write(const std::filesystem::path& path, const Points& points,
                            const ExtraArrays& extra = {}) const;
 

@@ -110,6 +110,7 @@ ApplyReport apply_files(const fs::path& field, const fs::path& mesh, const fs::p
   clock.start("apply");
   auto terms_to_come = std::async(std::launch::async, [&] { return read_field(field); });
   const MeshFile file(mesh);
+  file.check_target(output);
   const DeformationField deformation(terms_to_come.get());
   const Mesh& before = file.mesh();
 

@@ -59,6 +59,7 @@ class Trip {
     base_ = std::make_shared<const CadModel>(read_step(files_.base_cad));
     read_ahead(0);
     mesh_ = mesh.get();
+    if (!files_.write) mesh_->check_target(files_.output);
     phases_ = clock.phases();
   }
 

@@ -24,6 +24,9 @@ class MeshCopier {
   virtual void write(const std::filesystem::path& target, const Points& before,
                      const Points& after) const = 0;
 
+  /// Throws InvalidInputError where no copy can be written to `target`, before a morph is begun.
+  virtual void check_target(const std::filesystem::path& /*target*/) const {}
+
   /// The coordinates that a reader of such a copy will find, where the file has too few digits for
   /// some of `after`; empty where it holds them all.
   virtual Points readable(const Points& /*before*/, const Points& /*after*/) const { return {}; }

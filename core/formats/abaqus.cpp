@@ -1,0 +1,938 @@
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <span>
+#include <utility>
+
+#include "core/cell_topology.h"
+#include "core/formats/deck.h"
+#include "core/formats/formats.h"
+#include "core/formats/number_fields.h"
+#include "core/formats/numbered_mesh.h"
+
+namespace fs = std::filesystem;
+
+namespace cadmorph {
+namespace {
+
+constexpr Index kHighestNumber = Index{1} << 40;
+constexpr std::size_t kFieldWidth = 20;  // what Abaqus allows and CalculiX reads of a number
+
+std::string upper(std::string_view text) {
+  std::string result(text);
+  std::ranges::transform(result, result.begin(),
+                         [](unsigned char c) { return char(std::toupper(c)); });
+  return result;
+}
+
+std::string_view unquoted(std::string_view text) {
+  if (text.size() >= 2 && text.front() == '"' && text.back() == '"')
+    return text.substr(1, text.size() - 2);
+  return text;
+}
+
+/// "number, x, y, z", and what may follow.
+class NodeLine : public NodeStyle {
+ public:
+  std::string_view read(std::string_view record, Eigen::RowVector3d& point) const override {
+    FreeFields fields(record);
+    std::string_view field;
+    fields.next(field);
+    point.setZero();
+    for (int c = 0; c < 3 && fields.next(field); ++c)
+      if (!read_real(field, point(c))) return trimmed(field);
+    return {};
+  }
+
+  void write(std::string_view record, const Eigen::RowVector3d& point,
+             const std::array<bool, 3>& is_changed, double least,
+             std::string& text) const override {
+    FreeFields fields(record);
+    std::string_view field;
+    fields.next(field);
+    std::size_t kept = 0;
+    int c = 0;
+    for (; c < 3 && fields.next(field); ++c) {
+      const std::string_view token = trimmed(field);
+      if (!is_changed[std::size_t(c)] || (token.empty() && std::abs(point(c)) <= least)) continue;
+      const auto begin = std::size_t((token.empty() ? field : token).data() - record.data());
+      text.append(record, kept, begin - kept);
+      write_real(point(c), {.width = kFieldWidth}, text);
+      kept = begin + token.size();
+    }
+    text.append(record, kept);
+    const std::string separator = record.find(',') == std::string_view::npos ? " " : ", ";
+    for (std::string zeros; c < 3; ++c) {
+      zeros += separator;
+      if (is_changed[std::size_t(c)] && std::abs(point(c)) > least) {
+        text += std::exchange(zeros, {});
+        write_real(point(c), {.width = kFieldWidth}, text);
+      } else {
+        zeros += '0';
+      }
+    }
+  }
+};
+
+/// What an element type of the deck becomes.
+struct ElementKind {
+  enum class Use { Cell, LeftOut, Unknown };
+  Use use = Use::Unknown;
+  CellType type = CellType::Vertex;
+  bool is_plane = false;  ///< its faces S1, S2, ... are edges
+};
+
+struct ElementFamily {
+  std::string_view prefix;  ///< the number of nodes follows; longer ones first
+  int dimension;            ///< -1: left out
+  bool is_plane = false;
+};
+
+constexpr ElementFamily kFamilies[] = {
+    {"C3D", 3},        {"DC3D", 3},        {"DCC3D", 3},        {"AC3D", 3},
+    {"QC3D", 3},       {"F3D", 3},         {"FC3D", 3},         {"EC3D", 3},
+    {"COH3D", 3},      {"CSS", 3},         {"SC", 3},           {"CPS", 2, true},
+    {"CPEG", 2, true}, {"CPE", 2, true},   {"CAX", 2, true},    {"CGAX", 2, true},
+    {"DC2D", 2, true}, {"DCC2D", 2, true}, {"DCAX", 2, true},   {"DCCAX", 2, true},
+    {"AC2D", 2, true}, {"ACAX", 2, true},  {"WARP2D", 2, true}, {"STRI", 2},
+    {"DS", 2},         {"M3D", 2},         {"SFM3D", 2},        {"S", 2},
+    {"US", 2},         {"T2D", 1},         {"T3D", 1},          {"B2", 1},
+    {"B3", 1},         {"PIPE2", 1},       {"PIPE3", 1},        {"ELBOW3", 1},
+    {"SAX", 1},        {"DSAX", 1},        {"MAX", 1},          {"CIN", -1},
+    {"R3D", -1},       {"R2D", -1},        {"RAX", -1},         {"RB", -1},
+    {"SPRING", -1},    {"DASHPOT", -1},    {"MASS", -1},        {"ROTARYI", -1},
+    {"HEATCAP", -1},   {"DCOUP", -1},      {"CONN", -1},        {"GAP", -1},
+    {"DGAP", -1},      {"JOINTC", -1},     {"ITS", -1},         {"ITT", -1},
+    {"DRAG", -1},      {"DC1D", -1},       {"AC1D", -1},        {"FRAME", -1},
+    {"GK", -1},        {"U", -1},          {"D", -1},
+};
+
+CellType cell_type(int dimension, int nodes) {
+  using enum CellType;
+  constexpr CellType kTypes[][9] = {
+      {Line, QuadraticEdge},
+      {Triangle, Quad, QuadraticTriangle, QuadraticQuad, BiquadraticQuad},
+      {Tetra, Pyramid, Wedge, Hexahedron, QuadraticTetra, QuadraticPyramid, QuadraticWedge,
+       QuadraticHexahedron}};
+  for (const CellType type : kTypes[dimension - 1])
+    if (type != CellType{} && cell_node_count(type) == nodes) return type;
+  return CellType{};
+}
+
+/// The digits that follow the family's prefix tell the number of nodes: C3D10M, S8R5, CPE4.
+ElementKind element_kind(const std::string& name) {
+  using Use = ElementKind::Use;
+  ElementKind kind;
+  const ElementFamily* family = nullptr;
+  for (const ElementFamily& candidate : kFamilies) {
+    if (!name.starts_with(candidate.prefix)) continue;
+    const bool has_digit = name.size() > candidate.prefix.size() &&
+                           std::isdigit(static_cast<unsigned char>(name[candidate.prefix.size()]));
+    if (candidate.dimension > 0 && !has_digit) continue;
+    if (!family || candidate.prefix.size() > family->prefix.size()) family = &candidate;
+  }
+  if (!family) return kind;
+  if (family->dimension < 0) return {.use = Use::LeftOut};
+  const std::string_view rest = std::string_view(name).substr(family->prefix.size());
+  int nodes = 0;
+  std::from_chars(rest.data(), rest.data() + rest.size(), nodes);
+  const bool is_beam = family->prefix.starts_with('B') || family->prefix.starts_with("PIPE") ||
+                       family->prefix.starts_with("ELBOW");
+  if (is_beam) nodes = nodes == 2 ? 3 : 2;                                // B31, B32, B33
+  if (family->prefix.ends_with("AX") && family->dimension == 1) ++nodes;  // SAX1, SAX2
+  if (family->prefix == "STRI") nodes = nodes == 65 ? 6 : nodes;
+  if (family->prefix == "S" && name.starts_with("S4R5")) nodes = 4;
+  if (rest.find('V') != std::string_view::npos) return kind;  // C3D15V: a number that varies
+  kind.type = cell_type(family->dimension, nodes);
+  kind.use = kind.type == CellType{} ? Use::Unknown : Use::Cell;
+  kind.is_plane = family->is_plane;
+  return kind;
+}
+
+/// Corners of the faces S1, S2, ... of the solid elements.
+std::span<const std::array<int, 4>> face_corners(CellType type) {
+  using enum CellType;
+  using Faces = std::array<int, 4>;
+  static constexpr Faces kTetra[] = {{0, 1, 2, -1}, {0, 3, 1, -1}, {1, 3, 2, -1}, {2, 3, 0, -1}};
+  static constexpr Faces kHexahedron[] = {{0, 1, 2, 3}, {4, 7, 6, 5}, {0, 4, 5, 1},
+                                          {1, 5, 6, 2}, {2, 6, 7, 3}, {3, 7, 4, 0}};
+  static constexpr Faces kWedge[] = {
+      {0, 1, 2, -1}, {3, 5, 4, -1}, {0, 3, 4, 1}, {1, 4, 5, 2}, {2, 5, 3, 0}};
+  static constexpr Faces kPyramid[] = {
+      {0, 1, 2, 3}, {0, 4, 1, -1}, {1, 4, 2, -1}, {2, 4, 3, -1}, {3, 4, 0, -1}};
+  switch (type) {
+    case Tetra:
+    case QuadraticTetra:
+      return kTetra;
+    case Hexahedron:
+    case QuadraticHexahedron:
+      return kHexahedron;
+    case Wedge:
+    case QuadraticWedge:
+      return kWedge;
+    case Pyramid:
+    case QuadraticPyramid:
+      return kPyramid;
+    default:
+      return {};
+  }
+}
+
+bool is_corner(const LocalFace& face, int node) {
+  const auto corners =
+      std::span(face.nodes).first(std::size_t(corner_count(face.type, face.count)));
+  return std::ranges::find(corners, node) != corners.end();
+}
+
+/// Local nodes of face `number` (from 1) of a cell; all where there is no such face.
+std::vector<int> face_nodes(CellType type, bool is_edge, int number) {
+  std::vector<int> nodes;
+  const auto faces = face_corners(type);
+  if (number >= 1 && number <= std::ssize(faces)) {
+    const auto& corners = faces[std::size_t(number - 1)];
+    for (const LocalFace& face : local_faces(type)) {
+      const bool is_it =
+          std::ranges::all_of(corners, [&](int c) { return c < 0 || is_corner(face, c); }) &&
+          (corners[3] < 0) == (corner_count(face.type, face.count) == 3);
+      if (is_it) nodes.assign(face.nodes.begin(), face.nodes.begin() + face.count);
+    }
+    return nodes;
+  }
+  const int count = cell_node_count(type);
+  const int corners = dimension(type) == 2 ? corner_count(type, count) : 0;
+  if (is_edge && number >= 1 && number <= corners) {
+    nodes = {number - 1, number % corners};
+    if (count >= 2 * corners) nodes.push_back(corners + number - 1);
+    return nodes;
+  }
+  for (int i = 0; i < count; ++i) nodes.push_back(i);
+  return nodes;
+}
+
+/// A line that begins with '*': its name without blanks, and its parameters, in capitals.
+struct Keyword {
+  std::string name;
+  std::map<std::string, std::string> parameters;  ///< their values as they are spelled
+
+  bool has(const std::string& key) const { return parameters.contains(key); }
+  std::string get(const std::string& key) const {
+    const auto found = parameters.find(key);
+    return found == parameters.end() ? std::string() : found->second;
+  }
+};
+
+Keyword parse_keyword(std::string_view line) {
+  Keyword keyword;
+  line.remove_prefix(1);
+  for (bool is_name = true; !line.empty(); is_name = false) {
+    const std::size_t comma = std::min(line.find(','), line.size());
+    const std::string_view part = trimmed(line.substr(0, comma));
+    line.remove_prefix(std::min(comma + 1, line.size()));
+    if (is_name) {
+      keyword.name = upper(part);
+      std::erase(keyword.name, ' ');
+      continue;
+    }
+    const std::size_t equals = std::min(part.find('='), part.size());
+    const std::string_view value =
+        equals < part.size() ? trimmed(part.substr(equals + 1)) : std::string_view();
+    keyword.parameters[upper(trimmed(part.substr(0, equals)))] = unquoted(value);
+  }
+  return keyword;
+}
+
+/// A set as the deck gives it; its members may be sets, and may be of an instance.
+struct SetLines {
+  struct Member {
+    Index number = 0;
+    std::string set = {};       ///< in capitals; empty: the number counts
+    std::string instance = {};  ///< in capitals; empty: the own one
+    int face = 0;               ///< of a surface
+    bool is_edge = false;
+  };
+  std::string name;
+  std::string kind;
+  bool is_of_elements = false;
+  std::vector<Index> numbers = {};  ///< members without anything else
+  std::vector<Member> members = {};
+};
+
+/// Sets of one kind by their names in capitals, in the order of the deck.
+struct SetTable {
+  std::vector<SetLines> sets;
+  std::map<std::string, std::size_t> by_name;
+
+  SetLines& get(const std::string& name, const std::string& kind, bool is_of_elements) {
+    const auto [found, is_new] = by_name.emplace(upper(name), sets.size());
+    if (is_new)
+      sets.push_back({.name = name,
+                      .kind = kind,
+                      .is_of_elements = is_of_elements,
+                      .numbers = {},
+                      .members = {}});
+    return sets[found->second];
+  }
+  const SetLines* find(const std::string& upper_name) const {
+    const auto found = by_name.find(upper_name);
+    return found == by_name.end() ? nullptr : &sets[found->second];
+  }
+};
+
+/// A part, or the whole of a deck without parts (and what an assembly has of its own).
+struct Part {
+  std::string name = {};
+  NumberedMesh mesh = {};
+  std::vector<bool> is_plane = {};  ///< of each element
+  SetTable nodes = {}, elements = {}, surfaces = {};
+  std::vector<std::pair<std::string, std::string>> sections = {};  ///< set of elements, material
+  int instances = 0;
+};
+
+struct Instance {
+  std::string name;
+  std::string part;
+  DeckPlace place;
+  std::vector<NodeFrame> frames;
+};
+
+/// A part in the mesh.
+struct Placed {
+  std::string instance;  ///< in capitals; empty: the deck's own
+  const Part* part = nullptr;
+  MeshAssembly::Placed nodes = {};
+  NumberTable elements = {};
+};
+
+/// Reads a deck of Abaqus or CalculiX.
+class Reader {
+ public:
+  explicit Reader(const fs::path& path) : sources_(path) {}
+
+  ReadMesh run() {
+    read_file(0);
+    end_keyword();
+    if (is_in_part_) sources_.fail(part_place_, "*END PART is missing");
+    assemble();
+    ReadMesh result = assembly_.finish(std::move(sources_), "material");
+    add_remarks(result);
+    return result;
+  }
+
+ private:
+  enum class Data { Skip, Nodes, Elements, Set, Surface, System, Instance };
+
+  void read_file(std::size_t file) {
+    const std::string_view text = sources_.text(file);
+    for (std::size_t at = 0; at < text.size();) {
+      here_ = {file, at};
+      const std::string_view line = take_line(text, at);
+      if (line.starts_with("**")) continue;
+      if (line.starts_with('*')) {
+        read_keyword(joined(text, line, at));
+        continue;
+      }
+      if (data_ == Data::Skip || trimmed(line).empty()) continue;
+      read_data(line);
+    }
+  }
+
+  /// A keyword's line goes on behind a comma at its end.
+  static std::string joined(std::string_view text, std::string_view line, std::size_t& at) {
+    std::string result(line);
+    while (trimmed(result).ends_with(',') && at < text.size() && text[at] != '*')
+      result += take_line(text, at);
+    return result;
+  }
+
+  void read_data(std::string_view line) {
+    switch (data_) {
+      case Data::Skip:
+        return;
+      case Data::Nodes:
+        return read_node(line);
+      case Data::Elements:
+        return read_element(line);
+      case Data::Set:
+        return read_set(line);
+      case Data::Surface:
+        return read_surface(line);
+      case Data::System:
+      case Data::Instance:
+        return read_frame_line(line);
+    }
+  }
+
+  void read_keyword(const std::string& line) {
+    const Keyword keyword = parse_keyword(line);
+    const std::string& name = keyword.name;
+    // What it includes may go on with the data.
+    if (name == "INCLUDE") return read_include(keyword.get("INPUT"));
+    end_keyword();
+    keyword_place_ = here_;
+    if (name == "NODE")
+      begin_nodes(keyword);
+    else if (name == "ELEMENT")
+      begin_elements(keyword);
+    else if (name == "NSET" || name == "ELSET")
+      begin_set(keyword);
+    else if (name == "SURFACE")
+      begin_surface(keyword);
+    else if (name == "SOLIDSECTION")
+      part().sections.emplace_back(upper(keyword.get("ELSET")), upper(keyword.get("MATERIAL")));
+    else if (name == "SYSTEM")
+      begin_frame(Data::System);
+    else if (name == "PART")
+      begin_part(keyword);
+    else if (name == "ENDPART")
+      is_in_part_ = false;
+    else if (name == "INSTANCE")
+      begin_instance(keyword);
+    else
+      check_other(name);
+    if (data_ != Data::Skip && keyword.has("INPUT")) read_include(keyword.get("INPUT"));
+  }
+
+  void end_keyword() {
+    if (!element_.empty())
+      sources_.fail(element_place_, "the nodes of element " + std::to_string(element_[0]) +
+                                        " end too soon: " + std::to_string(element_.size() - 1) +
+                                        " of " + std::to_string(element_nodes_));
+    if (data_ == Data::System) system_ = system_of(frame_numbers_);
+    if (data_ == Data::Instance) instances_.back().frames = instance_frames(frame_numbers_);
+    data_ = Data::Skip;
+    frame_numbers_.clear();
+  }
+
+  /// What would make nodes out of others, or can't be told where it stands, is refused.
+  void check_other(const std::string& name) {
+    if (name == "NGEN" || name == "NFILL" || name == "NCOPY" || name == "NMAP" ||
+        name == "SYMMETRICMODELGENERATION")
+      sources_.fail(here_, "*" + name +
+                               " makes nodes out of others, which can't be moved one by one: write "
+                               "the deck with all its nodes under *NODE");
+    if (name == "ELGEN" || name == "ELCOPY")
+      sources_.fail(here_, "*" + name +
+                               " makes elements out of others, which is not read: write the deck "
+                               "with all its elements under *ELEMENT");
+    if (name == "ORIENTATION" || name == "TRANSFORM") located_.insert({name, 0});
+  }
+
+  void read_include(const std::string& name) {
+    if (name.empty()) sources_.fail(here_, "expected INPUT= and the name of a file");
+    const DeckPlace from = here_;
+    read_file(sources_.include(name, from));
+    sources_.leave();
+    here_ = from;
+  }
+
+  Part& part() { return parts_[is_in_part_ ? current_part_ : 0]; }
+
+  void begin_part(const Keyword& keyword) {
+    const std::string name = upper(keyword.get("NAME"));
+    if (name.empty()) sources_.fail(here_, "expected NAME= and the name of the part");
+    for (std::size_t i = 1; i < parts_.size(); ++i)
+      if (parts_[i].name == name) sources_.fail(here_, "a second part of the name " + name);
+    parts_.push_back({.name = name});
+    current_part_ = parts_.size() - 1;
+    is_in_part_ = true;
+    part_place_ = here_;
+    system_ = {};
+  }
+
+  void begin_instance(const Keyword& keyword) {
+    const std::string name = upper(keyword.get("NAME")), part = upper(keyword.get("PART"));
+    if (part.empty())
+      sources_.fail(here_, "expected PART=: instances from other sources (LIBRARY=) are not read");
+    instances_.push_back({.name = name, .part = part, .place = here_, .frames = {}});
+    begin_frame(Data::Instance);
+    system_ = {};
+  }
+
+  void begin_frame(Data data) {
+    data_ = data;
+    frame_numbers_.clear();
+  }
+
+  void read_frame_line(std::string_view line) {
+    FreeFields fields(line);
+    std::string_view field;
+    const std::size_t first = frame_numbers_.size();
+    while (fields.next(field)) {
+      double value = 0;
+      if (!read_real(field, value)) fail_number("a coordinate", field);
+      frame_numbers_.push_back(value);
+    }
+    // A system's points are given by threes; a comma at the end adds none.
+    if (trimmed(field).empty() && frame_numbers_.size() > first) frame_numbers_.pop_back();
+    while (data_ == Data::Instance && frame_numbers_.size() < 3) frame_numbers_.push_back(0);
+  }
+
+  /// *SYSTEM: the origin, a point of the x axis, and one of the plane of x and y.
+  std::vector<NodeFrame> system_of(const std::vector<double>& numbers) const {
+    if (numbers.empty()) return {};
+    const auto point = [&](std::size_t i) {
+      Eigen::Vector3d result = Eigen::Vector3d::Zero();
+      for (std::size_t c = 0; c < 3 && 3 * i + c < numbers.size(); ++c)
+        result(Eigen::Index(c)) = numbers[3 * i + c];
+      return result;
+    };
+    NodeFrame frame;
+    frame.origin = point(0).transpose();
+    if (numbers.size() > 3) {
+      const Eigen::Vector3d x = point(1) - point(0);
+      const Eigen::Vector3d z = numbers.size() > 6 ? Eigen::Vector3d(x.cross(point(2) - point(0)))
+                                                   : Eigen::Vector3d::UnitZ();
+      if (x.norm() == 0 || x.cross(z).norm() == 0)
+        sources_.fail(keyword_place_, "the points of the system lie on one line");
+      frame.axes.col(0) = x.normalized();
+      frame.axes.col(1) = z.cross(x).normalized();
+      frame.axes.col(2) = frame.axes.col(0).cross(frame.axes.col(1));
+    }
+    return {frame};
+  }
+
+  /// *INSTANCE: a translation, then a rotation about the axis from a to b.
+  std::vector<NodeFrame> instance_frames(const std::vector<double>& numbers) const {
+    std::vector<NodeFrame> frames;
+    if (numbers.size() != 0 && numbers.size() != 3 && numbers.size() != 10)
+      sources_.fail(instances_.back().place,
+                    "expected a line of 3 numbers (translation) and one of 7 (rotation), found " +
+                        std::to_string(numbers.size()) + " numbers");
+    if (numbers.size() >= 3) {
+      NodeFrame moved;
+      moved.origin = Eigen::RowVector3d::Map(numbers.data());
+      if (!moved.is_basic()) frames.push_back(moved);
+    }
+    if (numbers.size() == 10) {
+      const Eigen::Vector3d a = Eigen::Vector3d::Map(numbers.data() + 3);
+      const Eigen::Vector3d axis = Eigen::Vector3d::Map(numbers.data() + 6) - a;
+      if (axis.norm() == 0)
+        sources_.fail(instances_.back().place, "the axis of the rotation has no length");
+      NodeFrame turned;
+      turned.axes =
+          Eigen::AngleAxisd(numbers[9] * std::numbers::pi / 180, axis.normalized()).matrix();
+      turned.origin = (a - turned.axes * a).transpose();
+      if (!turned.is_basic()) frames.push_back(turned);
+    }
+    return frames;
+  }
+
+  void begin_nodes(const Keyword& keyword) {
+    const std::string system = upper(keyword.get("SYSTEM"));
+    if (!system.empty() && system != "R" && system != "C")
+      sources_.fail(here_, "*NODE, SYSTEM=" + system +
+                               ": only rectangular (R) and cylindrical (C) coordinates are read; "
+                               "write the nodes in one of these");
+    node_frames_ = system_;
+    if (system == "C") {
+      NodeFrame cylindrical;
+      cylindrical.is_cylindrical = true;
+      node_frames_.insert(node_frames_.begin(), cylindrical);
+    }
+    data_ = Data::Nodes;
+    node_set_ =
+        keyword.has("NSET") ? &part().nodes.get(keyword.get("NSET"), "node set", false) : nullptr;
+  }
+
+  NodeRecords& node_records() {
+    std::vector<NodeRecords>& all = part().mesh.records;
+    const bool goes_on = records_keyword_ == std::pair(keyword_place_.file, keyword_place_.place) &&
+                         !all.empty() && all.back().file == here_.file;
+    if (!goes_on) {
+      all.push_back({.file = here_.file, .style = style_, .frames = node_frames_});
+      records_keyword_ = {keyword_place_.file, keyword_place_.place};
+    }
+    return all.back();
+  }
+
+  void read_node(std::string_view line) {
+    Index number = 0;
+    Eigen::RowVector3d point;
+    const std::size_t end =
+        std::min(line.find_first_of(", \t", line.find_first_not_of(" \t")), line.size());
+    if (!read_integer(line.substr(0, end), number) || number < 1 || number > kHighestNumber)
+      fail_number("the number of a node", line.substr(0, end));
+    const std::string_view bad = style_->read(line, point);
+    if (!bad.empty()) fail_number("a coordinate", bad);
+    if (line.size() > 0xffff) sources_.fail(here_, "the line is too long");
+    if (line.size() > 2 * kFieldWidth || std::ranges::count(line, ',') > 3) check_fields(line);
+    for (const NodeFrame& frame : node_frames_) point = frame.to_mesh(point);
+    NodeRecords& records = node_records();
+    Part& in = part();
+    records.places.push_back({.place = here_.place, .length = line.size()});
+    records.nodes.push_back(std::ssize(in.mesh.node_numbers));
+    in.mesh.add_node(number, point);
+    if (node_set_) node_set_->numbers.push_back(number);
+  }
+
+  /// Counts coordinates of which CalculiX reads the first 20 characters alone; looks for normals.
+  void check_fields(std::string_view line) {
+    FreeFields fields(line);
+    std::string_view field;
+    for (int i = 0; i < 4 && fields.next(field); ++i)
+      if (trimmed(field).size() > kFieldWidth) ++long_numbers_;
+    has_normals_ = has_normals_ || (fields.next(field) && !trimmed(field).empty());
+  }
+
+  void begin_elements(const Keyword& keyword) {
+    const std::string type = upper(keyword.get("TYPE"));
+    if (type.empty()) sources_.fail(here_, "expected TYPE= and the element type");
+    kind_ = element_kind(type);
+    if (kind_.use == ElementKind::Use::Unknown)
+      sources_.fail(here_, "elements of type '" + type + "' are not known");
+    data_ = Data::Elements;
+    element_nodes_ = std::max(cell_node_count(kind_.type), 0);
+    left_out_ = kind_.use == ElementKind::Use::LeftOut ? &left_out_types_[type] : nullptr;
+    is_behind_comma_ = false;
+    element_set_ = keyword.has("ELSET")
+                       ? &part().elements.get(keyword.get("ELSET"), "element set", true)
+                       : nullptr;
+  }
+
+  void read_element(std::string_view line) {
+    if (left_out_) {
+      if (!is_behind_comma_) ++*left_out_;
+      is_behind_comma_ = trimmed(line).ends_with(',');
+      return;
+    }
+    if (element_.empty()) element_place_ = here_;
+    const char* at = line.data();
+    const char* const end = at + line.size();
+    const auto is_between = [](char c) { return c == ' ' || c == ',' || c == '\t' || c == '\r'; };
+    while (true) {
+      while (at < end && is_between(*at)) ++at;
+      if (at == end) break;
+      Index number = 0;
+      const auto [last, error] = std::from_chars(at, end, number);
+      if (error != std::errc() || (last < end && !is_between(*last)) || number < 1 ||
+          number > kHighestNumber)
+        fail_number(element_.empty() ? "the number of an element" : "the number of a node",
+                    {at, end});
+      element_.push_back(number);
+      at = last;
+    }
+    if (std::ssize(element_) <= element_nodes_) return;
+    if (std::ssize(element_) > element_nodes_ + 1)
+      sources_.fail(here_, "element " + std::to_string(element_[0]) + " has " +
+                               std::to_string(element_.size() - 1) + " nodes, expected " +
+                               std::to_string(element_nodes_));
+    add_element();
+  }
+
+  void add_element() {
+    if (kind_.type == CellType::QuadraticEdge) std::swap(element_[2], element_[3]);
+    Part& in = part();
+    in.mesh.add_element(element_[0], kind_.type, std::span(element_).subspan(1), 0, element_place_);
+    in.is_plane.push_back(kind_.is_plane);
+    if (element_set_) element_set_->numbers.push_back(element_[0]);
+    element_.clear();
+  }
+
+  void begin_set(const Keyword& keyword) {
+    const std::string name = keyword.get(keyword.name);
+    if (name.empty()) sources_.fail(here_, "expected " + keyword.name + "= and the set's name");
+    const bool is_of_elements = keyword.name == "ELSET";
+    SetTable& table = is_of_elements ? part().elements : part().nodes;
+    set_ = &table.get(name, is_of_elements ? "element set" : "node set", is_of_elements);
+    instance_ = upper(keyword.get("INSTANCE"));
+    is_generated_ = keyword.has("GENERATE");
+    data_ = Data::Set;
+    if (!is_of_elements && keyword.has("ELSET"))
+      set_->members.push_back({.set = "\n" + upper(keyword.get("ELSET"))});
+  }
+
+  /// A number, or the name of a set, of an instance where that is named before a point.
+  SetLines::Member member_of(std::string_view word) const {
+    SetLines::Member member{.instance = instance_};
+    const std::size_t point = word.find('.');
+    if (read_integer(word, member.number)) return member;
+    if (point != std::string_view::npos) {
+      member.instance = upper(word.substr(0, point));
+      word.remove_prefix(point + 1);
+      if (read_integer(word, member.number)) return member;
+    }
+    member.set = upper(word);
+    return member;
+  }
+
+  void read_set(std::string_view line) {
+    FreeFields fields(line);
+    std::string_view field;
+    SetLines& set = *set_;
+    if (is_generated_) return read_range(line);
+    while (fields.next(field)) {
+      const std::string_view word = unquoted(trimmed(field));
+      if (word.empty()) continue;
+      SetLines::Member member = member_of(word);
+      if (member.set.empty() && member.instance.empty())
+        set.numbers.push_back(member.number);
+      else
+        set.members.push_back(std::move(member));
+    }
+  }
+
+  void read_range(std::string_view line) {
+    FreeFields fields(line);
+    std::array<Index, 3> range{0, 0, 1};
+    std::string_view field;
+    for (Index& number : range)
+      if (fields.next(field) && !trimmed(field).empty() && !read_integer(field, number))
+        fail_number("first, last and step of a set", field);
+    constexpr Index kMostSteps = 1 << 28;
+    if (range[2] < 1 || range[1] < range[0] || (range[1] - range[0]) / range[2] > kMostSteps)
+      sources_.fail(here_, "first, last and step of the set make no range");
+    for (Index number = range[0]; number <= range[1]; number += range[2]) {
+      if (instance_.empty())
+        set_->numbers.push_back(number);
+      else
+        set_->members.push_back({.number = number, .instance = instance_});
+    }
+  }
+
+  void begin_surface(const Keyword& keyword) {
+    const std::string type = upper(keyword.get("TYPE"));
+    if (!type.empty() && type != "ELEMENT" && type != "NODE") {
+      located_.insert({"SURFACE, TYPE=" + type, 0});
+      return;
+    }
+    SetTable& table = part().surfaces;
+    set_ = &table.get(keyword.get("NAME"), "surface", type != "NODE");
+    instance_.clear();
+    data_ = Data::Surface;
+  }
+
+  void read_surface(std::string_view line) {
+    FreeFields fields(line);
+    std::string_view field;
+    if (!fields.next(field) || trimmed(field).empty()) return;
+    SetLines::Member member = member_of(unquoted(trimmed(field)));
+    if (fields.next(field)) {
+      const std::string label = upper(trimmed(field));
+      if (label.size() > 1 && (label[0] == 'S' || label[0] == 'E')) {
+        std::from_chars(label.data() + 1, label.data() + label.size(), member.face);
+        member.is_edge = label[0] == 'E';
+      }
+    }
+    set_->members.push_back(std::move(member));
+  }
+
+  [[noreturn]] void fail_number(std::string_view what, std::string_view found) const {
+    std::string text(trimmed(found).substr(0, 40));
+    std::ranges::replace_if(
+        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
+    sources_.fail(here_, "expected " + std::string(what) + ", found '" + text + "'");
+  }
+
+  void assemble() {
+    if (!parts_[0].mesh.node_numbers.empty() || instances_.empty()) place(parts_[0], {});
+    for (const Instance& instance : instances_) {
+      const auto is_it = [&](const Part& part) { return part.name == instance.part; };
+      const auto found = std::find_if(parts_.begin() + 1, parts_.end(), is_it);
+      if (found == parts_.end()) sources_.fail(instance.place, "there is no part " + instance.part);
+      ++found->instances;
+    }
+    for (const Instance& instance : instances_)
+      for (Part& part : parts_)
+        if (part.name == instance.part) place(part, instance);
+    std::map<std::string, int> materials;
+    for (const Placed& placed : placed_) assign_regions(placed, materials);
+    for (const Placed& placed : placed_) add_groups(*placed.part, placed);
+    const bool is_own_placed = !placed_.empty() && placed_[0].part == &parts_[0];
+    if (!is_own_placed) add_groups(parts_[0], {.instance = {}, .part = &parts_[0]});
+  }
+
+  void place(Part& part, const Instance& instance) {
+    for (NodeRecords& records : part.mesh.records) {
+      records.is_shared = part.instances > 1;
+      records.owner = "instance " + instance.name;
+    }
+    placed_.push_back({.instance = instance.name,
+                       .part = &part,
+                       .nodes = assembly_.add(part.mesh, instance.frames),
+                       .elements = NumberTable(part.mesh.element_numbers)});
+  }
+
+  /// The first section that names a cell's set tells its material, and so its region.
+  void assign_regions(const Placed& placed, std::map<std::string, int>& materials) {
+    Mesh& mesh = assembly_.mesh();
+    for (const auto& [set, material] : placed.part->sections) {
+      std::vector<Index> cells;
+      collect(placed, {.set = set}, true, 0, cells);
+      const int region = materials.emplace(material, int(materials.size()) + 1).first->second;
+      for (const Index cell : cells)
+        if (mesh.regions[std::size_t(cell)] == 0) mesh.regions[std::size_t(cell)] = region;
+    }
+  }
+
+  void add_groups(const Part& part, const Placed& home) {
+    for (const SetTable* table : {&part.nodes, &part.elements, &part.surfaces})
+      for (const SetLines& set : table->sets) {
+        NodeGroup group{.name = home.instance.empty() ? set.name : home.instance + "." + set.name,
+                        .kind = set.kind,
+                        .nodes = {}};
+        collect_nodes(home, set, group.nodes);
+        if (!group.nodes.empty()) assembly_.mesh().groups.push_back(std::move(group));
+      }
+  }
+
+  void collect_nodes(const Placed& home, const SetLines& set, std::vector<Index>& nodes) const {
+    const auto add_cells = [&](const std::vector<Index>& cells, const SetLines::Member& member) {
+      for (const Index cell : cells) add_face(cell, member, nodes);
+    };
+    for (const Index number : set.numbers) {
+      std::vector<Index> found;
+      collect(home, {.number = number}, set.is_of_elements, 0, found);
+      if (set.is_of_elements)
+        add_cells(found, {});
+      else
+        nodes.insert(nodes.end(), found.begin(), found.end());
+    }
+    for (const SetLines::Member& member : set.members) {
+      // The nodes of a set of elements.
+      const bool is_by_elements = member.set.starts_with('\n');
+      SetLines::Member plain = member;
+      if (is_by_elements) plain.set.erase(0, 1);
+      std::vector<Index> found;
+      collect(home, plain, set.is_of_elements || is_by_elements, 0, found);
+      if (set.is_of_elements || is_by_elements)
+        add_cells(found, member);
+      else
+        nodes.insert(nodes.end(), found.begin(), found.end());
+    }
+  }
+
+  void add_face(Index cell, const SetLines::Member& member, std::vector<Index>& nodes) const {
+    const Mesh& mesh = assembly_.mesh();
+    const auto cell_nodes = mesh.cell(cell);
+    if (member.face == 0) {
+      nodes.insert(nodes.end(), cell_nodes.begin(), cell_nodes.end());
+      return;
+    }
+    const bool is_edge = member.is_edge || is_plane(cell);
+    for (const int node : face_nodes(mesh.types[std::size_t(cell)], is_edge, member.face))
+      nodes.push_back(cell_nodes[std::size_t(node)]);
+  }
+
+  bool is_plane(Index cell) const {
+    for (const Placed& placed : placed_) {
+      const Index row = cell - placed.nodes.first_cell;
+      if (row >= 0 && row < std::ssize(placed.part->is_plane))
+        return placed.part->is_plane[std::size_t(row)];
+    }
+    return false;
+  }
+
+  /// Appends the nodes, or cells, of a member; numbers and names of nothing are left out, as the
+  /// solvers do.
+  void collect(const Placed& home, const SetLines::Member& member, bool is_of_elements, int depth,
+               std::vector<Index>& found) const {
+    constexpr int kDeepest = 32;
+    if (depth > kDeepest) return;
+    const Placed* in = &home;
+    if (!member.instance.empty()) {
+      const auto is_it = [&](const Placed& placed) { return placed.instance == member.instance; };
+      const auto placed = std::ranges::find_if(placed_, is_it);
+      if (placed == placed_.end()) return;
+      in = &*placed;
+    }
+    if (member.set.empty()) {
+      const Index row =
+          is_of_elements ? in->elements.find(member.number) : in->nodes.rows.find(member.number);
+      if (row >= 0)
+        found.push_back(is_of_elements ? in->nodes.first_cell + row
+                                       : in->nodes.nodes[std::size_t(row)]);
+      return;
+    }
+    const SetLines* set = (is_of_elements ? in->part->elements : in->part->nodes).find(member.set);
+    if (!set) return;
+    for (const Index number : set->numbers)
+      collect(*in, {.number = number}, is_of_elements, depth + 1, found);
+    for (const SetLines::Member& inner : set->members)
+      collect(*in, inner, is_of_elements, depth + 1, found);
+  }
+
+  void add_remarks(ReadMesh& result) const {
+    for (const auto& [type, count] : left_out_types_)
+      if (count > 0)
+        result.remarks.push_back(std::to_string(count) + " elements of type " + type +
+                                 " are no cells of the mesh; their nodes follow the others");
+    for (const auto& [name, count] : located_)
+      result.remarks.push_back("positions under *" + name + " are those of the base");
+    if (has_normals_)
+      result.remarks.push_back("the normals of nodes under *NODE are those of the base");
+    if (long_numbers_ > 0)
+      result.remarks.push_back(
+          std::to_string(long_numbers_) +
+          " coordinates have more than 20 characters, of which CalculiX reads the first 20 alone, "
+          "without the exponent of some; those that move are written within 20");
+  }
+
+  DeckSources sources_;
+  MeshAssembly assembly_{sources_};
+  std::vector<Part> parts_ = std::vector<Part>(1);
+  std::vector<Instance> instances_;
+  std::vector<Placed> placed_;
+  std::shared_ptr<const NodeLine> style_ = std::make_shared<NodeLine>();
+
+  // What is being read.
+  DeckPlace here_, keyword_place_, part_place_, element_place_;
+  Data data_ = Data::Skip;
+  bool is_in_part_ = false;
+  std::size_t current_part_ = 0;
+  std::vector<NodeFrame> system_, node_frames_;
+  std::vector<double> frame_numbers_;
+  std::pair<std::size_t, std::size_t> records_keyword_{~std::size_t{0}, 0};
+  SetLines *node_set_ = nullptr, *element_set_ = nullptr;
+  ElementKind kind_;
+  Index element_nodes_ = 0;
+  std::vector<Index> element_;  ///< its number and nodes so far
+  Index* left_out_ = nullptr;
+  bool is_behind_comma_ = false;
+  SetLines* set_ = nullptr;
+  std::string instance_;
+  bool is_generated_ = false;
+
+  // For the remarks.
+  std::map<std::string, Index> left_out_types_, located_;
+  Index long_numbers_ = 0;
+  bool has_normals_ = false;
+};
+
+/// The lines that begin with '*' tell: those of LS-DYNA begin so too, but their names are others.
+Recognition recognise(const FileStart& start) {
+  const std::string_view text = start.bytes;
+  bool has_keyword = false;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::string_view line = take_line(text, at);
+    if (line.starts_with("**") || trimmed(line).empty()) continue;
+    if (!has_keyword && !line.starts_with('*')) return Recognition::No;
+    if (!line.starts_with('*')) continue;
+    has_keyword = true;
+    const Keyword keyword = parse_keyword(line);
+    const std::string& name = keyword.name;
+    if (name == "KEYWORD" || name.find('_') != std::string::npos) return Recognition::No;
+    if (name == "HEADING" || name == "PART" || name == "SOLIDSECTION" ||
+        ((name == "NODE" || name == "NSET") && keyword.has("NSET")) ||
+        ((name == "ELEMENT" && keyword.has("TYPE")) || (name == "ELSET" && keyword.has("ELSET"))) ||
+        (name == "INCLUDE" && keyword.has("INPUT")))
+      return name == "PART" && keyword.parameters.empty() ? Recognition::No : Recognition::Sure;
+  }
+  return has_keyword ? Recognition::Possible : Recognition::No;
+}
+
+ReadMesh read(const fs::path& path) { return Reader(path).run(); }
+
+}  // namespace
+
+const MeshFormat& abaqus_format() {
+  static const MeshFormat format{
+      .name = "Abaqus", .extensions = {".inp"}, .recognise = recognise, .read = read};
+  return format;
+}
+
+}  // namespace cadmorph

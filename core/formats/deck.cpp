@@ -1,0 +1,311 @@
+#include "core/formats/deck.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <ranges>
+#include <set>
+
+#include "core/errors.h"
+#include "core/parallel.h"
+
+namespace fs = std::filesystem;
+
+namespace cadmorph {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRounding = 1e-9;  // of the mesh's size: what a morph leaves of a plane
+
+/// A record that changes.
+struct Edit {
+  TextToken place;
+  const NodeRecords* records = nullptr;
+  Index node = 0;
+};
+
+/// The coordinates of a record and which of them change.
+struct NewCoordinates {
+  Eigen::RowVector3d point;
+  std::array<bool, 3> is_changed{};
+};
+
+Eigen::RowVector3d to_mesh(const NodeRecords& records, Eigen::RowVector3d point) {
+  for (const NodeFrame& frame : records.frames) point = frame.to_mesh(point);
+  return point;
+}
+
+Eigen::RowVector3d to_file(const NodeRecords& records, Eigen::RowVector3d point,
+                           const Eigen::RowVector3d& old_point) {
+  for (const NodeFrame& frame : records.frames | std::views::reverse)
+    point = frame.to_file(point, old_point);
+  return point;
+}
+
+NewCoordinates new_coordinates(const Edit& edit, const Eigen::RowVector3d& in_file,
+                               const Points& before, const Points& after) {
+  NewCoordinates result;
+  const Eigen::RowVector3d old_point = before.row(edit.node);
+  result.point = after.row(edit.node);
+  if (edit.records->frames.empty()) {
+    for (int c = 0; c < 3; ++c) result.is_changed[std::size_t(c)] = result.point(c) != old_point(c);
+    return result;
+  }
+  const Eigen::RowVector3d old_local = to_file(*edit.records, old_point, in_file);
+  result.point = to_file(*edit.records, result.point, in_file);
+  for (int c = 0; c < 3; ++c) result.is_changed[std::size_t(c)] = result.point(c) != old_local(c);
+  return result;
+}
+
+double size_of(const Points& points) { return points.size() ? points.cwiseAbs().maxCoeff() : 0; }
+
+bool is_same_place(const Edit& a, const Edit& b) { return a.place.place == b.place.place; }
+
+/// Several instances of a part have its nodes: they must move alike.
+void check_alike(const Edit& first, const Edit& second, const Points& before, const Points& after) {
+  const auto motion = [&](const Edit& edit) -> Eigen::RowVector3d {
+    const Eigen::RowVector3d none = Eigen::RowVector3d::Zero();
+    return to_file(*edit.records, after.row(edit.node), none) -
+           to_file(*edit.records, before.row(edit.node), none);
+  };
+  if ((motion(first) - motion(second)).norm() <= kRounding * size_of(before)) return;
+  throw InvalidInputError("nodes " + std::to_string(first.node) + " and " +
+                          std::to_string(second.node) + " are the same node of a part in the " +
+                          first.records->owner + " and the " + second.records->owner +
+                          ", but would move differently: give each instance a part of its own");
+}
+
+/// The records of a file that change, in its order; of shared ones the first.
+std::vector<Edit> edits_of(const std::vector<NodeRecords>& all, std::size_t file,
+                           const Points& before, const Points& after) {
+  std::vector<Edit> edits;
+  for (const NodeRecords& records : all) {
+    if (records.file != file) continue;
+    for (std::size_t i = 0; i < records.places.size(); ++i) {
+      const Index node = records.nodes[i];
+      if (records.is_shared || before.row(node) != after.row(node))
+        edits.push_back({records.places[i], &records, node});
+    }
+  }
+  const auto by_place = [](const Edit& a, const Edit& b) { return a.place.place < b.place.place; };
+  if (!std::ranges::is_sorted(edits, by_place)) std::ranges::stable_sort(edits, by_place);
+  for (std::size_t i = 1; i < edits.size(); ++i)
+    if (is_same_place(edits[i - 1], edits[i])) check_alike(edits[i - 1], edits[i], before, after);
+  const auto doubles = std::ranges::unique(edits, is_same_place);
+  edits.erase(doubles.begin(), doubles.end());
+  std::erase_if(edits,
+                [&](const Edit& edit) { return before.row(edit.node) == after.row(edit.node); });
+  return edits;
+}
+
+/// Appends the new record.
+void write_record(const Edit& edit, std::string_view old_text, const Points& before,
+                  const Points& after, double least, std::string& text) {
+  const std::string_view record = old_text.substr(edit.place.place, edit.place.length);
+  Eigen::RowVector3d in_file;
+  edit.records->style->read(record, in_file);
+  const NewCoordinates wanted = new_coordinates(edit, in_file, before, after);
+  edit.records->style->write(record, wanted.point, wanted.is_changed, least, text);
+}
+
+std::vector<std::string> new_text(std::string_view old_text, const std::vector<Edit>& edits,
+                                  const Points& before, const Points& after) {
+  constexpr Index kBlock = 1 << 13;
+  const Index count = std::ssize(edits);
+  const double least = kRounding * size_of(before);
+  std::vector<std::string> blocks(std::size_t((count + kBlock - 1) / kBlock));
+  parallel_for(count, kBlock, [&](Index begin, Index end) {
+    std::string& text = blocks[std::size_t(begin / kBlock)];
+    std::size_t at = begin == 0 ? 0 : std::size_t(edits[std::size_t(begin)].place.place);
+    for (Index i = begin; i < end; ++i) {
+      const Edit& edit = edits[std::size_t(i)];
+      text.append(old_text, at, edit.place.place - at);
+      write_record(edit, old_text, before, after, least, text);
+      at = edit.place.place + edit.place.length;
+    }
+    const std::size_t next =
+        end < count ? std::size_t(edits[std::size_t(end)].place.place) : old_text.size();
+    text.append(old_text, at, next - at);
+  });
+  return blocks;
+}
+
+bool is_same_file(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  return fs::equivalent(a, b, error);
+}
+
+/// Whether a name stays below the folder that it starts from.
+bool is_below(const fs::path& name) {
+  const fs::path plain = name.lexically_normal();
+  return plain.is_relative() && !plain.empty() && *plain.begin() != "..";
+}
+
+class DeckCopier : public MeshCopier {
+ public:
+  DeckCopier(std::vector<DeckFile> files, std::vector<NodeRecords> records)
+      : files_(std::move(files)), records_(std::move(records)) {}
+
+  void write(const fs::path& target, const Points& before, const Points& after) const override {
+    check_target(target);
+    std::set<fs::path> written;
+    try {
+      for (std::size_t file = files_.size(); file-- > 0;) {
+        const fs::path path = file == 0 ? target : target_of(target, file);
+        if (file > 0) {
+          if (path.empty() || fs::exists(path)) continue;
+          fs::create_directories(path.parent_path());
+          written.insert(path);
+        }
+        write_file(file, path, before, after);
+      }
+    } catch (const fs::filesystem_error& error) {
+      remove(written);
+      fail_writing(target, error.code().message() + ": " + error.path1().string());
+    } catch (const Error&) {
+      remove(written);
+      throw;
+    }
+  }
+
+  void check_target(const fs::path& target) const override {
+    for (std::size_t file = 1; file < files_.size(); ++file) {
+      const std::string name = files_[file].name.string();
+      if (!holds_nodes(file)) continue;
+      if (!is_below(files_[file].name))
+        throw InvalidInputError("the included file " + name +
+                                " holds nodes and does not lie below the deck's folder: a copy of "
+                                "the deck would overwrite it; put it there, or its lines in place "
+                                "of the line that includes it");
+      const fs::path path = target_of(target, file);
+      if (path.empty() || is_same_file(path, files_[file].source.path))
+        throw InvalidInputError("the included file " + name +
+                                " holds nodes: a copy of the deck in the same folder would "
+                                "overwrite it; write the copy into another folder");
+      if (fs::exists(path))
+        throw InvalidInputError("the deck includes " + name + ", which holds nodes, but " +
+                                path.string() +
+                                " is there already: remove it, or write the copy into a folder "
+                                "of its own");
+    }
+  }
+
+  Points readable(const Points& before, const Points& after) const override {
+    Points result = after;
+    const double least = kRounding * size_of(before);
+    for (std::size_t file = 0; file < files_.size(); ++file) {
+      const std::vector<Edit> edits = edits_of(records_, file, before, after);
+      if (edits.empty()) continue;
+      const std::string bytes = read_again(files_[file].source);
+      parallel_for(std::ssize(edits), 1 << 13, [&](Index begin, Index end) {
+        std::string text;
+        for (Index i = begin; i < end; ++i) {
+          const Edit& edit = edits[std::size_t(i)];
+          text.clear();
+          write_record(edit, bytes, before, after, least, text);
+          Eigen::RowVector3d point;
+          edit.records->style->read(text, point);
+          result.row(edit.node) = to_mesh(*edit.records, point);
+        }
+      });
+    }
+    return result;
+  }
+
+ private:
+  bool holds_nodes(std::size_t file) const {
+    return std::ranges::any_of(
+        records_, [&](const NodeRecords& r) { return r.file == file && !r.places.empty(); });
+  }
+
+  /// Where an included file goes; empty: it stays where it is.
+  fs::path target_of(const fs::path& target, std::size_t file) const {
+    if (!is_below(files_[file].name)) return {};
+    fs::path path = fs::absolute(target).parent_path() / files_[file].name;
+    return is_same_file(path, files_[file].source.path) ? fs::path() : path;
+  }
+
+  void write_file(std::size_t file, const fs::path& path, const Points& before,
+                  const Points& after) const {
+    const SourceFile& source = files_[file].source;
+    const std::vector<Edit> edits = edits_of(records_, file, before, after);
+    if (edits.empty()) return write_unchanged(source, path);
+    const std::vector<std::string> blocks = new_text(read_again(source), edits, before, after);
+    write_pieces(path, {blocks.begin(), blocks.end()}, source.is_compressed);
+  }
+
+  static void remove(const std::set<fs::path>& written) {
+    std::error_code error;
+    for (const fs::path& path : written) fs::remove(path, error);
+  }
+
+  std::vector<DeckFile> files_;
+  std::vector<NodeRecords> records_;
+};
+
+}  // namespace
+
+DeckSources::DeckSources(const fs::path& path) {
+  SourceBytes main = read_source(path);
+  files_.push_back({.source = std::move(main.source), .name = {}});
+  texts_.push_back(std::move(main.bytes));
+}
+
+std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
+  const fs::path path = files_[0].source.path.parent_path() / name;
+  for (std::size_t file = 0; file < files_.size(); ++file) {
+    if (!is_same_file(files_[file].source.path, path)) continue;
+    if (std::ranges::find(open_, file) != open_.end())
+      fail(from, "the file " + name + " includes itself");
+    has_repeats_ = true;
+    open_.push_back(file);
+    return file;
+  }
+  if (!fs::is_regular_file(path))
+    fail(from, "there is no file " + path.string() + " to include; copy it there");
+  SourceBytes included = read_source(path);
+  files_.push_back({.source = std::move(included.source), .name = name});
+  texts_.push_back(std::move(included.bytes));
+  open_.push_back(files_.size() - 1);
+  return open_.back();
+}
+
+void DeckSources::fail(DeckPlace place, const std::string& why) const {
+  TextScanner(texts_[place.file], files_[place.file].source.path).fail_at(place.place, why);
+}
+
+std::string_view take_line(std::string_view text, std::size_t& at) {
+  const std::size_t begin = at;
+  const std::size_t end = std::min(text.find('\n', at), text.size());
+  at = std::min(end + 1, text.size());
+  std::string_view line = text.substr(begin, end - begin);
+  if (line.ends_with('\r')) line.remove_suffix(1);
+  return line;
+}
+
+Eigen::RowVector3d NodeFrame::to_mesh(const Eigen::RowVector3d& point) const {
+  Eigen::RowVector3d local = point;
+  if (is_cylindrical) {
+    const double angle = point(1) * kDegree;
+    local = {point(0) * std::cos(angle), point(0) * std::sin(angle), point(2)};
+  }
+  return local * axes.transpose() + origin;
+}
+
+Eigen::RowVector3d NodeFrame::to_file(const Eigen::RowVector3d& point,
+                                      const Eigen::RowVector3d& old_point) const {
+  Eigen::RowVector3d local = (point - origin) * axes;
+  if (!is_cylindrical) return local;
+  const double radius = std::hypot(local(0), local(1));
+  if (radius == 0) return {0, old_point(1), local(2)};
+  const double angle = std::atan2(local(1), local(0)) / kDegree;
+  const double turns = std::round((old_point(1) - angle) / 360);
+  return {radius, angle + 360 * turns, local(2)};
+}
+
+std::unique_ptr<const MeshCopier> make_deck_copier(std::vector<DeckFile> files,
+                                                   std::vector<NodeRecords> records) {
+  return std::make_unique<DeckCopier>(std::move(files), std::move(records));
+}
+
+}  // namespace cadmorph

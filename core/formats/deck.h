@@ -1,0 +1,105 @@
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/formats/mesh_format.h"
+#include "core/formats/source_file.h"
+#include "core/formats/text_scanner.h"
+
+namespace cadmorph {
+
+/// How a deck writes the coordinates of a node in its record: the line, or the lines, of the node.
+class NodeStyle {
+ public:
+  virtual ~NodeStyle() = default;
+
+  /// Reads the coordinates; what is blank or missing is 0. Returns the text that is no number,
+  /// empty where all is well.
+  virtual std::string_view read(std::string_view record, Eigen::RowVector3d& point) const = 0;
+
+  /// Appends the record with the coordinates of `is_changed` replaced. One that the record does
+  /// not have is put in where it is larger than `least`.
+  virtual void write(std::string_view record, const Eigen::RowVector3d& point,
+                     const std::array<bool, 3>& is_changed, double least,
+                     std::string& text) const = 0;
+};
+
+/// The coordinate system of a deck's nodes: rectangular, or cylindrical with angles in degrees.
+struct NodeFrame {
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  ///< one a column
+  Eigen::RowVector3d origin = Eigen::RowVector3d::Zero();
+  bool is_cylindrical = false;
+
+  bool is_basic() const { return !is_cylindrical && axes.isIdentity(0) && origin.isZero(0); }
+  /// From the file's coordinates to those of the mesh.
+  Eigen::RowVector3d to_mesh(const Eigen::RowVector3d& point) const;
+  /// And back; angles as near as possible to that of `old_point`, the file's own.
+  Eigen::RowVector3d to_file(const Eigen::RowVector3d& point,
+                             const Eigen::RowVector3d& old_point) const;
+};
+
+/// The records of nodes that stand together.
+struct NodeRecords {
+  std::size_t file = 0;  ///< of DeckFiles
+  std::shared_ptr<const NodeStyle> style;
+  std::vector<NodeFrame> frames = {};  ///< from the file's outwards; empty: the mesh's own
+  bool is_shared = false;              ///< other records are at the same places
+  std::string owner = {};              ///< of shared ones: "instance A"
+  std::vector<TextToken> places = {};
+  std::vector<Index> nodes = {};  ///< one a place
+};
+
+/// A file of a deck: the main one first, then those that it includes.
+struct DeckFile {
+  SourceFile source;
+  std::filesystem::path name;  ///< as the deck names it; empty for the main file
+};
+
+/// Where something stands in a deck.
+struct DeckPlace {
+  std::size_t file = 0;
+  std::size_t place = 0;
+};
+
+/// The files of a deck while they are read. Names of included files start from the folder of the
+/// main one.
+class DeckSources {
+ public:
+  /// Reads the main file. Throws as read_source.
+  explicit DeckSources(const std::filesystem::path& path);
+
+  /// Reads an included file, named at `from`; one included before has the number it had. Throws
+  /// IoError when it is missing, or includes itself.
+  std::size_t include(const std::string& name, DeckPlace from);
+  /// To be called where the reading of an included file ends.
+  void leave() { open_.pop_back(); }
+
+  std::string_view text(std::size_t file) const { return texts_[file]; }
+  bool has_repeats() const { return has_repeats_; }
+
+  /// Throws IoError: "can't read the mesh FILE: line N: WHY".
+  [[noreturn]] void fail(DeckPlace place, const std::string& why) const;
+
+  std::vector<DeckFile> take_files() && { return std::move(files_); }
+
+ private:
+  std::vector<DeckFile> files_;
+  std::vector<std::string> texts_;
+  std::vector<std::size_t> open_ = {0};
+  bool has_repeats_ = false;
+};
+
+/// The line of a text that begins at `at`, without its end; moves `at` to the next line.
+std::string_view take_line(std::string_view text, std::size_t& at);
+
+/// A copier for decks whose nodes stand in records of text. Included files are copied beside the
+/// main one, by the names that the deck gives them; an output that would overwrite an included file
+/// that holds nodes is refused.
+std::unique_ptr<const MeshCopier> make_deck_copier(std::vector<DeckFile> files,
+                                                   std::vector<NodeRecords> records);
+
+}  // namespace cadmorph

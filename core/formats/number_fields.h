@@ -1,0 +1,47 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "core/types.h"
+
+namespace cadmorph {
+
+/// Numbers in the fields of card decks, as Fortran programs read them.
+
+std::string_view trimmed(std::string_view field);
+
+/// Reads "1.5", ".5", "1.d+3", "1.5-3" (for 1.5e-3), with blanks around; a blank field is 0. False
+/// when it is no finite number.
+bool read_real(std::string_view field, double& value);
+
+/// Reads an integer with blanks around; false when it is none.
+bool read_integer(std::string_view field, Index& value);
+
+/// What a field of a deck can hold.
+struct RealField {
+  std::size_t width = 20;    ///< characters
+  bool needs_point = false;  ///< "1" would be an integer, or read with a point put into it
+  bool has_letter = true;    ///< "1.5e-3"; without: "1.5-3"
+};
+
+/// Appends the value in the fewest digits that read back as it is or, where the field is too
+/// narrow, in as many as fit.
+void write_real(double value, const RealField& field, std::string& text);
+
+/// The fields of a line between commas; between blanks where it has no comma.
+class FreeFields {
+ public:
+  explicit FreeFields(std::string_view line)
+      : line_(line), is_comma_(line.find(',') != std::string_view::npos) {}
+
+  /// The next field, its blanks included; false at the end of the line.
+  bool next(std::string_view& field);
+
+ private:
+  std::string_view line_;
+  bool is_comma_;
+  std::size_t at_ = 0;
+};
+
+}  // namespace cadmorph

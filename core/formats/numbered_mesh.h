@@ -1,0 +1,91 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "core/formats/deck.h"
+#include "core/formats/mesh_format.h"
+
+namespace cadmorph {
+
+/// Finds items by the numbers that a file gives them, in any order and with gaps.
+class NumberTable {
+ public:
+  NumberTable() = default;
+  /// `numbers[i]` is that of item i; of equal ones the first item counts.
+  explicit NumberTable(std::span<const Index> numbers);
+
+  /// The item of a number; -1 when there is none.
+  Index find(Index number) const;
+
+ private:
+  bool is_consecutive_ = false;
+  Index first_ = 0, count_ = 0;
+  std::vector<Index> dense_;  ///< by number - first_
+  std::unordered_map<Index, Index> sparse_;
+};
+
+/// A set of nodes or elements by number.
+struct NumberedSet {
+  std::string name;
+  std::string kind;  ///< of the group that it becomes
+  bool is_of_elements = false;
+  std::vector<Index> numbers;
+  std::vector<Index> rows = {};  ///< elements, or nodes, by their place in the deck
+};
+
+/// Nodes, elements and sets with the numbers of their file: what a deck gives before it is known
+/// which nodes there are.
+struct NumberedMesh {
+  std::vector<Index> node_numbers;
+  std::vector<double> coordinates;   ///< three a node, in the mesh's frame
+  std::vector<NodeRecords> records;  ///< `nodes` are rows of node_numbers
+
+  std::vector<Index> element_numbers;
+  std::vector<CellType> types;
+  std::vector<Index> offsets = {0};
+  std::vector<Index> connectivity;  ///< numbers of nodes, in VTK's order
+  std::vector<int> regions;         ///< of each element
+  std::vector<DeckPlace> places;    ///< of each element
+
+  std::vector<NumberedSet> sets;
+
+  void add_node(Index number, const Eigen::RowVector3d& point);
+  void add_element(Index number, CellType type, std::span<const Index> nodes, int region,
+                   DeckPlace place);
+};
+
+/// Makes one mesh of the parts of a deck.
+class MeshAssembly {
+ public:
+  /// Where a part went.
+  struct Placed {
+    NumberTable rows = {};          ///< of its node numbers
+    std::vector<Index> nodes = {};  ///< of each row
+    Index first_cell = 0;           ///< its cells follow in their order
+  };
+
+  explicit MeshAssembly(const DeckSources& sources) : sources_(sources) {}
+
+  /// Adds a part, moved by `frames`, and its sets as groups. A node defined twice in one place is
+  /// one node. Throws IoError where it lies in two places, and for elements whose nodes are
+  /// missing.
+  Placed add(const NumberedMesh& part, const std::vector<NodeFrame>& frames = {});
+
+  Mesh& mesh() { return mesh_; }
+  const Mesh& mesh() const { return mesh_; }
+  std::vector<NodeRecords>& records() { return records_; }
+
+  /// The mesh and its copier. `region_array` names the regions, which stay where there are several.
+  ReadMesh finish(DeckSources sources, const std::string& region_array);
+
+ private:
+  const DeckSources& sources_;
+  Mesh mesh_;
+  std::vector<double> points_;
+  std::vector<NodeRecords> records_;
+};
+
+}  // namespace cadmorph
