@@ -16,6 +16,7 @@ set(CPACK_DEBIAN_CADMORPH_PACKAGE_RECOMMENDS "xvfb, libgl1-mesa-dri")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libcadmorph-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
-  "libeigen3-dev, libnanoflann-dev, libopenblas-dev, libtbb-dev, libvtk9-dev, \
+  "libeigen3-dev, libhdf5-dev, libnanoflann-dev, libopenblas-dev, libpugixml-dev, libtbb-dev, \
+libvtk9-dev, zlib1g-dev, \
 libocct-data-exchange-dev, libocct-modeling-algorithms-dev, libocct-modeling-data-dev")
 include(CPack)

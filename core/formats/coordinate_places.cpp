@@ -129,30 +129,11 @@ void store(const BinaryRun& run, Index i, double value, std::string& bytes) {
     store<double, std::uint64_t>(number, to, run.is_big_endian);
 }
 
-/// Components that no run has must stay.
-void check_missing(const BinaryPlaces& places, const Points& before, const Points& after) {
-  for (int c = 0; c < 3; ++c) {
-    if (std::ranges::any_of(places.runs, [&](const BinaryRun& run) { return run.component == c; }))
-      continue;
-    for (Index n = 0; n < before.rows(); ++n)
-      if (!is_rounding(before(n, c), after(n, c), before))
-        refuse_change(n, c, before(n, c), after(n, c));
-  }
-}
-
 void write_binary(const SourceFile& source, const BinaryPlaces& places, const Points& before,
                   const Points& after, const fs::path& target) {
-  check_missing(places, before, after);
+  check_components(places, before, after);
   std::string bytes = read_again(source);
-  bool has_changed = false;
-  for (const BinaryRun& run : places.runs)
-    for (Index i = 0; i < run.count; ++i) {
-      const Index node = node_of(run, i);
-      if (before(node, run.component) == after(node, run.component)) continue;
-      store(run, i, after(node, run.component), bytes);
-      has_changed = true;
-    }
-  if (!has_changed) return write_unchanged(source, target);
+  if (!replace_coordinates(bytes, places, before, after)) return write_unchanged(source, target);
   write_pieces(target, {bytes}, source.is_compressed);
 }
 
@@ -224,6 +205,29 @@ void read_runs(std::string_view bytes, const BinaryPlaces& places, const fs::pat
                              std::to_string(run.count) + " nodes reach beyond the end of the file");
     for (Index i = 0; i < run.count; ++i)
       points(node_of(run, i), run.component) = load(run, i, bytes);
+  }
+}
+
+bool replace_coordinates(std::string& bytes, const BinaryPlaces& places, const Points& before,
+                         const Points& after) {
+  bool has_changed = false;
+  for (const BinaryRun& run : places.runs)
+    for (Index i = 0; i < run.count; ++i) {
+      const Index node = node_of(run, i);
+      if (before(node, run.component) == after(node, run.component)) continue;
+      store(run, i, after(node, run.component), bytes);
+      has_changed = true;
+    }
+  return has_changed;
+}
+
+void check_components(const BinaryPlaces& places, const Points& before, const Points& after) {
+  for (int c = 0; c < 3; ++c) {
+    if (std::ranges::any_of(places.runs, [&](const BinaryRun& run) { return run.component == c; }))
+      continue;
+    for (Index n = 0; n < before.rows(); ++n)
+      if (!is_rounding(before(n, c), after(n, c), before))
+        refuse_change(n, c, before(n, c), after(n, c));
   }
 }
 

@@ -55,6 +55,13 @@ using CoordinatePlaces = std::variant<TextPlaces, BinaryPlaces>;
 void read_runs(std::string_view bytes, const BinaryPlaces& places,
                const std::filesystem::path& path, Points& points);
 
+/// Replaces the coordinates that differ between `before` and `after`; false when there is none.
+bool replace_coordinates(std::string& bytes, const BinaryPlaces& places, const Points& before,
+                         const Points& after);
+
+/// Throws InvalidInputError when a component would change that no run has.
+void check_components(const BinaryPlaces& places, const Points& before, const Points& after);
+
 /// Writes a copy of the file in which only the coordinates that differ between `before` and `after`
 /// are other characters or bytes. Throws IoError, leaving nothing behind; InvalidInputError when a
 /// coordinate that the file does not have would change. Memory: the file, and 24 bytes a changed

@@ -40,6 +40,14 @@ forbid("vtk[A-Za-z]+\\.h" "VTK belongs in the mesh file and the picture"
     core/formats/vtk/reader.h core/formats/vtk/reader.cpp core/formats/vtk/writer.h
     core/formats/vtk/writer.cpp apps/picture/picture.cpp
     apps/picture/picture_renderer.cpp)
+forbid("hdf5" "HDF5 belongs in its file" FOLDERS core cad surface volume apps
+  EXCEPT core/formats/hdf5_file.cpp)
+forbid("(netcdf|exodusII|cgnslib|med)\\.h" "only HDF5 is linked, the others read with it"
+  FOLDERS core cad surface volume apps)
+forbid("pugixml" "XML belongs in the XDMF reader" FOLDERS core cad surface volume apps
+  EXCEPT core/formats/xdmf.cpp)
+forbid("zlib" "zlib belongs in the source file" FOLDERS core cad surface volume apps
+  EXCEPT core/formats/source_file.cpp)
 forbid("nanoflann" "nanoflann belongs in the kd-tree" FOLDERS core cad surface volume apps
   EXCEPT core/kd_tree.cpp)
 forbid("CGAL/" "CGAL belongs in the simplex-linear method"

@@ -1,0 +1,136 @@
+#include "core/formats/hdf5_file.h"
+
+#include <catch2/catch.hpp>
+#include <numeric>
+
+#include "core/errors.h"
+#include "tests/core/formats/format_checks.h"
+#include "tests/core/formats/hdf5_writer.h"
+
+namespace cadmorph::test {
+namespace {
+
+constexpr Index kNodes = 10;
+
+std::vector<double> values(Index count) {
+  std::vector<double> result(std::size_t(count), 0);
+  for (Index i = 0; i < count; ++i) result[std::size_t(i)] = 0.1 * double(i) + 1 / 3.;
+  return result;
+}
+
+/// Rows of three in the dataset "/points".
+std::vector<Hdf5Run> rows(const std::string& dataset = "/points") {
+  std::vector<Hdf5Run> runs;
+  for (int c = 0; c < 3; ++c)
+    runs.push_back({.dataset = dataset, .first = c, .step = 3, .count = kNodes, .component = c});
+  return runs;
+}
+
+/// Copies a file with points of such storage, one node moved; requires that the copy holds it, and
+/// returns the number of bytes that differ, -1 for files of different sizes.
+Index changed_bytes(const FormatFolder& folder, const Storage& storage) {
+  const auto path = folder / "points.h5";
+  {
+    Hdf5Writer writer(path);
+    writer.numbers("/points", values(3 * kNodes), storage);
+    writer.numbers("/field", values(5));
+  }
+  const Hdf5File file(path);
+  Points points(kNodes, 3);
+  const auto copier = file.read_coordinates(rows(), points);
+  copier->write(folder / "same.h5", points, points);
+  CHECK(bytes_of(folder / "same.h5") == bytes_of(path));
+
+  Points moved = points;
+  moved(7, 1) = -1 / 7.;
+  copier->write(folder / "copy.h5", points, moved);
+  const Points readable = copier->readable(points, moved);
+  const Hdf5File copy(folder / "copy.h5");
+  const std::vector<double> found = copy.numbers("/points");
+  const Points expected = readable.size() > 0 ? readable : moved;
+  CHECK(Eigen::Map<const Points>(found.data(), kNodes, 3) == expected);
+  CHECK(copy.numbers("/field") == values(5));
+  const std::string a = bytes_of(path), b = bytes_of(folder / "copy.h5");
+  if (a.size() != b.size()) return -1;
+  return std::inner_product(a.begin(), a.end(), b.begin(), Index{0}, std::plus<>(),
+                            std::not_equal_to<>());
+}
+
+}  // namespace
+
+TEST_CASE("A number in an HDF5 file is replaced in place", "[core][formats]") {
+  const FormatFolder folder;
+  const hsize_t rows = kNodes;
+  const auto is_in_place = [](Index bytes) { return bytes > 0 && bytes <= 8; };
+  CHECK(is_in_place(changed_bytes(folder, {.shape = {rows, 3}})));
+  CHECK(is_in_place(changed_bytes(folder, {.shape = {rows, 3}, .type = H5T_IEEE_F64BE})));
+  CHECK(is_in_place(changed_bytes(folder, {.shape = {rows, 3}, .type = H5T_IEEE_F32LE})));
+  CHECK(is_in_place(changed_bytes(folder, {.shape = {rows, 3}, .chunk = {4, 3}})));
+  // These HDF5 writes anew.
+  changed_bytes(folder, {.shape = {rows, 3}, .chunk = {4, 2}});
+  changed_bytes(folder, {.shape = {rows, 3}, .chunk = {4, 3}, .is_compressed = true});
+  changed_bytes(
+      folder, {.shape = {rows, 3}, .chunk = {4, 3}, .is_compressed = true, .type = H5T_IEEE_F32BE});
+}
+
+TEST_CASE("HDF5 datasets and attributes are read as what they are", "[core][formats]") {
+  const FormatFolder folder;
+  {
+    Hdf5Writer writer(folder / "a.h5");
+    writer.group("/z");
+    writer.group("/a");
+    writer.integers("/z/numbers", {1, -2, 3, 4, 5, 6}, {.shape = {2, 3}, .type = H5T_STD_I16BE});
+    writer.bytes("/z/names", std::string("left \0\0right\0\0", 14), {.shape = {2, 7}});
+    writer.attribute("/z", "count", std::vector<int>{7, 8});
+    writer.attribute("/z", "title", "a mesh  ", 20);
+  }
+  const Hdf5File file(folder / "a.h5");
+  CHECK(file.has("/z/numbers"));
+  CHECK(file.is_dataset("/z/numbers"));
+  CHECK(!file.is_dataset("/z"));
+  CHECK(!file.has("/z/none/of/these"));
+  CHECK(file.shape("/z/numbers") == std::vector<Index>{2, 3});
+  CHECK(file.integers("/z/numbers") == std::vector<Index>{1, -2, 3, 4, 5, 6});
+  CHECK(file.texts("/z/names") == std::vector<std::string>{"left", "right"});
+  CHECK(file.children("/z") == std::vector<std::string>{"numbers", "names"});
+  CHECK(file.integer_attribute("/z", "count") == std::vector<Index>{7, 8});
+  CHECK(file.text_attribute("/z", "title") == "a mesh");
+  CHECK(file.has_attribute("/z", "title"));
+  CHECK(!file.has_attribute("/z", "name"));
+}
+
+TEST_CASE("What is wrong in an HDF5 file is named", "[core][formats]") {
+  const FormatFolder folder;
+  {
+    Hdf5Writer writer(folder / "a.h5");
+    writer.integers("/numbers", {1, 2, 3});
+    writer.group("/group");
+    REQUIRE(H5Lcreate_external("other.h5", "/points", writer.file(), "/linked", H5P_DEFAULT,
+                               H5P_DEFAULT) >= 0);
+  }
+  const Hdf5File file(folder / "a.h5");
+  Points points(kNodes, 3);
+  const auto fails = [](const auto& action, std::initializer_list<std::string> parts) {
+    std::string text = "nothing";
+    try {
+      action();
+    } catch (const IoError& error) {
+      text = error.what();
+    }
+    for (const std::string& part : parts) CHECK_THAT(text, Catch::Contains(part));
+  };
+  fails([&] { file.integers("/none"); }, {"a.h5", "/none", "missing"});
+  fails([&] { file.integers("/group"); }, {"a.h5", "/group", "no dataset"});
+  fails([&] { file.children("/numbers"); }, {"a.h5", "/numbers", "no group"});
+  fails([&] { file.integer_attribute("/group", "size"); }, {"a.h5", "/group", "'size' is missing"});
+  fails([&] { file.has("/linked"); }, {"a.h5", "/linked", "another file (other.h5)"});
+  fails([&] { file.read_coordinates(rows("/numbers"), points); },
+        {"a.h5", "/numbers", "float32 or float64"});
+  fails([&] { const Hdf5File text(folder.put("text.h5", "no such thing")); },
+        {"text.h5", "no HDF5 file"});
+  Hdf5Writer(folder / "few.h5").numbers("/points", values(29));
+  fails([&] { Hdf5File(folder / "few.h5").read_coordinates(rows(), points); },
+        {"29 numbers, too few", "10 nodes"});
+}
+
+}  // namespace cadmorph::test
