@@ -1,0 +1,83 @@
+// format_speed FILE...: for each mesh file the time to read it, to write it with all nodes moved,
+// and to copy its bytes; the rates, and (reading + writing) / copying. Processor time too: it bears
+// a busy machine.
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "core/mesh_file.h"
+
+namespace {
+
+using namespace cadmorph;
+namespace fs = std::filesystem;
+
+double processor_seconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+struct Times {
+  double wall = 0, processor = 0;
+};
+
+template <class Call>
+Times measure(Call&& call) {
+  const auto start = std::chrono::steady_clock::now();
+  const double before = processor_seconds();
+  call();
+  return {std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
+          processor_seconds() - before};
+}
+
+// As `cp` does, flushed to disk like a mesh that is written.
+void copy(const fs::path& from, const fs::path& to) {
+  fs::copy_file(from, to, fs::copy_options::overwrite_existing);
+  sync();
+}
+
+void run(const fs::path& file, const fs::path& scratch) {
+  const double megabytes = 1e-6 * static_cast<double>(fs::file_size(file));
+  const fs::path target = scratch / file.filename();
+  const Times copied = measure([&] { copy(file, target); });
+  std::unique_ptr<MeshFile> mesh;
+  const Times read = measure([&] { mesh = std::make_unique<MeshFile>(file); });
+  const Points moved = 1.01 * mesh->mesh().points;
+  const Times written = measure([&] { mesh->write(target, moved); });
+  std::printf("%-22s %-8s %9lld %8.1f %7.2f %7.2f %6.0f %7.2f %7.2f %6.0f %7.2f %6.1f\n",
+              file.filename().c_str(), mesh->format().c_str(),
+              static_cast<long long>(mesh->mesh().node_count()), megabytes, read.wall,
+              read.processor, megabytes / read.processor, written.wall, written.processor,
+              megabytes / written.processor, copied.wall, (read.wall + written.wall) / copied.wall);
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const fs::path scratch = fs::temp_directory_path() / ("format_speed." + std::to_string(getpid()));
+  fs::create_directory(scratch);
+  std::printf("%-22s %-8s %9s %8s %7s %7s %6s %7s %7s %6s %7s %6s\n", "file", "format", "nodes",
+              "MB", "read s", "CPU s", "MB/s", "write s", "CPU s", "MB/s", "copy s", "ratio");
+  int code = 0;
+  for (int i = 1; i < argc; ++i) {
+    try {
+      run(argv[i], scratch);
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "format_speed: %s\n", error.what());
+      code = 1;
+    }
+  }
+  fs::remove_all(scratch);
+  return code;
+}
