@@ -1,6 +1,7 @@
 // cadmorph: the command line.
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <new>
@@ -52,6 +53,22 @@ int fail(const std::string& message, ExitCode code, const std::string& json) {
   return number;
 }
 
+// For the first option that is none: one that is spelled nearly so.
+std::string suggestion(const CLI::App& app, int argc, char** argv) {
+  const auto chosen = app.get_subcommands();
+  const CLI::App& parser = chosen.empty() ? app : *chosen.front();
+  std::vector<std::string> known;
+  for (const CLI::Option* option : parser.get_options())
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const std::string name = word.substr(0, word.find('='));
+    if (name.starts_with("--") && std::ranges::find(known, name) == known.end())
+      return did_you_mean(name, known);
+  }
+  return {};
+}
+
 // Fills `action`; leaves it empty when help or the version was asked for, which are then printed.
 void parse(int argc, char** argv, Action& action) {
   CLI::App app(kDescription, "cadmorph");
@@ -69,6 +86,9 @@ void parse(int argc, char** argv, Action& action) {
     app.parse(argc, argv);
   } catch (const CLI::Success& request) {
     app.exit(request);
+  } catch (const CLI::ExtrasError& error) {
+    throw UsageError(std::string(error.what()) + suggestion(app, argc, argv) +
+                     " (see cadmorph --help)");
   } catch (const CLI::ParseError& error) {
     throw UsageError(std::string(error.what()) + " (see cadmorph --help)");
   }

@@ -141,6 +141,15 @@ class FaceNames {
 
 }  // namespace
 
+bool is_step_file(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return false;
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  if (!in) return false;
+  const auto piece = std::min<std::streamoff>(in.tellg(), kEndSearch);
+  return read_part(in, 0, piece).find(kStart) != std::string::npos;
+}
+
 // OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
 void check_step_file(const std::filesystem::path& path) {
   const std::string name = path.string();

@@ -15,6 +15,9 @@ CadModel read_step(const std::filesystem::path& path);
 /// same model to the bit: read_step itself is unpack_model of this.
 std::string read_step_packed(const std::filesystem::path& path);
 
+/// Whether a file begins as STEP files do; false for one that can't be read.
+bool is_step_file(const std::filesystem::path& path);
+
 /// Throws what read_step would for a file that is missing, truncated or no STEP at all, by a look
 /// at its first and last bytes.
 void check_step_file(const std::filesystem::path& path);

@@ -189,12 +189,16 @@ std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path
     }
     const auto start = line.find_first_not_of(" \t\r");
     if (start == std::string::npos) continue;
-    const bool is_header =
-        number == 1 && std::isdigit(static_cast<unsigned char>(line[start])) == 0;
+    const bool is_header = number == 1 &&
+                           std::isdigit(static_cast<unsigned char>(line[start])) == 0 &&
+                           line.find_first_of("0123456789") == std::string::npos;
     if (!is_header)
       throw InvalidInputError(path.string() + ":" + std::to_string(number) +
                               ": expected two face numbers 'base,variant'.");
   }
+  if (pairs.empty())
+    throw InvalidInputError(path.string() +
+                            ": holds no pair of face numbers; give lines 'base,variant'.");
   return pairs;
 }
 

@@ -17,6 +17,7 @@ namespace fs = std::filesystem;
 
 struct ApplyCommand {
   fs::path field, mesh, output;
+  std::string mesh_unit;
   std::string json;
   bool is_quiet = false;
   int threads = 0;  ///< 0: all
@@ -42,7 +43,9 @@ void warn(const ApplyReport& report) {
 
 ExitCode run_apply(const ApplyCommand& command) {
   set_thread_count(command.threads);
-  const ApplyReport report = apply_files(command.field, command.mesh, command.output);
+  const ApplyReport report =
+      apply_files(command.field, command.mesh, command.output,
+                  command.mesh_unit.empty() ? 0.0 : parse_unit(command.mesh_unit));
   if (!command.is_quiet) warn(report);
   const ExitCode code = report.bad_cells.empty() ? ExitCode::Done : ExitCode::Quality;
   hand_over(command.json, command.is_quiet, apply_text(report),
@@ -63,8 +66,11 @@ void add_apply_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<ApplyCommand>();
   CLI::App* parser = app.add_subcommand("apply", "move the points of a mesh by a field file");
   parser->add_option("FIELD", command->field, "file written by cadmorph field")->required();
-  parser->add_option("MESH", command->mesh, "mesh or points in the unit of the field's mesh")
-      ->required();
+  parser->add_option("MESH", command->mesh, "mesh or points to move, of any format")->required();
+  parser
+      ->add_option("--mesh-unit", command->mesh_unit,
+                   "length unit of MESH (default: the field's, or detected by the box)")
+      ->type_name("mm|cm|m|inch|foot|NUMBER");
   parser->add_option("-o,--output", command->output, "moved mesh (default: <stem>.morphed.<ext>)")
       ->type_name("OUT");
   add_json_option(*parser, command->json);

@@ -106,6 +106,16 @@ std::string options_text(const CLI::App& parser, const BatchCommand& command) {
   return text;
 }
 
+// The mesh may stand elsewhere than after BASE.
+void put_in_order(BatchCommand& command) {
+  std::vector<fs::path> files = {command.base, command.mesh};
+  files.insert(files.end(), command.steps.begin(), command.steps.end());
+  if (!order_inputs(files, 1)) return;
+  command.base = files[0];
+  command.mesh = files[1];
+  command.steps.assign(files.begin() + 2, files.end());
+}
+
 void check_files(const BatchCommand& command) {
   const char* usage = "; usage: cadmorph batch BASE.step MESH VARIANT.step... -o DIR (see --help)";
   const char* missing = command.base.empty()     ? "BASE.step, MESH and VARIANT.step"
@@ -263,6 +273,7 @@ void add_batch_command(CLI::App& app, Action& action) {
       action.run = [command] { return collect(*command); };
       return;
     }
+    put_in_order(*command);
     const BatchOptions options = options_of(*parser, *command);
     action.run = [command, options] { return run(*command, options); };
   });

@@ -48,6 +48,20 @@ struct Output {
 /// The report that `json` asks for.
 Output json_output(const std::string& json);
 
+/// Puts the files that the user named into their order: base CAD, variants, mesh. Where just one of
+/// them is no STEP file, that is the mesh, wherever it stands. `files` are in the order of the
+/// command's usage; returns whether the mesh stood elsewhere than at `mesh_place`.
+bool order_inputs(std::vector<std::filesystem::path>& files, std::size_t mesh_place);
+
+/// ", did you mean 'quality'?" for the candidate that differs from `word` by a slip or two; else
+/// empty.
+std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates);
+
+/// Refuses a name whose extension says another kind of file than the one that an option writes.
+/// Throws UsageError.
+void check_extension(const char* option, const std::filesystem::path& file,
+                     std::initializer_list<const char*> extensions);
+
 /// Refuses, before any work, outputs that would take the place of an input or of each other
 /// (UsageError), and needed ones that can't be written (OutputError). Empty inputs are left out.
 void check_outputs(const std::vector<Output>& outputs,

@@ -9,6 +9,7 @@
 #include "apps/summary/json_report.h"
 #include "apps/summary/progress_bar.h"
 #include "apps/summary/summary.h"
+#include "core/formats/mesh_format.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -28,6 +29,11 @@ void check(const FieldCommand& command) {
     throw UsageError(
         "--untangle always and --improve move single nodes, which a field of the position can't "
         "hold; leave them out, or morph the mesh by the main command");
+  if (is_mesh_name(command.files.output))
+    throw UsageError("-o " + command.files.output.string() +
+                     ": field writes no mesh but a field file; name it " +
+                     command.files.output.stem().string() +
+                     ".cmf, and move meshes by cadmorph apply");
   std::vector<std::filesystem::path> inputs = command.files.inputs();
   inputs.push_back(command.options.face_map);
   check_outputs(
@@ -88,6 +94,13 @@ void add_field_command(CLI::App& app, Action& action) {
   add_morph_options(*parser, command->options);
   parser->callback([&action, command] {
     action.json = command->json;
+    MorphFiles& files = command->files;
+    std::vector<std::filesystem::path> named = {files.base_cad, files.variant_cad, files.mesh};
+    if (order_inputs(named, 2)) {
+      files.base_cad = named[0];
+      files.variant_cad = named[1];
+      files.mesh = named[2];
+    }
     check(*command);
     const PipelineOptions options = resolve(command->options);
     action.run = [command, options] { return run_field(*command, options); };

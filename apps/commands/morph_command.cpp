@@ -53,6 +53,16 @@ void add_options(CLI::App& app, MorphCommand& command) {
   add_morph_options(app, command.options);
 }
 
+// A command that was not known is taken for the base CAD.
+void check_command(const CLI::App& app, const fs::path& base) {
+  std::error_code error;
+  if (base.empty() || fs::exists(base, error)) return;
+  std::vector<std::string> commands;
+  for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
+  if (const std::string hint = did_you_mean(base.string(), commands); !hint.empty())
+    throw UsageError("there is no command '" + base.string() + "'" + hint);
+}
+
 void check_inputs(const MorphFiles& files) {
   const char* missing = files.base_cad.empty()      ? "BASE.step, VARIANT.step and MESH"
                         : files.variant_cad.empty() ? "VARIANT.step and MESH"
@@ -74,6 +84,8 @@ void check_files(const MorphCommand& command) {
                  {"--picture", command.show.picture},
                  {"--cache", command.options.pipeline.cache, false}},
                 inputs);
+  check_extension("--report", command.show.report, {".html", ".htm"});
+  check_extension("--picture", command.show.picture, {".png"});
   check_format(files.output, files.mesh);
 }
 
@@ -120,6 +132,12 @@ void prepare(MorphCommand& command, Action& action) {
   action.json = command.json;
   MorphFiles& files = command.files;
   check_inputs(files);
+  std::vector<fs::path> inputs = {files.base_cad, files.variant_cad, files.mesh};
+  if (order_inputs(inputs, 2)) {
+    files.base_cad = inputs[0];
+    files.variant_cad = inputs[1];
+    files.mesh = inputs[2];
+  }
   files.output = command.output.empty() ? default_output(files.mesh) : fs::path(command.output);
   check_files(command);
   if (!files.via.empty() && !command.options.face_map.empty())
@@ -134,7 +152,9 @@ void add_morph_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<MorphCommand>();
   add_options(app, *command);
   app.callback([&app, &action, command] {
-    if (app.get_subcommands().empty()) prepare(*command, action);
+    if (!app.get_subcommands().empty()) return;
+    check_command(app, command->files.base_cad);
+    prepare(*command, action);
   });
 }
 

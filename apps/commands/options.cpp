@@ -19,16 +19,6 @@ const std::map<std::string, double>& units() {
   return all;
 }
 
-double parse_unit(const std::string& text) {
-  if (const auto unit = units().find(text); unit != units().end()) return unit->second;
-  double millimetres = 0;
-  if (!CLI::detail::lexical_cast(text, millimetres) || !(millimetres > 0) ||
-      !std::isfinite(millimetres))
-    throw UsageError("--mesh-unit " + text +
-                     ": give mm, cm, m, inch, foot, or the unit's length in millimetres");
-  return millimetres;
-}
-
 int parse_steps(const std::string& text) {
   if (text == "auto") return 0;
   int steps = 0;
@@ -186,6 +176,16 @@ void add_mesh_options(CLI::App& app, MorphOptions& raw) {
 }
 
 }  // namespace
+
+double parse_unit(const std::string& text) {
+  if (const auto unit = units().find(text); unit != units().end()) return unit->second;
+  double millimetres = 0;
+  if (!CLI::detail::lexical_cast(text, millimetres) || !(millimetres > 0) ||
+      !std::isfinite(millimetres))
+    throw UsageError("--mesh-unit " + text +
+                     ": give mm, cm, m, inch, foot, or the unit's length in millimetres");
+  return millimetres;
+}
 
 void add_morph_options(CLI::App& app, MorphOptions& options) {
   add_method_options(app, options);

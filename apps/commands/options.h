@@ -44,6 +44,9 @@ void add_json_option(CLI::App& app, std::string& json);
 void add_threads_option(CLI::App& app, int& threads);
 CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map);
 
+/// Millimetres of a --mesh-unit. Throws UsageError.
+double parse_unit(const std::string& text);
+
 /// What the options come to. Throws UsageError; what read_face_map throws.
 PipelineOptions resolve(const MorphOptions& options);
 

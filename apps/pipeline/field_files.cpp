@@ -1,6 +1,7 @@
 #include "apps/pipeline/field_files.h"
 
 #include <algorithm>
+#include <cmath>
 #include <future>
 #include <iterator>
 
@@ -27,6 +28,32 @@ PipelineOptions without_repair(PipelineOptions options) {
   options.improve_below.reset();
   options.can_repair = false;
   return options;
+}
+
+// The unit in which the points have the box of the field's mesh; where none does, the field's: they
+// may be a piece of it.
+double detect_unit(const Points& points, const DeformationTerms& terms) {
+  constexpr double kSameBox = 0.02;  // of the diagonal
+  constexpr double kUnits[] = {1, 10, 1000, 25.4, 304.8};
+  const Eigen::RowVector3d low = points.colwise().minCoeff(), high = points.colwise().maxCoeff();
+  const double size = (terms.high - terms.low).norm();
+  const auto misfit = [&](double unit) {
+    const double scale = unit / terms.mesh_unit_mm;
+    return std::max((scale * low - terms.low).norm(), (scale * high - terms.high).norm());
+  };
+  double best = terms.mesh_unit_mm;
+  if (misfit(best) <= kSameBox * size) return best;
+  for (const double unit : kUnits)
+    if (misfit(unit) <= kSameBox * size && misfit(unit) < misfit(best)) best = unit;
+  return best;
+}
+
+// Points that only the change of units moved.
+void keep_still(const Points& before, Points& after) {
+  constexpr double kRounding = 1e-15;  // two roundings of a coordinate
+  for (Index i = 0; i < before.size(); ++i)
+    if (std::abs(after.data()[i] - before.data()[i]) <= kRounding * std::abs(before.data()[i]))
+      after.data()[i] = before.data()[i];
 }
 
 // Those of `cells` that are bad in the result: invalid, or with a corner that has inverted.
@@ -104,7 +131,8 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options)
   return report;
 }
 
-ApplyReport apply_files(const fs::path& field, const fs::path& mesh, const fs::path& output) {
+ApplyReport apply_files(const fs::path& field, const fs::path& mesh, const fs::path& output,
+                        double mesh_unit_mm) {
   check_mesh_output(output, {field, mesh});
   PhaseClock clock;
   clock.start("apply");
@@ -114,8 +142,15 @@ ApplyReport apply_files(const fs::path& field, const fs::path& mesh, const fs::p
   const DeformationField deformation(terms_to_come.get());
   const Mesh& before = file.mesh();
 
-  const MovedPoints moved = deformation.apply(before.points);
   ApplyReport report;
+  report.mesh_unit_mm =
+      mesh_unit_mm > 0 ? mesh_unit_mm : detect_unit(before.points, deformation.terms());
+  const double scale = report.mesh_unit_mm / deformation.terms().mesh_unit_mm;
+  MovedPoints moved = deformation.apply(scale == 1 ? before.points : Points(scale * before.points));
+  if (scale != 1) {
+    moved.positions /= scale;
+    keep_still(before.points, moved.positions);
+  }
   report.field = figures_of(field, deformation.terms());
   report.mesh = mesh;
   report.mesh_format = file.format();

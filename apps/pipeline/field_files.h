@@ -30,6 +30,7 @@ struct ApplyReport {
   std::vector<std::string> remarks;  ///< on the mesh file
   CoordinateRounding rounding;       ///< see PipelineReport
   Index nodes = 0, cells = 0;
+  double mesh_unit_mm = 1;      ///< millimetres per unit of the mesh, given or detected
   Index at_nodes = 0;           ///< at the place of a node whose position the CAD gave
   Index outside = 0;            ///< outside the box of the mesh the field was made for
   double max_displacement = 0;  ///< in the mesh's unit
@@ -40,9 +41,11 @@ struct ApplyReport {
 };
 
 /// Moves the points of a mesh file by a field file and writes it to `output`; with inverted cells
-/// to `<stem>.failed.<ext>` beside, the cells marked in cadmorph_bad. Throws IoError or
-/// InvalidInputError for an input, OutputError for the output.
+/// to `<stem>.failed.<ext>` beside, the cells marked in cadmorph_bad. `mesh_unit_mm` is the length
+/// of the mesh's unit in millimetres; 0: the field's, unless the mesh has the field's box in
+/// another of mm, cm, m, inch and foot. Throws IoError or InvalidInputError for an input,
+/// OutputError for the output.
 ApplyReport apply_files(const std::filesystem::path& field, const std::filesystem::path& mesh,
-                        const std::filesystem::path& output);
+                        const std::filesystem::path& output, double mesh_unit_mm = 0);
 
 }  // namespace cadmorph

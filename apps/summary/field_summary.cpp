@@ -41,9 +41,9 @@ std::string field_text(const FieldFigures& field) {
 
 std::string apply_text(const ApplyReport& report) {
   std::string text = field_text(report.field);
-  text += format("%-14s%s (%s, %s nodes, %s cells)\n", "Mesh", report.mesh.c_str(),
-                 report.mesh_format.c_str(), with_commas(report.nodes).c_str(),
-                 with_commas(report.cells).c_str());
+  text += format("%-14s%s (%s, unit %s, %s nodes, %s cells)\n", "Mesh", report.mesh.c_str(),
+                 report.mesh_format.c_str(), unit_name(report.mesh_unit_mm).c_str(),
+                 with_commas(report.nodes).c_str(), with_commas(report.cells).c_str());
   text += format("%-14s%s put exactly where the CAD put them, %s by the field\n", "Nodes",
                  with_commas(report.at_nodes).c_str(),
                  with_commas(report.nodes - report.at_nodes).c_str());
@@ -68,6 +68,7 @@ std::string apply_json(const ApplyReport& report, int exit_code) {
                    {"steps", field.steps}};
   json["mesh"] = {{"file", report.mesh.string()},
                   {"format", report.mesh_format},
+                  {"unit_mm", report.mesh_unit_mm},
                   {"nodes", report.nodes},
                   {"cells", report.cells}};
   json["exact_nodes"] = report.at_nodes;

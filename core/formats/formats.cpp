@@ -98,6 +98,12 @@ std::string mesh_extension(const fs::path& path) {
 
 bool is_vtk_name(const fs::path& path) { return has_extension(vtk_format(), path.extension()); }
 
+bool is_mesh_name(const fs::path& path) {
+  const std::string extension = lower(mesh_extension(path));
+  return std::ranges::any_of(
+      mesh_formats(), [&](const MeshFormat& format) { return has_extension(format, extension); });
+}
+
 bool is_mesh_folder(const fs::path& path) {
   std::error_code error;
   if (!fs::is_directory(path, error)) return false;

@@ -85,6 +85,9 @@ std::string mesh_extension(const std::filesystem::path& path);
 /// Whether the name is one of VTK's formats, which any mesh can be written in.
 bool is_vtk_name(const std::filesystem::path& path);
 
+/// Whether the extension is that of a mesh format.
+bool is_mesh_name(const std::filesystem::path& path);
+
 /// Whether a path is a folder that holds a mesh: an output folder of an earlier run.
 bool is_mesh_folder(const std::filesystem::path& path);
 

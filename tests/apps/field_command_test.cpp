@@ -319,4 +319,23 @@ TEST_CASE("What can't be applied is refused with its exit code", "[apps][field]"
   CHECK(place.files() == before);
 }
 
+TEST_CASE("A field moves a mesh in another unit as in its own", "[apps][field]") {
+  const Workplace place;
+  Mesh metres = box_mesh(3);
+  metres.points /= 1000;
+  write_mesh(place.folder() / "metres.vtu", metres);
+  REQUIRE(place.run("field box.step box_moved.step box.vtu -o f.cmf").exit_code == 0);
+  REQUIRE(place.run("apply f.cmf box.vtu -o mm.vtu").exit_code == 0);
+  const RunResult result = place.run("apply f.cmf metres.vtu -o m.vtu");
+  REQUIRE(result.exit_code == 0);
+  CHECK_THAT(result.out, Catch::Contains("unit m"));
+  CHECK((1000 * points_of(place, "m.vtu") - points_of(place, "mm.vtu")).cwiseAbs().maxCoeff() <
+        1e-12 * 30);
+  REQUIRE(place.run("apply f.cmf metres.vtu -o given.vtu --mesh-unit m").exit_code == 0);
+  CHECK(points_of(place, "given.vtu") == points_of(place, "m.vtu"));
+  // Taken for millimetres it lies in a corner of the box.
+  REQUIRE(place.run("apply f.cmf metres.vtu -o wrong.vtu --mesh-unit mm").exit_code == 0);
+  CHECK((points_of(place, "wrong.vtu") - metres.points).cwiseAbs().maxCoeff() < 0.01);
+}
+
 }  // namespace cadmorph

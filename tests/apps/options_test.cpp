@@ -63,4 +63,46 @@ TEST_CASE("A solver that needs more than --memory allows is refused", "[apps][op
   CHECK(place.run(call + "1GB --quiet").exit_code == 0);
 }
 
+TEST_CASE("The mesh may stand in any place among the STEP files", "[apps][options]") {
+  const Workplace place;
+  REQUIRE(place.run("box.step box_moved.step box.vtu -o usual.vtu").exit_code == 0);
+  REQUIRE(place.run("box.step box.vtu box_moved.step -o other.vtu").exit_code == 0);
+  CHECK(place.read("other.vtu") == place.read("usual.vtu"));
+  REQUIRE(place.run("field box.vtu box.step box_moved.step -o f.cmf").exit_code == 0);
+  REQUIRE(place.run("batch box.step box_moved.step box_chamfer.step box.vtu -o out").exit_code ==
+          8);
+  CHECK(place.read("out/box_moved.vtu") == place.read("usual.vtu"));
+}
+
+TEST_CASE("Slips of the pen are told from unknown words", "[apps][options]") {
+  const Workplace place;
+  CHECK_THAT(place.run("qualty box.vtu").err, Catch::Contains("did you mean 'quality'"));
+  const RunResult option = place.run("box.step box_moved.step box.vtu --outptu x.vtu");
+  CHECK(option.exit_code == 1);
+  CHECK_THAT(option.err, Catch::Contains("did you mean '--output'"));
+}
+
+TEST_CASE("An output of another kind than its name is refused", "[apps][options]") {
+  const Workplace place;
+  const std::string job = "box.step box_moved.step box.vtu ";
+  CHECK_THAT(place.run(job + "--picture k.jpg").err, Catch::Contains(".png"));
+  CHECK_THAT(place.run(job + "--report k.pdf").err, Catch::Contains(".html"));
+  CHECK_THAT(place.run("field " + job + "-o f.vtu").err, Catch::Contains("f.cmf"));
+  place.write("map.csv", "base,variant\n");
+  CHECK_THAT(place.run(job + "--map map.csv").err, Catch::Contains("no pair"));
+  place.write("map.csv", "1 -> 1\n");
+  CHECK_THAT(place.run(job + "--map map.csv").err, Catch::Contains("map.csv:1"));
+  CHECK(place.files().size() == 6);  // of the workplace, and the map
+}
+
+TEST_CASE("A legacy surface is named as what it is", "[apps][options]") {
+  const Workplace place;
+  place.write(
+      "surface.vtk",
+      "# vtk DataFile Version 3.0\ntitle\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\n");
+  const RunResult result = place.run("quality surface.vtk");
+  CHECK(result.exit_code == 2);
+  CHECK_THAT(result.err, Catch::Contains("POLYDATA"));
+}
+
 }  // namespace cadmorph

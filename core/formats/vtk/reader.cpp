@@ -13,6 +13,7 @@
 #include <fstream>
 #include <limits>
 #include <optional>
+#include <sstream>
 #include <string>
 
 #include "core/formats/mesh_format.h"
@@ -31,6 +32,17 @@ constexpr const char* kRegionArrays[] = {
     "material",      "Material",         "RegionIds",       "RegionId",    "region",
     "Region",        "regions",          "ElementBlockIds", "cell_tags",   "CellTags",
     "medit:ref",     "cell_ids",         "PartIds",         "PartId"};
+
+constexpr std::size_t kHeaderBytes = 1024;  // a title has 256 characters
+
+/// The word after DATASET at the start of a legacy file.
+std::string legacy_type(const std::string& start) {
+  std::istringstream words(start);
+  std::string word;
+  while (words >> word)
+    if (word == "DATASET" && words >> word) return word;
+  return {};
+}
 
 /// Whether the file's last characters hold XML's closing tag.
 bool has_closing_tag(const fs::path& path) {
@@ -168,7 +180,11 @@ void take_regions(vtkUnstructuredGrid* grid, Mesh& mesh) {
 }  // namespace
 
 std::pair<Grid, Layout> read_grid(const fs::path& path) {
-  if (read_start(path, 14) == "# vtk DataFile") {
+  const std::string start = read_start(path, kHeaderBytes);
+  if (start.starts_with("# vtk DataFile")) {
+    if (const std::string type = legacy_type(start); type != "UNSTRUCTURED_GRID")
+      fail_reading(path, "it holds a VTK data set " + (type.empty() ? "of no type" : type) +
+                             ", not an UNSTRUCTURED_GRID; convert it to an unstructured grid");
     Layout layout;
     const Grid grid = read_legacy(path, layout);
     return {grid, layout};
