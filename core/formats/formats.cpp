@@ -22,7 +22,8 @@ std::string lower(std::string text) {
 /// Names with two extensions that tell more than the last alone.
 bool is_prefix_extension(const std::string& extension) {
   return extension == ".b8" || extension == ".lb8" || extension == ".b4" || extension == ".lb4" ||
-         extension == ".r8" || extension == ".lr8" || extension == ".cas" || extension == ".msh";
+         extension == ".r8" || extension == ".lr8" || extension == ".r4" || extension == ".lr4" ||
+         extension == ".cas" || extension == ".msh";
 }
 
 std::string format_names() {
@@ -58,8 +59,10 @@ std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
       abaqus_format(),
       gmsh_format(),
+      medit_format(),
       openfoam_format(),
       su2_format(),
+      ugrid_format(),
       vtk_format(),
   };
   return formats;

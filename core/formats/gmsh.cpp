@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "core/errors.h"
-#include "core/formats/byte_scanner.h"
 #include "core/formats/coordinate_places.h"
 #include "core/formats/formats.h"
 #include "core/formats/node_numbers.h"
+#include "core/formats/number_input.h"
 
 namespace fs = std::filesystem;
 
@@ -87,51 +87,26 @@ std::string other_kind(Index number) {
 
 /// The numbers of a file that is text or, between the words that begin and end its sections,
 /// binary.
-class Input {
+class Input : public NumberInput {
  public:
-  Input(std::string_view bytes, const fs::path& path) : text_(bytes, path), bytes_(bytes, path) {}
-
-  TextScanner& text() { return text_; }
-  ByteScanner& bytes() { return bytes_; }
-  bool is_binary() const { return is_binary_; }
-  void set_binary() { is_binary_ = true; }
+  using NumberInput::NumberInput;
 
   /// From the word that begins a section to its numbers.
   void begin_numbers() {
-    text_.skip_line();
-    bytes_.go_to(text_.place());
+    text().skip_line();
+    bytes().go_to(text().place());
   }
   void end_numbers() {
-    if (is_binary_) text_.go_to(bytes_.place());
+    if (is_binary()) text().go_to(bytes().place());
   }
 
-  Index number(std::string_view what, int size) {
-    return is_binary_ ? bytes_.integer(what, size) : text_.integer(what);
-  }
-  Index integer(std::string_view what) { return number(what, kIntSize); }
-  Index size(std::string_view what) { return number(what, kSizeSize); }
-  Index count(std::string_view what, int size, std::size_t least_binary, std::size_t least_text) {
-    return is_binary_ ? bytes_.count(what, size, least_binary) : text_.count(what, least_text);
-  }
+  using NumberInput::integer;
+  Index integer(std::string_view what) { return integer(what, kIntSize); }
+  Index size(std::string_view what) { return integer(what, kSizeSize); }
   void skip_doubles(int count) {
-    if (is_binary_) return bytes_.skip("a coordinate", std::uint64_t(count) * sizeof(double));
-    for (int i = 0; i < count; ++i) text_.number("a coordinate");
+    if (is_binary()) return bytes().skip("a coordinate", std::uint64_t(count) * sizeof(double));
+    for (int i = 0; i < count; ++i) text().number("a coordinate");
   }
-  /// Where the next number stands.
-  std::size_t place() {
-    if (is_binary_) return bytes_.place();
-    text_.skip_space();
-    return text_.place();
-  }
-  [[noreturn]] void fail_at(std::size_t place, const std::string& why) const {
-    is_binary_ ? bytes_.fail_at(place, why) : text_.fail_at(place, why);
-  }
-  [[noreturn]] void fail(const std::string& why) { fail_at(place(), why); }
-
- private:
-  TextScanner text_;
-  ByteScanner bytes_;
-  bool is_binary_ = false;
 };
 
 using EntityKey = std::pair<int, Index>;  ///< dimension, tag
@@ -430,7 +405,7 @@ class Reader {
   void read_element_nodes(const ElementKind& kind, int size) {
     for (int i = 0; i < kind.nodes; ++i) {
       const std::size_t place = in_.place();
-      const Index number = in_.number("the number of a node", size);
+      const Index number = in_.integer("the number of a node", size);
       const Index row = node_numbers_.row(number);
       if (row < 0)
         in_.fail_at(place, "an element has the node " + std::to_string(number) +
