@@ -60,6 +60,7 @@ std::span<const MeshFormat> mesh_formats() {
       abaqus_format(),
       gmsh_format(),
       medit_format(),
+      nastran_format(),
       openfoam_format(),
       su2_format(),
       ugrid_format(),

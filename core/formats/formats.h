@@ -8,6 +8,7 @@ namespace cadmorph {
 const MeshFormat& abaqus_format();
 const MeshFormat& gmsh_format();
 const MeshFormat& medit_format();
+const MeshFormat& nastran_format();
 const MeshFormat& openfoam_format();
 const MeshFormat& su2_format();
 const MeshFormat& ugrid_format();

@@ -1,0 +1,544 @@
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <map>
+#include <span>
+#include <utility>
+
+#include "core/cell_topology.h"
+#include "core/formats/deck.h"
+#include "core/formats/formats.h"
+#include "core/formats/number_fields.h"
+#include "core/formats/numbered_mesh.h"
+
+namespace fs = std::filesystem;
+
+namespace cadmorph {
+namespace {
+
+constexpr std::size_t kSmall = 8, kLarge = 16;  // columns of a field
+constexpr Index kHighestNumber = Index{1} << 40;
+
+std::string upper(std::string_view text) {
+  std::string result(text);
+  std::ranges::transform(result, result.begin(),
+                         [](unsigned char c) { return char(std::toupper(c)); });
+  return result;
+}
+
+std::string_view columns(std::string_view line, std::size_t first, std::size_t count) {
+  return first < line.size() ? line.substr(first, count) : std::string_view();
+}
+
+std::string_view without_comment(std::string_view line) {
+  return line.substr(0, std::min(line.find('$'), line.size()));
+}
+
+/// A tab goes on to the next field of 8 columns.
+std::string without_tabs(std::string_view line) {
+  std::string result;
+  for (const char c : line) {
+    if (c != '\t')
+      result += c;
+    else
+      result.append(kSmall - result.size() % kSmall, ' ');
+  }
+  return result;
+}
+
+bool is_free(std::string_view line) { return line.find(',') != std::string_view::npos; }
+
+/// What stands in the first field of a line.
+std::string_view name_field(std::string_view line) {
+  if (is_free(line)) return trimmed(line.substr(0, line.find(',')));
+  const std::size_t tab = line.find('\t');
+  return trimmed(line.substr(0, std::min({tab, kSmall, line.size()})));
+}
+
+bool is_continuation(std::string_view line) {
+  const std::string_view name = name_field(line);
+  return name.empty() || name.front() == '+' || name.front() == '*';
+}
+
+/// The fields of a card, 8 a line (4 of large ones) without its name and marks of continuation.
+struct Card {
+  std::vector<std::string> fields;
+
+  std::string_view field(std::size_t i) const {
+    return i < fields.size() ? std::string_view(fields[i]) : std::string_view();
+  }
+};
+
+void append_fields(std::string_view line, Card& card) {
+  const bool is_large = name_field(line).find('*') != std::string_view::npos;
+  const std::size_t count = is_large ? 4 : 8;
+  if (is_free(line)) {
+    FreeFields free_fields(line);
+    std::string_view field;
+    free_fields.next(field);
+    for (std::size_t i = 0; i < count; ++i)
+      card.fields.emplace_back(free_fields.next(field) ? trimmed(field) : std::string_view());
+    return;
+  }
+  const std::string plain = without_tabs(line);
+  const std::size_t width = is_large ? kLarge : kSmall;
+  for (std::size_t i = 0; i < count; ++i)
+    card.fields.emplace_back(trimmed(columns(plain, kSmall + i * width, width)));
+}
+
+Card parse_card(std::string_view record) {
+  Card card;
+  for (std::size_t at = 0; at < record.size();) {
+    const std::string_view line = without_comment(take_line(record, at));
+    if (!trimmed(line).empty()) append_fields(line, card);
+  }
+  return card;
+}
+
+/// GRID, number, system, x, y, z, ...: what moves is written in large fields.
+class GridCard : public NodeStyle {
+ public:
+  explicit GridCard(std::string newline) : newline_(std::move(newline)) {}
+
+  std::string_view read(std::string_view record, Eigen::RowVector3d& point) const override {
+    const Card card = parse_card(record);
+    for (int c = 0; c < 3; ++c)
+      if (!read_real(card.field(std::size_t(2 + c)), point(c))) return trimmed(record);
+    return {};
+  }
+
+  void write(std::string_view record, const Eigen::RowVector3d& point,
+             const std::array<bool, 3>& is_changed, double least,
+             std::string& text) const override {
+    Card card = parse_card(record);
+    card.fields.resize(std::max<std::size_t>(card.fields.size(), 8));
+    for (std::size_t c = 0; c < 3; ++c) {
+      std::string& field = card.fields[2 + c];
+      if (!is_changed[c] || (field.empty() && std::abs(point(Index(c))) <= least)) continue;
+      field.clear();
+      write_real(point(Index(c)), {.width = kLarge, .needs_point = true, .has_letter = false},
+                 field);
+    }
+    if (is_plain_large(record))
+      replace_columns(record, card, text);
+    else
+      write_large(record, card, text);
+  }
+
+ private:
+  /// Whether a record is one of two lines of large fields with all coordinates in their columns.
+  static bool is_plain_large(std::string_view record) {
+    std::size_t at = 0;
+    const std::string_view first = take_line(record, at), second = take_line(record, at);
+    constexpr std::size_t kFirst = kSmall + 4 * kLarge, kSecond = kSmall + kLarge;
+    return at == record.size() && first.size() >= kFirst && second.size() >= kSecond &&
+           name_field(first).ends_with('*') && !is_free(record) &&
+           record.find_first_of("$\t") == std::string_view::npos;
+  }
+
+  static void replace_columns(std::string_view record, const Card& card, std::string& text) {
+    const std::size_t begin = text.size();
+    text += record;
+    const std::size_t second = record.find('\n') + 1;
+    const std::size_t places[] = {kSmall + 2 * kLarge, kSmall + 3 * kLarge, second + kSmall};
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::string& field = card.fields[2 + c];
+      if (trimmed(record.substr(places[c], kLarge)) == field) continue;
+      text.replace(begin + places[c], kLarge, std::string(kLarge - field.size(), ' ') + field);
+    }
+  }
+
+  void write_large(std::string_view record, const Card& card, std::string& text) const {
+    text += "GRID*   ";
+    for (std::size_t i = 0; i < 4; ++i) put(card.fields[i], text);
+    text += newline_ + "*       ";
+    std::size_t last = 8;
+    while (last > 5 && card.fields[last - 1].empty()) --last;
+    for (std::size_t i = 4; i < last; ++i) put(card.fields[i], text);
+    for (std::size_t at = 0; at < record.size();) {
+      const std::string_view line = take_line(record, at);
+      const std::size_t comment = line.find('$');
+      if (comment == std::string_view::npos) continue;
+      text += comment == 0 ? newline_ : " ";
+      text += line.substr(comment);
+    }
+  }
+
+  static void put(std::string_view field, std::string& text) {
+    text.append(kLarge - std::min(kLarge, field.size()), ' ');
+    text += field.substr(0, kLarge);
+  }
+
+  std::string newline_;
+};
+
+/// The elements that become cells: their nodes follow `nodes_at` fields behind the name.
+struct ElementCard {
+  std::string_view name;
+  CellType linear;
+  CellType quadratic;  ///< the same where there is none
+  std::size_t nodes_at = 2;
+};
+
+constexpr ElementCard kElements[] = {
+    {"CTETRA", CellType::Tetra, CellType::QuadraticTetra},
+    {"CHEXA", CellType::Hexahedron, CellType::QuadraticHexahedron},
+    {"CPENTA", CellType::Wedge, CellType::QuadraticWedge},
+    {"CPYRAM", CellType::Pyramid, CellType::QuadraticPyramid},
+    {"CPYRA", CellType::Pyramid, CellType::QuadraticPyramid},
+    {"CTRIA3", CellType::Triangle, CellType::Triangle},
+    {"CTRIAR", CellType::Triangle, CellType::Triangle},
+    {"CTRIA6", CellType::Triangle, CellType::QuadraticTriangle},
+    {"CQUAD4", CellType::Quad, CellType::Quad},
+    {"CQUADR", CellType::Quad, CellType::Quad},
+    {"CQUAD8", CellType::Quad, CellType::QuadraticQuad},
+    {"CSHEAR", CellType::Quad, CellType::Quad},
+    {"CPLSTN3", CellType::Triangle, CellType::Triangle},
+    {"CPLSTS3", CellType::Triangle, CellType::Triangle},
+    {"CPLSTN4", CellType::Quad, CellType::Quad},
+    {"CPLSTS4", CellType::Quad, CellType::Quad},
+    {"CPLSTN6", CellType::Triangle, CellType::QuadraticTriangle},
+    {"CPLSTS6", CellType::Triangle, CellType::QuadraticTriangle},
+    {"CPLSTN8", CellType::Quad, CellType::QuadraticQuad},
+    {"CPLSTS8", CellType::Quad, CellType::QuadraticQuad},
+    {"CBAR", CellType::Line, CellType::Line},
+    {"CBEAM", CellType::Line, CellType::Line},
+    {"CBEND", CellType::Line, CellType::Line},
+    {"CROD", CellType::Line, CellType::Line},
+    {"CTUBE", CellType::Line, CellType::Line},
+    {"CONROD", CellType::Line, CellType::Line, 1},
+};
+
+constexpr std::string_view kLeftOut[] = {
+    "CELAS1", "CELAS2", "CELAS3",  "CELAS4", "CBUSH",  "CBUSH1D", "CDAMP1", "CDAMP2",
+    "CDAMP3", "CDAMP4", "CMASS1",  "CMASS2", "CMASS3", "CMASS4",  "CONM1",  "CONM2",
+    "CGAP",   "CVISC",  "CFAST",   "CWELD",  "CSEAM",  "RBE1",    "RBE2",   "RBE3",
+    "RBAR",   "RROD",   "RSPLINE", "PLOTEL", "CBEAM3", "CTRIAX6", "CTRIAX", "CQUADX",
+    "CQUAD",  "CHBDYG", "CHBDYE",  "CHBDYP", "CONV",   "CHACAB",  "CHACBR"};
+
+/// A coordinate system of the deck.
+struct System {
+  DeckPlace place;
+  std::string name;  ///< of its card
+  Index parent = 0;
+  std::array<double, 9> points{};
+  NodeFrame frame = {};
+  enum class State { Raw, Open, Ready } state = State::Raw;
+};
+
+/// A GRID card, before its system is known.
+struct Grid {
+  DeckPlace place;
+  std::size_t length = 0;
+  Index number = 0, system = 0;
+  Eigen::RowVector3d point;
+};
+
+/// Reads a bulk data deck.
+class Reader {
+ public:
+  explicit Reader(const fs::path& path) : sources_(path) {}
+
+  ReadMesh run() {
+    read_file(0, end_of_control(sources_.text(0)));
+    add_grids();
+    name_properties();
+    MeshAssembly assembly(sources_);
+    assembly.add(mesh_);
+    ReadMesh result = assembly.finish(std::move(sources_), "property");
+    for (const auto& [name, count] : left_out_)
+      result.remarks.push_back(std::to_string(count) + " elements " + name +
+                               " are no cells of the mesh; their nodes follow the others");
+    if (incomplete_ > 0)
+      result.remarks.push_back(std::to_string(incomplete_) +
+                               " elements lack some of their mid-side nodes and are taken as "
+                               "linear; the others of their mid-side nodes follow the rest");
+    return result;
+  }
+
+ private:
+  /// Where the bulk data begin.
+  static std::size_t end_of_control(std::string_view text) {
+    for (std::size_t at = 0; at < text.size();) {
+      const std::string line = upper(trimmed(take_line(text, at)).substr(0, 40));
+      if (!line.starts_with("BEGIN")) continue;
+      if (trimmed(std::string_view(line).substr(5)).starts_with("BULK")) return at;
+    }
+    return 0;
+  }
+
+  void read_file(std::size_t file, std::size_t at) {
+    const std::string_view text = sources_.text(file);
+    std::size_t begin = at, end = at;  // of the card
+    const auto finish = [&] {
+      if (end > begin) read_card({file, begin}, text.substr(begin, end - begin));
+      begin = end = at;
+    };
+    while (at < text.size() && !has_ended_) {
+      const std::size_t place = at;
+      const std::string_view full = take_line(text, at);
+      const std::string_view line = without_comment(full);
+      if (trimmed(line).empty()) continue;
+      if (!is_continuation(line)) {
+        finish();
+        begin = place;
+      } else if (end == begin) {
+        continue;  // of nothing
+      }
+      end = place + full.size();
+    }
+    if (!has_ended_) finish();
+  }
+
+  void read_card(DeckPlace place, std::string_view record) {
+    here_ = place;
+    std::string_view field = name_field(without_comment(record.substr(0, record.find('\n'))));
+    if (field.ends_with('*')) field.remove_suffix(1);
+    const std::string name = upper(trimmed(field));
+    if (name == "GRID") return read_grid(record);
+    if (name == "ENDDATA") {
+      has_ended_ = true;
+      return;
+    }
+    if (name.starts_with("INCLUDE")) return read_include(record);
+    if (name == "GRDSET") return read_default(record);
+    if (name.starts_with("CORD")) return read_system(name, record);
+    if (last_element_ == nullptr || last_element_->name != name) {
+      last_element_ = nullptr;
+      for (const ElementCard& element : kElements)
+        if (element.name == name) last_element_ = &element;
+    }
+    if (last_element_)
+      read_element(*last_element_, record);
+    else if (std::ranges::find(kLeftOut, name) != std::end(kLeftOut))
+      ++left_out_[name];
+  }
+
+  Index number_of(std::string_view field, std::string_view what, bool may_be_blank) const {
+    Index value = 0;
+    const bool is_blank = trimmed(field).empty();
+    if (is_blank && may_be_blank) return 0;
+    if (!read_integer(field, value) || value < 0 || value > kHighestNumber)
+      fail_expected(what, field);
+    return value;
+  }
+
+  [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
+    std::string text(trimmed(found).substr(0, 40));
+    std::ranges::replace_if(
+        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
+    sources_.fail(here_, "expected " + std::string(what) + ", found '" + text + "'");
+  }
+
+  void read_grid(std::string_view record) {
+    const Card card = parse_card(record);
+    Grid grid{.place = here_, .length = record.size(), .point = {}};
+    if (record.size() > 0xffff) sources_.fail(here_, "the card is too long");
+    grid.number = number_of(card.field(0), "the number of a node", false);
+    grid.system = trimmed(card.field(1)).empty()
+                      ? -1
+                      : number_of(card.field(1), "the number of a coordinate system", false);
+    for (int c = 0; c < 3; ++c)
+      if (!read_real(card.field(std::size_t(2 + c)), grid.point(c)))
+        fail_expected("a coordinate", card.field(std::size_t(2 + c)));
+    grids_.push_back(std::move(grid));
+  }
+
+  void read_default(std::string_view record) {
+    const Card card = parse_card(record);
+    default_system_ = number_of(card.field(1), "the number of a coordinate system", true);
+  }
+
+  void read_system(const std::string& name, std::string_view record) {
+    const Card card = parse_card(record);
+    const Index number = number_of(card.field(0), "the number of a coordinate system", false);
+    System system{.place = here_, .name = name};
+    if (name == "CORD2R" || name == "CORD2C") {
+      system.parent = number_of(card.field(1), "the number of a coordinate system", true);
+      for (std::size_t i = 0; i < 9; ++i)
+        if (!read_real(card.field(2 + i), system.points[i]))
+          fail_expected("a coordinate", card.field(2 + i));
+    }
+    systems_.insert_or_assign(number, system);
+  }
+
+  void read_include(std::string_view record) {
+    std::string name(trimmed(without_comment(record).substr(7)));
+    std::erase_if(name, [](char c) { return c == '\n' || c == '\r'; });
+    const char quote = name.empty() ? ' ' : name.front();
+    if (quote == '\'' || quote == '"') {
+      name.erase(0, 1);
+      name.resize(std::min(name.find(quote), name.size()));
+    }
+    if (name.empty()) sources_.fail(here_, "expected the name of a file to include");
+    const std::size_t file = sources_.include(name, here_);
+    read_file(file, 0);
+    sources_.leave();
+  }
+
+  void read_element(const ElementCard& element, std::string_view record) {
+    const Card card = parse_card(record);
+    const Index number = number_of(card.field(0), "the number of an element", false);
+    Index property = 0;
+    if (element.nodes_at == 2)
+      property = number_of(card.field(1), "the number of a property", true);
+    nodes_.clear();
+    const std::size_t corners = std::size_t(cell_node_count(element.linear));
+    const std::size_t most = std::size_t(cell_node_count(element.quadratic));
+    std::size_t given = 0;
+    for (std::size_t i = 0; i < most; ++i) {
+      const std::string_view field = card.field(element.nodes_at + i);
+      // A bar's third may be no node.
+      nodes_.push_back(number_of(field, "the number of a node", i >= corners));
+      if (nodes_.back() > 0) given = i + 1;
+    }
+    const bool is_full = std::ranges::find(nodes_, 0) == nodes_.end();
+    if (std::ranges::find(nodes_.begin(), nodes_.begin() + std::ptrdiff_t(corners), 0) !=
+        nodes_.begin() + std::ptrdiff_t(corners))
+      sources_.fail(here_, "element " + std::to_string(number) + " lacks a corner node");
+    if (!is_full && given > corners) ++incomplete_;
+    if (!is_full) nodes_.resize(corners);
+    const CellType type = is_full ? element.quadratic : element.linear;
+    to_vtk_order(type);
+    constexpr Index kHighestRegion = 1 << 30;
+    if (property > kHighestRegion) fail_expected("the number of a property", card.field(1));
+    mesh_.add_element(number, type, nodes_, int(property), here_);
+  }
+
+  /// Nastran's mid-side nodes go bottom, upright, top; VTK's bottom, top, upright.
+  void to_vtk_order(CellType type) {
+    const auto swap_ranges = [&](std::ptrdiff_t first, std::ptrdiff_t count) {
+      const auto at = nodes_.begin() + first;
+      std::rotate(at, at + count, at + 2 * count);
+    };
+    if (type == CellType::QuadraticHexahedron) swap_ranges(12, 4);
+    if (type == CellType::QuadraticWedge) swap_ranges(9, 3);
+  }
+
+  /// The frame of a system, from those that it refers to.
+  const NodeFrame& frame_of(Index number, DeckPlace from) {
+    const auto found = systems_.find(number);
+    if (found == systems_.end())
+      sources_.fail(from, "coordinate system " + std::to_string(number) + " is not defined");
+    System& system = found->second;
+    if (system.state == System::State::Ready) return system.frame;
+    if (system.state == System::State::Open)
+      sources_.fail(system.place,
+                    "coordinate system " + std::to_string(number) + " refers to itself");
+    if (system.name != "CORD2R" && system.name != "CORD2C")
+      sources_.fail(from, "coordinate system " + std::to_string(number) + " is a " + system.name +
+                              ": of nodes in other systems than the basic one, only those in "
+                              "CORD2R and CORD2C are read; write the nodes in the basic system");
+    system.state = System::State::Open;
+    std::array<Eigen::Vector3d, 3> points;
+    for (std::size_t i = 0; i < 3; ++i) {
+      Eigen::RowVector3d point = Eigen::RowVector3d::Map(system.points.data() + 3 * i);
+      if (system.parent != 0) point = frame_of(system.parent, system.place).to_mesh(point);
+      points[i] = point.transpose();
+    }
+    const Eigen::Vector3d z = points[1] - points[0];
+    const Eigen::Vector3d y = z.cross(points[2] - points[0]);
+    if (!(y.norm() > 0))
+      sources_.fail(system.place, "the points of the coordinate system lie on one line");
+    system.frame.origin = points[0].transpose();
+    system.frame.axes.col(2) = z.normalized();
+    system.frame.axes.col(1) = y.normalized();
+    system.frame.axes.col(0) = y.cross(z).normalized();
+    system.frame.is_cylindrical = system.name == "CORD2C";
+    system.state = System::State::Ready;
+    return system.frame;
+  }
+
+  /// Records go by file and system.
+  void add_grids() {
+    std::map<std::pair<std::size_t, Index>, std::size_t> blocks;
+    for (Grid& grid : grids_) {
+      if (grid.system < 0) grid.system = default_system_;
+      const auto [found, is_new] =
+          blocks.emplace(std::pair(grid.place.file, grid.system), mesh_.records.size());
+      if (is_new) {
+        NodeRecords block{.file = grid.place.file, .style = style_of(grid.place.file)};
+        if (grid.system != 0) block.frames.push_back(frame_of(grid.system, grid.place));
+        mesh_.records.push_back(std::move(block));
+      }
+      NodeRecords& block = mesh_.records[found->second];
+      for (const NodeFrame& frame : block.frames) grid.point = frame.to_mesh(grid.point);
+      block.places.push_back({.place = grid.place.place, .length = grid.length});
+      block.nodes.push_back(std::ssize(mesh_.node_numbers));
+      mesh_.add_node(grid.number, grid.point);
+    }
+  }
+
+  std::shared_ptr<const NodeStyle> style_of(std::size_t file) const {
+    const std::string_view text = sources_.text(file);
+    const std::size_t end = text.find('\n');
+    const bool has_return = end != std::string_view::npos && end > 0 && text[end - 1] == '\r';
+    return std::make_shared<GridCard>(has_return ? "\r\n" : "\n");
+  }
+
+  /// Shells beside solids are parts of the boundary with a name: the number of their property.
+  void name_properties() {
+    if (std::ranges::none_of(mesh_.types, [](CellType type) { return dimension(type) == 3; }))
+      return;
+    std::map<int, std::vector<Index>> rows;
+    for (std::size_t e = 0; e < mesh_.types.size(); ++e)
+      if (dimension(mesh_.types[e]) == 2) rows[mesh_.regions[e]].push_back(Index(e));
+    for (auto& [property, elements] : rows)
+      mesh_.sets.push_back({.name = std::to_string(property),
+                            .kind = "property",
+                            .is_of_elements = true,
+                            .numbers = {},
+                            .rows = std::move(elements)});
+  }
+
+  DeckSources sources_;
+  NumberedMesh mesh_;
+  std::vector<Grid> grids_;
+  std::map<Index, System> systems_;
+  Index default_system_ = 0;
+  DeckPlace here_;
+  bool has_ended_ = false;
+  std::vector<Index> nodes_;
+  const ElementCard* last_element_ = nullptr;
+  std::map<std::string, Index> left_out_;
+  Index incomplete_ = 0;
+};
+
+/// BEGIN BULK tells, or the first card of a node.
+Recognition recognise(const FileStart& start) {
+  const std::string_view text = start.bytes;
+  bool is_possible = false;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::string_view line = without_comment(take_line(text, at));
+    if (trimmed(line).empty()) continue;
+    if (line.front() == '*' || line.front() == '/') {
+      if (!is_possible) return Recognition::No;
+      continue;
+    }
+    const std::string start_of_line = upper(trimmed(line).substr(0, 40));
+    if (start_of_line.starts_with("BEGIN") && start_of_line.find("BULK") != std::string::npos)
+      return Recognition::Sure;
+    const std::string name = upper(name_field(line));
+    if (name == "GRID" || name == "GRID*") return Recognition::Sure;
+    is_possible = is_possible || name == "CEND" || name.starts_with("SOL ") ||
+                  name.starts_with("INCLUDE") || name.starts_with("CORD") || name == "PSHELL" ||
+                  name == "PSOLID" || name == "PARAM" || name == "MAT1" || name == "MAT1*";
+  }
+  return is_possible ? Recognition::Possible : Recognition::No;
+}
+
+ReadMesh read(const fs::path& path) { return Reader(path).run(); }
+
+}  // namespace
+
+const MeshFormat& nastran_format() {
+  static const MeshFormat format{.name = "Nastran",
+                                 .extensions = {".bdf", ".nas", ".dat", ".fem"},
+                                 .recognise = recognise,
+                                 .read = read};
+  return format;
+}
+
+}  // namespace cadmorph
