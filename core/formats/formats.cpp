@@ -56,6 +56,7 @@ bool has_extension(const MeshFormat& format, const std::string& extension) {
 
 std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
+      cgns_format(),
       su2_format(),
       vtk_format(),
   };

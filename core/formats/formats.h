@@ -5,6 +5,7 @@
 namespace cadmorph {
 
 // One source each, named as the function.
+const MeshFormat& cgns_format();
 const MeshFormat& su2_format();
 const MeshFormat& vtk_format();
 
