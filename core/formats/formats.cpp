@@ -58,6 +58,7 @@ bool has_extension(const MeshFormat& format, const std::string& extension) {
 std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
       abaqus_format(),
+      cgns_format(),
       gmsh_format(),
       medit_format(),
       nastran_format(),

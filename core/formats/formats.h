@@ -6,6 +6,7 @@ namespace cadmorph {
 
 // One source each, named as the function.
 const MeshFormat& abaqus_format();
+const MeshFormat& cgns_format();
 const MeshFormat& gmsh_format();
 const MeshFormat& medit_format();
 const MeshFormat& nastran_format();

@@ -1,13 +1,20 @@
 #include "core/formats/hdf5_file.h"
 
+#include <fcntl.h>
 #include <hdf5.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <csignal>
 #include <functional>
 #include <numeric>
 #include <optional>
 #include <utility>
 
+#include "core/errors.h"
 #include "core/formats/coordinate_places.h"
 #include "core/formats/source_file.h"
 
@@ -33,6 +40,21 @@ class Handle {
   hid_t id_;
   herr_t (*close_)(hid_t);
 };
+
+/// Whether a file begins as one of HDF5: its mark stands at 0, or behind a block of the user's.
+bool is_hdf5(std::string_view bytes) {
+  for (std::size_t place = 0; place + 8 <= bytes.size();
+       place = std::max<std::size_t>(512, 2 * place))
+    if (bytes.substr(place, 8) == "\x89HDF\r\n\x1a\n") return true;
+  return false;
+}
+
+/// A file can't hold much more than it is long, however it is compressed.
+std::uint64_t largest_content(std::uint64_t size) {
+  constexpr std::uint64_t kStrongestCompression = 1100;  // of deflate: 1032
+  constexpr std::uint64_t kSmall = 1 << 24;
+  return std::max(kSmall, size * kStrongestCompression);
+}
 
 void silence() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
 
@@ -64,6 +86,48 @@ Handle open_image(std::string& bytes) {
   H5Pset_fapl_core(access.get(), kIncrement, false);
   H5Pset_file_image(access.get(), bytes.data(), bytes.size());
   return {H5Fopen("image", H5F_ACC_RDWR, access.get()), H5Fclose};
+}
+
+/// Set in a process that tries a reading (see read_safely).
+bool is_trial = false;
+
+enum class Outcome { Done, False, Died };
+
+/// Calls `action` in a process of its own: HDF5 1.10 runs into invalid memory on some damaged
+/// files, or comes to no end. There it does what it would do here, for the memory is the same.
+Outcome try_out(std::uint64_t file_size, const std::function<bool()>& action) {
+  if (is_trial) return action() ? Outcome::Done : Outcome::False;
+  const pid_t child = fork();
+  if (child == 0) {
+    is_trial = true;
+    constexpr rlim_t kSeconds = 20, kBytesASecond = 1 << 22;
+    const rlim_t seconds = kSeconds + file_size / kBytesASecond;
+    const rlimit no_core{0, 0}, time{seconds, seconds};
+    setrlimit(RLIMIT_CORE, &no_core);
+    setrlimit(RLIMIT_CPU, &time);
+    for (const int fault : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU})
+      std::signal(fault, SIG_DFL);
+    if (const int nothing = open("/dev/null", O_WRONLY); nothing >= 0) dup2(nothing, STDERR_FILENO);
+    bool is_done = false;
+    try {
+      is_done = action();
+    } catch (...) {
+      is_done = true;  // it will be thrown again where it is seen
+    }
+    _exit(is_done ? 0 : 1);
+  }
+  int status = 0;
+  while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (child < 0 || !WIFEXITED(status) || WEXITSTATUS(status) > 1) return Outcome::Died;
+  return WEXITSTATUS(status) == 0 ? Outcome::Done : Outcome::False;
+}
+
+std::uint64_t size_of(const fs::path& path) {
+  std::error_code error;
+  const std::uint64_t size = fs::file_size(path, error);
+  if (error) fail_reading(path, error.message());
+  return size;
 }
 
 std::string trimmed(std::string text) {
@@ -159,22 +223,19 @@ struct Hdf5File::Impl {
     std::vector<hsize_t> sizes(std::size_t(rank), 0);
     if (rank > 0 && H5Sget_simple_extent_dims(space, sizes.data(), nullptr) < 0)
       fail(object, "its sizes can't be read" + last_error());
+    const std::uint64_t most = largest_content(size);
     std::uint64_t total = 1;
-    for (const hsize_t size : sizes)
-      if (__builtin_mul_overflow(total, std::max<hsize_t>(size, 1), &total) || total >> 48)
-        fail(object, "its sizes are beyond all bounds; the file is damaged");
+    for (const hsize_t length : sizes)
+      if (__builtin_mul_overflow(total, std::max<hsize_t>(length, 1), &total) || total > most)
+        fail(object, "it would have more values than the file can hold; the file is damaged");
     return {sizes.begin(), sizes.end()};
   }
 
-  /// The number of values; refuses what can't be in so small a file.
-  std::size_t value_count(hid_t space, std::size_t value_size, const std::string& object) const {
-    std::uint64_t total = H5Sget_simple_extent_type(space) == H5S_NULL ? 0 : 1;
+  /// The number of values.
+  std::size_t value_count(hid_t space, const std::string& object) const {
+    if (H5Sget_simple_extent_type(space) == H5S_NULL) return 0;
+    std::uint64_t total = 1;
     for (const Index size : shape(space, object)) total *= std::uint64_t(size);
-    constexpr std::uint64_t kStrongestCompression = 1100;  // of deflate: 1032
-    constexpr std::uint64_t kSmall = 1 << 24;
-    if (total * value_size > kSmall && total * value_size / kStrongestCompression > size)
-      fail(object, "it would have " + std::to_string(total) +
-                       " values, more than the file can hold; the file is damaged");
     return total;
   }
 
@@ -186,8 +247,7 @@ struct Hdf5File::Impl {
     if (std::ranges::find(classes, H5Tget_class(type.get())) == classes.end())
       fail(object, std::string("it holds no ") + what);
     const Handle space(H5Dget_space(dataset.get()), H5Sclose);
-    std::vector<Value> values(
-        value_count(space.get(), std::max<std::size_t>(H5Tget_size(type.get()), 1), object));
+    std::vector<Value> values(value_count(space.get(), object));
     if (!values.empty() &&
         H5Dread(dataset.get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
       fail(object, "it can't be read: it is damaged, or compressed in a way that is not known" +
@@ -204,8 +264,7 @@ struct Hdf5File::Impl {
     if (std::ranges::find(classes, H5Tget_class(type.get())) == classes.end())
       fail(object, "its attribute '" + name + "' is no " + what);
     const Handle space(H5Aget_space(attribute.get()), H5Sclose);
-    std::vector<Value> values(
-        value_count(space.get(), std::max<std::size_t>(H5Tget_size(type.get()), 1), object));
+    std::vector<Value> values(value_count(space.get(), object));
     if (!values.empty() && H5Aread(attribute.get(), memory_type, values.data()) < 0)
       fail(object, "its attribute '" + name + "' can't be read" + last_error());
     return values;
@@ -221,8 +280,7 @@ struct Hdf5File::Impl {
   /// Strings of a variable or of a fixed length; `read` fills a buffer of the type it is given.
   std::vector<std::string> strings(hid_t type, hid_t space, const std::string& object,
                                    const std::function<herr_t(hid_t, void*)>& read) const {
-    const std::size_t count =
-        value_count(space, std::max<std::size_t>(H5Tget_size(type), 1), object);
+    const std::size_t count = value_count(space, object);
     std::vector<std::string> result;
     if (count == 0) return result;
     if (H5Tis_variable_str(type) > 0) {
@@ -381,8 +439,10 @@ class Hdf5Copier : public MeshCopier {
     check_components(all_, before, after);
     std::string bytes = read_again(source_);
     const bool is_patched = replace_coordinates(bytes, places_, before, after);
-    const bool is_rewritten = rewrite_datasets(bytes, before, after, target);
+    const bool is_rewritten = std::ranges::any_of(
+        rewritten_, [&](const RewrittenRun& run) { return has_changed(run.run, before, after); });
     if (!is_patched && !is_rewritten) return write_unchanged(source_, target);
+    if (is_rewritten) rewrite_datasets(bytes, before, after, target);
     write_pieces(target, {bytes}, false);
   }
   Points readable(const Points& before, const Points& after) const override {
@@ -398,30 +458,29 @@ class Hdf5Copier : public MeshCopier {
     return false;
   }
 
-  bool rewrite_datasets(std::string& bytes, const Points& before, const Points& after,
+  void rewrite_datasets(std::string& bytes, const Points& before, const Points& after,
                         const fs::path& target) const {
-    if (std::ranges::none_of(rewritten_, [&](const RewrittenRun& run) {
-          return has_changed(run.run, before, after);
-        }))
-      return false;
+    const auto run = [&] { return rewrite_all(bytes, before, after); };
+    if (try_out(bytes.size(), run) != Outcome::Done || !run())
+      fail_writing(target, "HDF5 can't write its coordinates anew" + last_error());
+  }
+
+  bool rewrite_all(std::string& bytes, const Points& before, const Points& after) const {
     silence();
     const Handle file = open_image(bytes);
-    bool is_written = file.is_valid();
-    for (std::size_t begin = 0, end = 0; is_written && begin < rewritten_.size(); begin = end) {
+    if (!file.is_valid()) return false;
+    for (std::size_t begin = 0, end = 0; begin < rewritten_.size(); begin = end) {
       const std::string& name = rewritten_[begin].dataset;
       while (end < rewritten_.size() && rewritten_[end].dataset == name) ++end;
-      is_written = rewrite_dataset(file.get(), std::span(rewritten_).subspan(begin, end - begin),
-                                   before, after);
+      if (!rewrite_dataset(file.get(), std::span(rewritten_).subspan(begin, end - begin), before,
+                           after))
+        return false;
     }
-    is_written = is_written && H5Fflush(file.get(), H5F_SCOPE_GLOBAL) >= 0;
-    const ssize_t size = is_written ? H5Fget_file_image(file.get(), nullptr, 0) : -1;
-    if (size > 0) {
-      bytes.resize(std::size_t(size));
-      is_written = H5Fget_file_image(file.get(), bytes.data(), bytes.size()) == size;
-    }
-    if (size <= 0 || !is_written)
-      fail_writing(target, "HDF5 can't write its coordinates anew" + last_error());
-    return true;
+    if (H5Fflush(file.get(), H5F_SCOPE_GLOBAL) < 0) return false;
+    const ssize_t size = H5Fget_file_image(file.get(), nullptr, 0);
+    if (size <= 0) return false;
+    bytes.resize(std::size_t(size));
+    return H5Fget_file_image(file.get(), bytes.data(), bytes.size()) == size;
   }
 
   static bool rewrite_dataset(hid_t file, std::span<const RewrittenRun> runs, const Points& before,
@@ -443,13 +502,30 @@ class Hdf5Copier : public MeshCopier {
 
 }  // namespace
 
-bool is_hdf5(const FileStart& start) {
-  // The mark stands at 0, or behind a block of the user's.
-  const std::string_view bytes = start.bytes;
-  for (std::size_t place = 0; place + 8 <= bytes.size();
-       place = std::max<std::size_t>(512, 2 * place))
-    if (bytes.substr(place, 8) == "\x89HDF\r\n\x1a\n") return true;
-  return false;
+Recognition recognise_hdf5(const FileStart& start, const std::string& object,
+                           std::string_view mark) {
+  if (start.is_folder || !is_hdf5(start.bytes)) return Recognition::No;
+  if (start.bytes.find(mark) != std::string::npos) return Recognition::Sure;
+  const Outcome outcome = try_out(size_of(start.path), [&] {
+    try {
+      return Hdf5File(start.path).has(object);
+    } catch (const IoError&) {
+      _exit(2);
+    }
+  });
+  return outcome == Outcome::Done    ? Recognition::Sure
+         : outcome == Outcome::False ? Recognition::No
+                                     : Recognition::Possible;
+}
+
+ReadMesh read_safely(const fs::path& path, const std::function<ReadMesh()>& read) {
+  const Outcome outcome = try_out(size_of(path), [&] {
+    read();
+    return true;
+  });
+  if (outcome == Outcome::Died)
+    fail_reading(path, "it is damaged: the HDF5 library fails on it; copy or write it again");
+  return read();
 }
 
 Hdf5File::Hdf5File(const fs::path& path) {
@@ -457,8 +533,7 @@ Hdf5File::Hdf5File(const fs::path& path) {
   Handle file = open_file(path);
   if (!file.is_valid())
     fail_reading(path, "it is no HDF5 file, or it is damaged or cut off" + last_error());
-  std::error_code error;
-  impl_.reset(new Impl{.path = path, .file = std::move(file), .size = fs::file_size(path, error)});
+  impl_.reset(new Impl{.path = path, .file = std::move(file), .size = size_of(path)});
 }
 
 Hdf5File::~Hdf5File() = default;
@@ -567,7 +642,7 @@ std::string Hdf5File::text_attribute(const std::string& object, const std::strin
 
 std::unique_ptr<const MeshCopier> Hdf5File::read_coordinates(const std::vector<Hdf5Run>& runs,
                                                              Points& points) const {
-  const SourceBytes source = read_source(path());
+  const SourceBytes source = is_trial ? SourceBytes{} : read_source(path());
   BinaryPlaces places;
   std::vector<RewrittenRun> rewritten;
   std::string name;

@@ -1,16 +1,24 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/formats/mesh_format.h"
 
 namespace cadmorph {
 
-/// Whether a file begins as one of HDF5.
-bool is_hdf5(const FileStart& start);
+/// Sure for an HDF5 file that has `mark` among its first bytes, or an object of such a name;
+/// Possible for one that can't be read.
+Recognition recognise_hdf5(const FileStart& start, const std::string& object,
+                           std::string_view mark);
+
+/// Calls `read` twice, first in a process of its own, and throws IoError when that one dies: the
+/// HDF5 library crashes on some damaged files. Whatever reads an HDF5 file runs in it.
+ReadMesh read_safely(const std::filesystem::path& path, const std::function<ReadMesh()>& read);
 
 /// Coordinates of one component in a dataset of float32 or float64: every `step`-th number, in
 /// row-major order, from `first` on.
