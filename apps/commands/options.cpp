@@ -105,6 +105,7 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
       ->group(group);
   add_choice(app, "--solver", raw.solver,
              {{"auto", SolverKind::Auto},
+              {"adaptive", SolverKind::Adaptive},
               {"lu", SolverKind::Lu},
               {"ldlt", SolverKind::Ldlt},
               {"cholesky", SolverKind::Cholesky},
@@ -219,7 +220,7 @@ bool is_dense(const PipelineOptions& options) {
   if (volume.method != MorphMethod::Rbf) return false;
   const bool is_triharmonic =
       volume.kernel.order == 3 && volume.kernel.kind == KernelKind::Polyharmonic;
-  return volume.rbf.solver != SolverKind::Fast &&
+  return volume.rbf.solver != SolverKind::Fast && volume.rbf.solver != SolverKind::Adaptive &&
          !(volume.rbf.solver == SolverKind::Auto && is_triharmonic);
 }
 

@@ -203,6 +203,8 @@ std::string to_string(SolverKind solver) {
       return "incremental QR";
     case SolverKind::Fast:
       return "fast";
+    case SolverKind::Adaptive:
+      return "adaptive";
     case SolverKind::Auto:
       break;
   }
