@@ -167,6 +167,10 @@ void MeshFile::write(const fs::path& path, const Points& points, const ExtraArra
     throw InvalidInputError("the coordinates to write to " + path.string() + " are not all finite");
   vtkNew<vtkUnstructuredGrid> grid;
   grid->ShallowCopy(impl_->grid);
+  // VTK's writer leaves a mark on the arrays, and writes those that bear it otherwise.
+  vtkNew<vtkFieldData> field;
+  field->DeepCopy(impl_->grid->GetFieldData());
+  grid->SetFieldData(field);
   grid->SetPoints(to_vtk(points));
   add_extra(grid, extra);
   write_grid(grid, impl_->layout, path);
