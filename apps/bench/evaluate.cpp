@@ -9,7 +9,6 @@
 #include "apps/pipeline/pipeline.h"
 #include "apps/summary/text_table.h"
 #include "core/errors.h"
-#include "core/validity.h"
 #include "volume/baselines/simplex_linear.h"
 
 namespace cadmorph::bench {
@@ -121,19 +120,8 @@ class Run {
     return result;
   }
 
-  // The whole pipeline. Where RBF-S inverts nothing it comes to the same positions, which are not
-  // made twice.
+  // The whole pipeline.
   Warped move_by_default(int step) {
-    if (!has_left_warp_) {
-      Warped result = warps_.at(task_.route, step);
-      const Stopwatch watch;
-      const bool is_valid =
-          check_validity(series_.mesh, result.positions, series_.orientation).invalid == 0;
-      result.seconds += watch.seconds();
-      result.cpu_seconds += watch.cpu();
-      if (is_valid) return result;
-      has_left_warp_ = task_.route.mode == Mode::Relative;
-    }
     const Stopwatch again;
     const bool is_relative = task_.route.mode == Mode::Relative;
     const MorphJob job(series_.cads[is_relative ? step - 1 : 0], series_.mesh_file, {},
@@ -180,7 +168,6 @@ class Run {
   int stride_;
   Mesh mesh_;  // that the next step starts from
   std::optional<VolumeMorph> morph_;
-  bool has_left_warp_ = false;  // relative: mended earlier, so that the mesh is not RBF-S's
   int first_inverted_ = 0;
   std::string note_;  // why the series ended
   std::vector<Row> rows_;

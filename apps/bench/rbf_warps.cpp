@@ -12,6 +12,9 @@ namespace {
 // Steps whose warps share the evaluations of the kernel.
 constexpr std::size_t kBlock = 4;
 
+// With all surface nodes as centres, as the paper has it.
+VolumeMorphOptions full_interpolation() { return {.rbf = {.solver = SolverKind::Fast}}; }
+
 }  // namespace
 
 const Warped& RbfWarps::at(const Route& route, int step) {
@@ -34,7 +37,7 @@ std::vector<RbfWarps::Outcome> RbfWarps::warp_absolutely(const Path& path) const
   for (std::size_t step = 0; step < path.size(); ++step)
     if (path[step].rows() > 0) steps.push_back(step);
   const Stopwatch set_up;
-  const VolumeMorph morph(series_.mesh, series_.surface_nodes);
+  const VolumeMorph morph(series_.mesh, series_.surface_nodes, full_interpolation());
   outcomes[steps.front()].warped = {.set_up_seconds = set_up.seconds(),
                                     .cpu_seconds = set_up.cpu()};
   for (std::size_t begin = 0; begin < steps.size(); begin += kBlock) {
@@ -63,7 +66,7 @@ std::vector<RbfWarps::Outcome> RbfWarps::warp_relatively(const Path& path) const
     Warped& warped = outcomes[step].warped;
     try {
       const Stopwatch watch;
-      const VolumeMorph morph(mesh, series_.surface_nodes);
+      const VolumeMorph morph(mesh, series_.surface_nodes, full_interpolation());
       warped.set_up_seconds = watch.seconds();
       warped.positions = morph.morph(path[step]);
       warped.seconds = watch.seconds() - warped.set_up_seconds;

@@ -17,8 +17,8 @@ struct Warped {
   double cpu_seconds = 0;  ///< of both
 };
 
-/// The RBF warp along the paths of a series, which several contenders start from: each route is
-/// made once, when it is first asked for. Absolute steps are solved several at once
+/// The RBF warp with all surface nodes as centres along the paths of a series: each route is made
+/// once, when it is first asked for. Absolute steps are solved several at once
 /// (VolumeMorph::morph_each): their seconds are shares of the whole.
 class RbfWarps {
  public:

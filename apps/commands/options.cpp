@@ -95,6 +95,7 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
       ->group(group);
   add_choice(app, "--solver", raw.solver,
              {{"auto", SolverKind::Auto},
+              {"adaptive", SolverKind::Adaptive},
               {"lu", SolverKind::Lu},
               {"ldlt", SolverKind::Ldlt},
               {"cholesky", SolverKind::Cholesky},
@@ -102,8 +103,9 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
               {"fast", SolverKind::Fast}},
              "linear solver of the volume morph (default: auto)")
       ->group(group);
-  app.add_option("--tolerance", raw.tolerance,
-                 "residual of the fast and the iqr solver, in local edge lengths (default: 1e-05)")
+  app.add_option(
+         "--tolerance", raw.tolerance,
+         "residual of the adaptive, fast and iqr solvers, in local edge lengths (default: 1e-05)")
       ->check(CLI::PositiveNumber)
       ->group(group);
   app.add_option("--memory", raw.memory,

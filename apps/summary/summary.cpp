@@ -223,6 +223,8 @@ std::string to_string(SolverKind solver) {
       return "incremental QR";
     case SolverKind::Fast:
       return "fast";
+    case SolverKind::Adaptive:
+      return "adaptive";
     case SolverKind::Auto:
       break;
   }

@@ -141,6 +141,10 @@ class VtkCopier : public MeshCopier {
                     const ExtraArrays& extra) const override {
     vtkNew<vtkUnstructuredGrid> grid;
     grid->ShallowCopy(grid_);
+    // VTK's writer leaves a mark on the arrays, and writes those that bear it otherwise.
+    vtkNew<vtkFieldData> field;
+    field->DeepCopy(grid_->GetFieldData());
+    grid->SetFieldData(field);
     grid->SetPoints(to_vtk(after));
     add_extra(grid, extra);
     write_grid(grid, layout_, target);

@@ -1,10 +1,9 @@
 #include "core/rbf/multiscale_correction.h"
 
-#include <Eigen/SparseCore>
 #include <algorithm>
-#include <cmath>
 
 #include "core/errors.h"
+#include "core/kd_tree.h"
 #include "core/parallel.h"
 #include "core/rbf/conjugate_gradient.h"
 
@@ -23,50 +22,8 @@ constexpr int kMaxIterations = 400;
 constexpr double kActive = 0.01;
 constexpr double kSolved = 0.3;
 
-double wendland_c2(double r) {
-  const double t = 1 - r, t2 = t * t;
-  return t2 * t2 * (4 * r + 1);
-}
-
-using SparseMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
-
-SparseMatrix assemble(const KdTree& tree, const RowMatrix& points, double support) {
-  const Index n = points.rows();
-  std::vector<std::vector<Neighbour>> rows(n);
-  parallel_for(n, 256, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      rows[i] = tree.within(points.row(i).data(), support);
-      std::sort(rows[i].begin(), rows[i].end(),
-                [](const Neighbour& a, const Neighbour& b) { return a.index < b.index; });
-    }
-  });
-  SparseMatrix matrix(n, n);
-  Index entries = 0;
-  for (const auto& row : rows) entries += static_cast<Index>(row.size());
-  matrix.reserve(entries);
-  for (Index i = 0; i < n; ++i) {
-    matrix.startVec(i);
-    for (const Neighbour& near : rows[i])
-      matrix.insertBack(i, near.index) = wendland_c2(std::sqrt(near.squared_distance) / support);
-  }
-  matrix.finalize();
-  return matrix;
-}
-
-MatrixXd multiply(const SparseMatrix& matrix, const MatrixXd& x) {
-  MatrixXd result(x.rows(), x.cols());
-  parallel_for(x.rows(), 1024, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      result.row(i).setZero();
-      for (SparseMatrix::InnerIterator entry(matrix, i); entry; ++entry)
-        result.row(i) += entry.value() * x.row(entry.col());
-    }
-  });
-  return result;
-}
-
-RowMatrix select(const Points& points, const std::vector<Index>& rows) {
-  RowMatrix result(static_cast<Index>(rows.size()), 3);
+Points select(const Eigen::Ref<const MatrixXd>& points, const std::vector<Index>& rows) {
+  Points result(static_cast<Index>(rows.size()), 3);
   for (Index i = 0; i < result.rows(); ++i) result.row(i) = points.row(rows[i]);
   return result;
 }
@@ -81,7 +38,7 @@ std::vector<Index> level_rows(const Points& points, Index count, const MatrixXd&
   std::vector<Index> active;
   for (Index i = 0; i < count; ++i)
     if (is_active(residual, allowed, i)) active.push_back(i);
-  if (active.empty()) return {};
+  if (active.empty() || static_cast<Index>(active.size()) == count) return active;
   const KdTree tree(select(points, active));
   std::vector<char> is_near(count);
   parallel_for(count, 1024, [&](Index begin, Index end) {
@@ -117,15 +74,17 @@ void MultiscaleCorrection::add_levels(const Points& points, const std::vector<do
                                       MatrixXd& residual, const Eigen::VectorXd& allowed,
                                       double spacing) {
   const Index n = points.rows();
+  const std::vector<Index> near_order = spatial_order(points);
+  const MatrixXd targets = select(points, near_order);
   Index count = 0;
   for (int level = 0; level < kMaxLevels && count < n; ++level, spacing /= 2) {
     while (count < n && separation[count] >= spacing) ++count;
     const double support = kSupport * spacing;
     const std::vector<Index> rows = level_rows(points, count, residual, allowed, support);
     if (rows.empty()) continue;
-    const RowMatrix centres = select(points, rows);
-    KdTree tree(centres);
-    const SparseMatrix matrix = assemble(tree, centres, support);
+    const Points centres = select(points, rows);
+    CompactSum sum(centres, support);
+    const CompactMatrix matrix(sum);
     MatrixXd rhs(centres.rows(), residual.cols());
     Eigen::VectorXd goal(centres.rows());
     for (Index i = 0; i < rhs.rows(); ++i) {
@@ -133,22 +92,23 @@ void MultiscaleCorrection::add_levels(const Points& points, const std::vector<do
       goal(i) = kSolved * allowed(rows[i]);
     }
     const CgResult solved =
-        solve_projected_cg([&](const MatrixXd& x) { return multiply(matrix, x); },
+        solve_projected_cg([&](const MatrixXd& x) { return matrix * x; },
                            [](const MatrixXd& x) { return x; }, MatrixXd(rhs.rows(), 0), {rhs},
                            {goal}, {.max_iterations = kMaxIterations})
             .front();
     if (!solved.has_converged())
       throw SolverError("the surface correction did not converge at spacing " +
                         std::to_string(spacing) + " of the model's radius");
-    levels_.push_back({{support, centres, solved.weights}, std::move(tree)});
-    residual -= evaluate(levels_.back(), points);
+    const MatrixXd taken = sum(targets, solved.weights);
+    for (Index i = 0; i < n; ++i) residual.row(near_order[i]) -= taken.row(i);
+    levels_.push_back({{support, centres, solved.weights}, std::move(sum)});
   }
 }
 
 MultiscaleCorrection::MultiscaleCorrection(std::vector<CorrectionLevel> levels) {
   for (CorrectionLevel& level : levels) {
-    KdTree tree(level.points);
-    levels_.push_back({std::move(level), std::move(tree)});
+    CompactSum sum(level.points, level.support);
+    levels_.push_back({std::move(level), std::move(sum)});
   }
 }
 
@@ -158,24 +118,14 @@ std::vector<CorrectionLevel> MultiscaleCorrection::levels() const {
   return result;
 }
 
-MatrixXd MultiscaleCorrection::evaluate(const Level& level,
-                                        const Eigen::Ref<const MatrixXd>& targets) {
-  MatrixXd result = MatrixXd::Zero(targets.rows(), level.terms.coefficients.cols());
-  parallel_for(targets.rows(), 512, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      const Eigen::RowVector3d x = targets.row(i);
-      for (const Neighbour& near : level.tree.within(x.data(), level.terms.support))
-        result.row(i) += wendland_c2(std::sqrt(near.squared_distance) / level.terms.support) *
-                         level.terms.coefficients.row(near.index);
-    }
-  });
-  return result;
-}
-
 MatrixXd MultiscaleCorrection::evaluate(const Eigen::Ref<const MatrixXd>& targets) const {
   if (is_empty()) return MatrixXd::Zero(targets.rows(), 0);
-  MatrixXd result = evaluate(levels_.front(), targets);
-  for (std::size_t l = 1; l < levels_.size(); ++l) result += evaluate(levels_[l], targets);
+  const std::vector<Index> near_order = spatial_order(targets);
+  const MatrixXd near_targets = select(targets, near_order);
+  MatrixXd sums = MatrixXd::Zero(targets.rows(), levels_.front().terms.coefficients.cols());
+  for (const Level& level : levels_) sums += level.sum(near_targets, level.terms.coefficients);
+  MatrixXd result(sums.rows(), sums.cols());
+  for (Index i = 0; i < sums.rows(); ++i) result.row(near_order[i]) = sums.row(i);
   return result;
 }
 

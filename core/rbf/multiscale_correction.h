@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/kd_tree.h"
+#include "core/rbf/compact_sum.h"
 #include "core/rbf/field_terms.h"
 #include "core/types.h"
 
@@ -27,7 +27,9 @@ class MultiscaleCorrection {
   MultiscaleCorrection(const Points& points, const std::vector<double>& separation,
                        Eigen::MatrixXd residual, const Eigen::VectorXd& allowed, double spacing);
 
-  /// Returns the correction at T x 3 targets, T x M (zero columns when there is none).
+  /// Returns the correction at T x 3 targets, T x M (zero columns when there is none); each row as
+  /// reproducible as a CompactSum. Parallel; cheaper for all targets at once than for few at a
+  /// time.
   Eigen::MatrixXd evaluate(const Eigen::Ref<const Eigen::MatrixXd>& targets) const;
 
   std::vector<CorrectionLevel> levels() const;
@@ -40,10 +42,8 @@ class MultiscaleCorrection {
  private:
   struct Level {
     CorrectionLevel terms;
-    KdTree tree;
+    CompactSum sum;
   };
-  static Eigen::MatrixXd evaluate(const Level& level,
-                                  const Eigen::Ref<const Eigen::MatrixXd>& targets);
 
   void add_levels(const Points& points, const std::vector<double>& separation,
                   Eigen::MatrixXd& residual, const Eigen::VectorXd& allowed, double spacing);

@@ -72,7 +72,7 @@ class TreeSum {
 };
 
 // Rows in an order that keeps neighbours together.
-std::vector<Index> spatial_order(const MatrixXd& points) {
+std::vector<Index> blockwise_order(const MatrixXd& points) {
   return build_octree(points, kBlock).rows;
 }
 
@@ -85,7 +85,7 @@ RowMatrix PointwiseField::evaluate(const Points& points) const {
   RowMatrix result(points.rows(), terms_.linear.cols());
   if (points.rows() == 0) return result;
   const MatrixXd unit = (points.rowwise() - terms_.origin) / terms_.unit;
-  const std::vector<Index> order = spatial_order(unit);
+  const std::vector<Index> order = blockwise_order(unit);
   parallel_for(points.rows(), kBlock, [&](Index begin, Index end) {
     for (Index first = begin; first < end; first += kBlock) {
       const Index last = std::min(first + kBlock, end);
@@ -93,11 +93,11 @@ RowMatrix PointwiseField::evaluate(const Points& points) const {
       const MatrixXd block = select(unit, rows);
       MatrixXd values = exact_linear(terms_.linear, block);
       TreeSum(terms_, block, values).run();
-      if (!correction_.is_empty()) values += correction_.evaluate(block);
       for (std::size_t i = 0; i < rows.size(); ++i)
         result.row(rows[i]) = values.row(static_cast<Index>(i));
     }
   });
+  if (!correction_.is_empty()) result += correction_.evaluate(unit);
   return result;
 }
 

@@ -9,6 +9,7 @@
 #include "core/archive_types.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
+#include "core/rbf/adaptive_solver.h"
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/fast_solver.h"
@@ -125,6 +126,10 @@ struct RbfSystem::Impl {
     return {.tolerance = options.tolerance, .unit = frame.unit(), .progress = options.progress};
   }
 
+  AdaptiveOptions adaptive_options() const {
+    return {.tolerance = options.tolerance, .unit = frame.unit(), .progress = options.progress};
+  }
+
   void set_up_fast();
   void set_up_qr();
   void require_memory(const RbfReport& report) const;
@@ -134,6 +139,7 @@ struct RbfSystem::Impl {
   void prepare(const RowMatrix& values, Problem& problem) const;
   void solve(std::vector<Problem>& problems) const;
   void take_fast(FastSolution solution, Problem& problem) const;
+  UnitField solve_adaptive(const Problem& problem, RbfReport& into) const;
   UnitField solve_qr(const Problem& problem, RbfReport& into) const;
   UnitField solve_dense(const DenseSolver& solver, const Problem& problem, RbfReport& into) const;
   MatrixXd residual(const MatrixXd& values, const SaddleSolution& solution) const;
@@ -150,6 +156,7 @@ struct RbfSystem::Impl {
   std::unique_ptr<DenseSolver> dense;
   std::unique_ptr<FastSolver> fast;
   std::unique_ptr<IncrementalQr> qr;
+  std::unique_ptr<AdaptiveSolver> adaptive;
   RbfReport report;
   // For value sets that the fast solver failed on, made when first needed.
   struct Fallback {
@@ -184,7 +191,10 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
   report.reason = choice.reason;
   if (report.solver == SolverKind::Fast) set_up_fast();
   if (report.solver == SolverKind::Iqr) set_up_qr();
-  if (!fast && !qr) dense = factor_dense(report);
+  if (report.solver == SolverKind::Adaptive)
+    adaptive =
+        std::make_unique<AdaptiveSolver>(*centres, local_length / frame.unit(), adaptive_options());
+  if (!fast && !qr && !adaptive) dense = factor_dense(report);
   report.seconds = watch.seconds();
 }
 
@@ -203,6 +213,8 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
     fast = std::make_unique<FastSolver>(*centres, fast_options(), archive);
   else if (report.solver == SolverKind::Iqr)
     set_up_qr();
+  else if (report.solver == SolverKind::Adaptive)
+    adaptive = std::make_unique<AdaptiveSolver>(*centres, adaptive_options(), archive);
   else
     dense = restore_dense_solver(factorisation_of(report.solver), P, archive);
   report.seconds = watch.seconds();
@@ -211,6 +223,7 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
 void RbfSystem::Impl::store(OutputArchive& archive) const {
   archive(distinct, local_length, report);
   if (fast) fast->store(archive);
+  if (adaptive) adaptive->store(archive);
   if (dense) dense->store(archive);
 }
 
@@ -332,9 +345,25 @@ void RbfSystem::Impl::solve(std::vector<Problem>& problems) const {
     for (Problem& problem : problems)
       attempt(problem, [&] {
         RbfReport& into = problem.report;
-        problem.field = qr ? solve_qr(problem, into) : solve_dense(*dense, problem, into);
+        if (adaptive)
+          problem.field = solve_adaptive(problem, into);
+        else
+          problem.field = qr ? solve_qr(problem, into) : solve_dense(*dense, problem, into);
       });
   }
+}
+
+UnitField RbfSystem::Impl::solve_adaptive(const Problem& problem, RbfReport& into) const {
+  AdaptiveSolution solution = adaptive->solve(problem.values);
+  if (!solution.field) {
+    into.reason = "adaptive solver failed: " + solution.error;
+    return solve_dense(fallback(into), problem, into);
+  }
+  into.iterations = static_cast<int>(solution.centres.size());
+  into.max_residual = solution.in_local_lengths;
+  into.reason += "; " + std::to_string(solution.centres.size()) + " kernels miss at most " +
+                 scientific(solution.missed) + " spacings, the correction takes that";
+  return std::move(*solution.field);
 }
 
 // Takes the true residual, too: rounding must not have spoilt what the QR promises.

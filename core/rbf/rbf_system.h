@@ -20,13 +20,15 @@ enum class SolverKind {
   Cholesky,  ///< on the space without linear polynomials
   Iqr,       ///< incremental QR: least squares with some of the centres (Sieger et al., sect. 7)
   Fast,      ///< iterative
+  Adaptive,  ///< few centres, chosen by the values, and a correction that meets all others
 };
 
 struct RbfOptions {
   SolverKind solver = SolverKind::Auto;
   /// Fast solver: residual allowed at each centre, in units of its local length. The default keeps
   /// the field within 4e-5 local lengths of the dense solvers' (measured, docs/fast-solver.md).
-  /// Incremental QR: the root mean square of the residuals, in that unit.
+  /// Incremental QR: the root mean square of the residuals, in that unit. Adaptive: the residual
+  /// after the correction.
   double tolerance = 1e-5;
   /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour
   /// distance.
@@ -44,7 +46,7 @@ struct RbfReport {
   Index merged = 0;                      ///< duplicate centres merged into another
   int polynomial_terms = 0;              ///< D + 1 less the directions missing in flat sets
   double reciprocal_condition = 0;       ///< dense solvers: LAPACK's 1-norm estimate; else 0
-  int iterations = 0;                    ///< fast solver; incremental QR: kernels taken
+  int iterations = 0;                    ///< fast solver; incremental QR, adaptive: kernels taken
   double max_residual = 0;               ///< largest residual at a centre, in local lengths
   double seconds = 0;                    ///< set-up and solve
 

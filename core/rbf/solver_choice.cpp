@@ -15,7 +15,7 @@ SolverChoice choose_automatically(const Kernel& kernel, bool is_triharmonic, Ind
   if (kernel.cpd_order() > 2)
     return {SolverKind::Ldlt, "the kernel needs more than linear polynomials"};
   if (is_triharmonic && centres >= kFastCentres)
-    return {SolverKind::Fast, "triharmonic in space, many centres"};
+    return {SolverKind::Adaptive, "triharmonic in space, many centres"};
   return {SolverKind::Cholesky, is_triharmonic ? "few centres" : "positive definite kernel"};
 }
 
@@ -33,10 +33,11 @@ SolverChoice choose_solver(SolverKind asked, const Kernel& kernel, Index dimensi
     throw InvalidInputError(
         "the Cholesky solver needs a kernel that is positive definite beside linear polynomials, "
         "which this one is not; use LDL^T or LU");
-  if (asked == SolverKind::Fast && !is_triharmonic)
-    throw InvalidInputError("the fast solver serves the triharmonic kernel in 3D only");
-  if (asked == SolverKind::Fast && centres < kFewCentres)
-    return {SolverKind::Cholesky, "too few centres for the fast solver"};
+  const bool is_adaptive = asked == SolverKind::Adaptive;
+  if (asked != SolverKind::Fast && !is_adaptive) return {asked, "as asked"};
+  const std::string name = is_adaptive ? "the adaptive solver" : "the fast solver";
+  if (!is_triharmonic) throw InvalidInputError(name + " serves the triharmonic kernel in 3D only");
+  if (centres < kFewCentres) return {SolverKind::Cholesky, "too few centres for " + name};
   return {asked, "as asked"};
 }
 

@@ -59,13 +59,15 @@ MatrixXd UnitTargets::sums(const std::vector<const UnitField*>& fields) const {
 RowMatrix UnitTargets::finish(const UnitField& field,
                               const Eigen::Ref<const MatrixXd>& sums) const {
   const MatrixXd& x = points();
+  MatrixXd correction;
+  if (field.correction) correction = field.correction->evaluate(x);
   RowMatrix result(count_, sums.cols());
   parallel_for(count_, 4096, [&](Index begin, Index end) {
     const Index n = end - begin;
     MatrixXd values = sums.middleRows(begin, n);
     values += x.middleRows(begin, n) * field.linear.bottomRows(x.cols());
     values.rowwise() += field.linear.row(0);
-    if (field.correction) values += field.correction->evaluate(x.middleRows(begin, n));
+    if (field.correction) values += correction.middleRows(begin, n);
     for (Index i = 0; i < n; ++i)
       result.row(far_ ? far_->targets().rows[begin + i] : begin + i) = values.row(i);
   });

@@ -319,6 +319,9 @@ TEST_CASE("a .vtu keeps all but its coordinates, in its own encoding", "[core][m
       require_same(grid, result);
       REQUIRE(marks(folder / "out.vtu") == marks(folder / "in.vtu"));
       REQUIRE(folder.file_count() == 2);
+      file.write(folder / "again.vtu", points);
+      REQUIRE(contents(folder / "again.vtu") == contents(folder / "out.vtu"));
+      fs::remove(folder / "again.vtu");
     }
 }
 

@@ -194,20 +194,22 @@ TEST_CASE("Wrong surface nodes and positions are refused", "[volume]") {
 }
 
 TEST_CASE("Sets morphed together equal those morphed alone to the last bit", "[volume]") {
-  const Mesh mesh = cube(CellType::Hexahedron, 9);
+  const Mesh mesh = cube(CellType::Hexahedron, 20);  // 2,402 surface nodes
   const auto surface = cube_surface(mesh);
   const Points base = rows_of(mesh.points, surface);
   Points bad = base;
   bad(7, 2) = std::numeric_limits<double>::infinity();
   const std::vector<Points> targets = {shaken(base, 0.05, 1), base, bad, shaken(base, 0.2, 2),
                                        base.topRows(5)};
-  for (const SolverKind solver : {SolverKind::Auto, SolverKind::Fast}) {
+  for (const SolverKind solver : {SolverKind::Adaptive, SolverKind::Cholesky, SolverKind::Fast}) {
     const VolumeMorph morph(mesh, surface, {.rbf = {.solver = solver}});
     const std::vector<VolumeMorphResult> together = morph.morph_each(targets);
     for (const std::size_t i : {0, 1, 3}) {
       RbfReport report;
       REQUIRE_FALSE(together[i].error);
       REQUIRE(morph.morph(targets[i], &report) == together[i].positions);
+      REQUIRE(rows_of(together[i].positions, surface) == targets[i]);
+      CHECK(report.solver == solver);
       CHECK(report.iterations == together[i].report.iterations);
     }
     for (const std::size_t i : {2, 4})
