@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <utility>
@@ -55,6 +56,11 @@ constexpr double kRelaxedBelow = 1e3;
 // Part of the largest value that the rounding of the sums may come to.
 constexpr double kRounding = 1e-9;
 
+// Rounding of a sum in terms of its largest possible one-step error, eps sum |w| r^3 (measured: up
+// to 1.5), and the part of the largest value up to which it is accepted, as for the dense solvers.
+constexpr double kSumRounding = 2 * std::numeric_limits<double>::epsilon();
+constexpr double kWorstRounding = 1e-6;
+
 MatrixXd select(const MatrixXd& from, const std::vector<Index>& rows) {
   MatrixXd result(static_cast<Index>(rows.size()), from.cols());
   for (Index i = 0; i < result.rows(); ++i) result.row(i) = from.row(rows[i]);
@@ -88,20 +94,16 @@ struct FarField {
 
 // How far a solution has got.
 struct Progression {
-  MatrixXd values;   // at the kept points
-  VectorXd allowed;  // residual of each
-  MatrixXd weights, residual;
-  bool is_adaptive = false;  // has the larger stencils
-  int refinement = 0;        // of the far field, in powers of ten
+  MatrixXd values;                    // at the kept points
+  VectorXd allowed;                   // residual of each
+  MatrixXd weights, image, residual;  // image: sums of the weights at the points
+  bool is_adaptive = false;           // has the larger stencils
   int restarts = 0;
   bool is_solved = false;
   std::string error;
   FastReport report;
 
   bool is_open() const { return !is_solved && error.empty(); }
-  bool has_tools_of(const Progression& other) const {
-    return is_adaptive == other.is_adaptive && refinement == other.refinement;
-  }
 };
 
 }  // namespace
@@ -113,7 +115,7 @@ struct FastSolver::Impl {
 
   void choose_stencils();
   std::shared_ptr<const SparseInverseCholesky> factor(bool is_adaptive) const;
-  FarField far_field(int refinement) const;
+  void set_up_far_field();
   MatrixXd multiply(const H2Matrix* h2, const MatrixXd& weights) const {
     return h2 ? h2->multiply(weights) : sum(*points, *points, weights);
   }
@@ -121,8 +123,11 @@ struct FastSolver::Impl {
   Progression start(const MatrixXd& values) const;
   void advance(const std::vector<Progression*>& solutions) const;
   void iterate(const std::vector<Progression*>& solutions) const;
-  void verify(Progression& solution, MatrixXd image, bool has_converged) const;
-  double sampled_error(const Progression& solution, const MatrixXd& image) const;
+  void take_images(const std::vector<Progression*>& solutions,
+                   const std::vector<CgResult>& steps) const;
+  void verify(Progression& solution, bool has_converged) const;
+  bool is_rounding(const MatrixXd& residual, const Progression& solution) const;
+  double sampled_error(const Progression& solution) const;
   FastSolution finish(Progression solution) const;
   void correct(const std::vector<MatrixXd>& value_sets, std::vector<FastSolution>& solutions) const;
   VectorXd allowance(const VectorXd& lengths, const MatrixXd& values) const;
@@ -141,11 +146,11 @@ struct FastSolver::Impl {
   MatrixXd P;
   KernelSum sum{Kernel::triharmonic_3d()};
   FactorOptions stencils;
+  FarField far;
   std::string remarks;
 
   mutable std::mutex mutex;  // of what follows, made when first needed
   mutable std::map<bool, std::shared_ptr<const SparseInverseCholesky>> factors;
-  mutable std::map<int, FarField> far_fields;
 };
 
 FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
@@ -172,7 +177,7 @@ FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
   choose_stencils();
   factor(stencils.is_adaptive);
   tell(0.5);
-  far_field(0);
+  set_up_far_field();
   tell(1);
 }
 
@@ -189,7 +194,6 @@ FastSolver::Impl::Impl(const MatrixXd& given, FastOptions given_options, InputAr
   archive(ordered_length, length, stencils, remarks);
   factors[stencils.is_adaptive] = std::make_shared<const SparseInverseCholesky>(archive);
   if (!take<bool>(archive)) return;
-  FarField& far = far_fields[0];
   far.exact = std::make_shared<const H2Matrix>(archive);
   far.relaxed = std::make_shared<const H2Matrix>(archive);
 }
@@ -197,7 +201,6 @@ FastSolver::Impl::Impl(const MatrixXd& given, FastOptions given_options, InputAr
 void FastSolver::Impl::store(OutputArchive& archive) const {
   archive(order, rows, ordered_length, length, stencils, remarks);
   factor(stencils.is_adaptive)->store(archive);
-  const FarField far = far_field(0);
   archive(static_cast<bool>(far.exact));
   if (!far.exact) return;
   far.exact->store(archive);
@@ -223,28 +226,23 @@ std::shared_ptr<const SparseInverseCholesky> FastSolver::Impl::factor(bool is_ad
   return result;
 }
 
-FarField FastSolver::Impl::far_field(int refinement) const {
-  if (points->rows() <= kDirectCentres) return {};
-  const std::lock_guard lock(mutex);
-  FarField& result = far_fields[refinement];
-  if (!result.exact) {
-    const double accuracy = kFarFieldAccuracy * options.tolerance * std::pow(0.1, refinement);
-    result.exact =
-        std::make_shared<const H2Matrix>(*points, length, H2Options{.accuracy = accuracy});
-    result.relaxed = std::make_shared<const H2Matrix>(
-        *points, length, H2Options{.accuracy = kRelaxedAccuracy * accuracy});
-  }
-  return result;
+void FastSolver::Impl::set_up_far_field() {
+  if (points->rows() <= kDirectCentres) return;
+  const double accuracy = kFarFieldAccuracy * options.tolerance;
+  far.exact = std::make_shared<const H2Matrix>(*points, length, H2Options{.accuracy = accuracy});
+  far.relaxed = std::make_shared<const H2Matrix>(
+      *points, length, H2Options{.accuracy = kRelaxedAccuracy * accuracy});
 }
 
-// The H2 product against direct sums at some centres, in units of their allowance.
-double FastSolver::Impl::sampled_error(const Progression& solution, const MatrixXd& image) const {
+// The image against direct sums at some centres, in units of their allowance.
+double FastSolver::Impl::sampled_error(const Progression& solution) const {
   constexpr Index kSample = 256;
   std::vector<Index> sample(std::min(kSample, points->rows()));
   for (std::size_t s = 0; s < sample.size(); ++s)
     sample[s] = static_cast<Index>(s) * points->rows() / static_cast<Index>(sample.size());
   const MatrixXd exact = sum(select(*points, sample), *points, solution.weights);
-  return relative_residual(exact - select(image, sample), select(solution.allowed, sample));
+  return relative_residual(exact - select(solution.image, sample),
+                           select(solution.allowed, sample));
 }
 
 VectorXd FastSolver::Impl::allowance(const VectorXd& lengths, const MatrixXd& values) const {
@@ -265,6 +263,7 @@ Progression FastSolver::Impl::start(const MatrixXd& values) const {
   result.values = select(values, rows);
   result.allowed = allowance(length, values);
   result.weights = MatrixXd::Zero(result.values.rows(), result.values.cols());
+  result.image = result.weights;
   result.residual = result.values;
   result.is_adaptive = stencils.is_adaptive;
   return result;
@@ -282,7 +281,6 @@ void FastSolver::Impl::advance(const std::vector<Progression*>& solutions) const
 void FastSolver::Impl::iterate(const std::vector<Progression*>& solutions) const {
   const Progression& first = *solutions.front();
   const auto preconditioner = factor(first.is_adaptive);
-  const FarField far = far_field(first.refinement);
   std::vector<MatrixXd> residuals;
   std::vector<VectorXd> goals;
   for (const Progression* solution : solutions) {
@@ -301,45 +299,74 @@ void FastSolver::Impl::iterate(const std::vector<Progression*>& solutions) const
   const std::vector<CgResult> steps = solve_projected_cg(
       [&](const MatrixXd& x) { return multiply(far.exact.get(), x); },
       [&](const MatrixXd& x) { return preconditioner->apply(x); }, P, residuals, goals, cg);
-  std::vector<const MatrixXd*> weights;
   for (std::size_t s = 0; s < solutions.size(); ++s) {
     solutions[s]->report.iterations += steps[s].iterations;
     solutions[s]->weights += steps[s].weights;
-    weights.push_back(&solutions[s]->weights);
   }
-  const MatrixXd image = multiply(far.exact.get(), join_columns(weights));
+  take_images(solutions, steps);
+  for (std::size_t s = 0; s < solutions.size(); ++s)
+    verify(*solutions[s], steps[s].has_converged());
+}
+
+// Adds the steps' images, as the far field sees them. Where weights are so large (thin walls) that
+// it misses a sum, direct ones take its place: the steps that follow are small, and so is what it
+// misses of them.
+void FastSolver::Impl::take_images(const std::vector<Progression*>& solutions,
+                                   const std::vector<CgResult>& steps) const {
+  std::vector<const MatrixXd*> columns;
+  if (far.exact) {
+    for (const CgResult& step : steps) columns.push_back(&step.weights);
+    const MatrixXd images = far.exact->multiply(join_columns(columns));
+    Index column = 0;
+    for (Progression* solution : solutions) {
+      solution->image += images.middleCols(column, solution->image.cols());
+      column += solution->image.cols();
+    }
+  }
+  std::vector<Progression*> missed;
+  columns.clear();
+  for (Progression* solution : solutions) {
+    if (far.exact && sampled_error(*solution) <= 1) continue;
+    if (far.exact) solution->report.remarks = "direct sums: the far field missed some centres";
+    missed.push_back(solution);
+    columns.push_back(&solution->weights);
+  }
+  if (missed.empty()) return;
+  const MatrixXd images = sum(*points, *points, join_columns(columns));
   Index column = 0;
-  for (std::size_t s = 0; s < solutions.size(); ++s) {
-    const Index width = solutions[s]->weights.cols();
-    verify(*solutions[s], image.middleCols(column, width), steps[s].has_converged());
-    column += width;
+  for (Progression* solution : missed) {
+    solution->image = images.middleCols(column, solution->image.cols());
+    column += solution->image.cols();
   }
 }
 
+// Whether a residual is no more than the rounding of the sums that it comes from. Weights are large
+// where centres that nearly coincide move apart.
+bool FastSolver::Impl::is_rounding(const MatrixXd& residual, const Progression& solution) const {
+  const MatrixXd magnitudes = multiply(far.exact.get(), solution.weights.cwiseAbs());
+  const double most = kWorstRounding * solution.values.cwiseAbs().maxCoeff();
+  const VectorXd rounding = (kSumRounding * magnitudes.rowwise().norm()).cwiseMin(most);
+  return relative_residual(residual, solution.allowed.cwiseMax(rounding)) <= 1;
+}
+
 // Takes the true residual and says how to go on where it is above the allowance.
-void FastSolver::Impl::verify(Progression& solution, MatrixXd image, bool has_converged) const {
-  if (far_field(0).exact) {
-    const double error = sampled_error(solution, image);
-    if (error > 1) {
-      solution.refinement += static_cast<int>(std::ceil(std::log10(3 * error)));
-      image = far_field(solution.refinement).exact->multiply(solution.weights);
-      solution.report.remarks = "finer far field: the usual one was too coarse for some centres";
-    }
-  }
-  solution.residual = solution.values - image;
+void FastSolver::Impl::verify(Progression& solution, bool has_converged) const {
+  solution.residual = solution.values - solution.image;
   MatrixXd projected = solution.residual;
   project_out(P, projected);
-  solution.report.residual = relative_residual(projected, solution.allowed);
-  if (solution.report.residual <= 1) {
+  FastReport& report = solution.report;
+  report.residual = relative_residual(projected, solution.allowed);
+  if (report.residual <= 1 || (has_converged && is_rounding(projected, solution))) {
     solution.is_solved = true;
-    solution.report.in_local_lengths = in_local_lengths(projected, rows);
+    report.in_local_lengths = in_local_lengths(projected, rows);
+    if (report.residual > 1) report.remarks = "solved to the rounding of the sums";
   } else if (++solution.restarts > kRestarts || (!has_converged && solution.is_adaptive)) {
-    solution.error = "the fast solver reached only " + std::to_string(solution.report.residual) +
-                     " times the residual asked in " + std::to_string(solution.report.iterations) +
+    solution.error = "the fast solver reached only " + std::to_string(report.residual) +
+                     " times the residual asked in " + std::to_string(report.iterations) +
                      " iterations; allow a larger tolerance or use a dense solver";
   } else if (!has_converged) {
     solution.is_adaptive = true;
-    solution.report.remarks = "larger stencils: the plain ones did not converge";
+    report.remarks = "larger stencils: the plain ones did not converge";
   }
 }
 
@@ -349,7 +376,7 @@ FastSolution FastSolver::Impl::finish(Progression solution) const {
   UnitField field{.centres = points,
                   .weights = std::move(solution.weights),
                   .linear = frame.linear_in_given(coefficients),
-                  .far_field = far_field(solution.refinement).exact,
+                  .far_field = far.exact,
                   .correction = nullptr};
   return {std::move(field), {}, std::move(solution.report)};
 }
@@ -357,7 +384,7 @@ FastSolution FastSolver::Impl::finish(Progression solution) const {
 // Adds the multiscale correction where points were thinned out.
 void FastSolver::Impl::correct(const std::vector<MatrixXd>& value_sets,
                                std::vector<FastSolution>& solutions) const {
-  const UnitTargets all(sum, ordered, far_field(0).exact.get());
+  const UnitTargets all(sum, ordered, far.exact.get());
   for (std::size_t s = 0; s < solutions.size(); ++s) {
     FastSolution& solution = solutions[s];
     if (!solution.field) continue;
@@ -395,7 +422,7 @@ std::vector<FastSolution> FastSolver::solve(const std::vector<MatrixXd>& value_s
     if (open == progress.end()) break;
     std::vector<Progression*> group;
     for (auto p = open; p != progress.end(); ++p)
-      if (p->is_open() && p->has_tools_of(*open)) group.push_back(&*p);
+      if (p->is_open() && p->is_adaptive == open->is_adaptive) group.push_back(&*p);
     s.advance(group);
   }
   std::vector<FastSolution> solutions;
@@ -406,6 +433,6 @@ std::vector<FastSolution> FastSolver::solve(const std::vector<MatrixXd>& value_s
 
 const std::string& FastSolver::remarks() const { return impl_->remarks; }
 
-std::shared_ptr<const H2Matrix> FastSolver::far_field() const { return impl_->far_field(0).exact; }
+std::shared_ptr<const H2Matrix> FastSolver::far_field() const { return impl_->far.exact; }
 
 }  // namespace cadmorph

@@ -21,7 +21,9 @@ struct FastOptions {
 /// What a fast solution took.
 struct FastReport {
   int iterations = 0;
-  double residual = 0;          ///< largest true residual at a centre, in units of its allowance
+  /// Largest true residual at a centre, in units of its allowance: above 1 only where the rounding
+  /// of the sums is.
+  double residual = 0;
   double in_local_lengths = 0;  ///< the same in local lengths
   Index thinned = 0;            ///< points left to the multiscale correction
   std::string remarks;          ///< what was substituted, if anything
@@ -42,8 +44,9 @@ class FastSolver {
  public:
   /// `points`: N x 3, N >= 5, distinct, of unit size; `local_length`: N, in the unit of the points,
   /// empty for the distance to the nearest neighbour. Residuals below 1e-9 of the largest value are
-  /// always allowed: they are rounding of the sums. Throws SolverError when the factor can't be
-  /// built.
+  /// always allowed: they are rounding of the sums; so are larger ones, up to 1e-6 of it, where the
+  /// weights are so large that the sums round to no less. Throws SolverError when the factor can't
+  /// be built.
   FastSolver(const Eigen::MatrixXd& points, const Eigen::VectorXd& local_length,
              FastOptions options = {});
 
@@ -56,7 +59,7 @@ class FastSolver {
   /// alone, and does not depend on what was solved before.
   std::vector<FastSolution> solve(const std::vector<Eigen::MatrixXd>& value_sets) const;
 
-  /// The H2 matrix of most solutions; null where sums are direct.
+  /// The H2 matrix; null where sums are direct.
   std::shared_ptr<const H2Matrix> far_field() const;
 
   /// What was chosen at set-up, for the report.

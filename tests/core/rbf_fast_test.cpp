@@ -105,6 +105,56 @@ TEST_CASE("thin sheets converge, with nodes matched or not", "[core][rbf][fast]"
       }
 }
 
+TEST_CASE(
+    "where walls are so thin that the far field misses sums, the residual told is the true one",
+    "[core][rbf][fast]") {
+  const test::RbfSet set = test::thin_sheets(test::SheetShape::Tube, 13000, 0.005, true);
+  const RbfField field =
+      RbfSystem(set.surface, Kernel::triharmonic_3d(), fast()).solve(set.displacement);
+  REQUIRE(field.report().solver == SolverKind::Fast);
+  CHECK_THAT(field.report().reason, Catch::Matchers::Contains("direct sums"));
+  CHECK(field.report().iterations <= 15);
+  const Eigen::VectorXd spacing = nearest_distances(set.surface);
+  double worst = 0;
+  constexpr Index kFew = 1000;  // so few targets are summed directly
+  for (Index first = 0; first < set.surface.rows(); first += kFew) {
+    const Index count = std::min(kFew, set.surface.rows() - first);
+    const RowMatrix missed = field.evaluate(set.surface.middleRows(first, count)) -
+                             set.displacement.middleRows(first, count);
+    for (Index i = 0; i < count; ++i)
+      worst = std::max(worst, missed.row(i).norm() / spacing(first + i));
+  }
+  CHECK(worst <= 1e-5);
+  // Up to what the far field misses of the last small steps.
+  CHECK(field.report().max_residual == Approx(worst).margin(2e-6));
+}
+
+TEST_CASE("centres that nearly coincide and move apart are solved to the rounding of the sums",
+          "[core][rbf][fast]") {
+  const test::RbfSet set = test::turning_hole(2500, 10);
+  const Index sound = set.surface.rows(), twins = 12;
+  const double diagonal =
+      (set.surface.colwise().maxCoeff() - set.surface.colwise().minCoeff()).norm();
+  const double apart = 3e-5 * diagonal;  // just too far for the correction
+  RowMatrix centres(sound + twins, 3), values(sound + twins, 3);
+  centres.topRows(sound) = set.surface;
+  values.topRows(sound) = set.displacement;
+  for (Index i = 0; i < twins; ++i) {
+    const Index of = i * sound / twins;
+    centres.row(sound + i) = centres.row(of) + apart * Eigen::RowVector3d(0.6, 0, 0.8);
+    values.row(sound + i) = values.row(of) + 100 * apart * Eigen::RowVector3d(0, 1, 0);
+  }
+  const RbfField field = RbfSystem(centres, Kernel::triharmonic_3d()).solve(values);
+  REQUIRE(field.report().solver == SolverKind::Fast);
+  CHECK_THAT(field.report().reason, Catch::Matchers::Contains("rounding"));
+  const RowMatrix missed = field.evaluate(centres) - values;
+  // A thousandth of the pairs' distance, 3e-8 of the size.
+  CHECK(missed.rowwise().norm().maxCoeff() < 1e-3 * apart);
+  CHECK(field.report().max_residual ==
+        Approx((missed.rowwise().norm().array() / nearest_distances(centres).array()).maxCoeff())
+            .epsilon(0.5));
+}
+
 TEST_CASE("hopeless gaps are solved or handed on with the reason, never silently wrong",
           "[core][rbf][fast]") {
   const test::RbfSet set = test::thin_sheets(test::SheetShape::Plate, 1500, 0.0005, false);
