@@ -57,6 +57,7 @@ bool has_extension(const MeshFormat& format, const std::string& extension) {
 std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
       abaqus_format(),
+      ansys_format(),
       nastran_format(),
       su2_format(),
       vtk_format(),

@@ -6,6 +6,7 @@ namespace cadmorph {
 
 // One source each, named as the function.
 const MeshFormat& abaqus_format();
+const MeshFormat& ansys_format();
 const MeshFormat& nastran_format();
 const MeshFormat& su2_format();
 const MeshFormat& vtk_format();
