@@ -7,6 +7,7 @@ namespace cadmorph {
 // One source each, named as the function.
 const MeshFormat& abaqus_format();
 const MeshFormat& ansys_format();
+const MeshFormat& ls_dyna_format();
 const MeshFormat& nastran_format();
 const MeshFormat& su2_format();
 const MeshFormat& vtk_format();
