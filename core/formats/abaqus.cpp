@@ -12,6 +12,7 @@
 #include "core/cell_topology.h"
 #include "core/formats/deck.h"
 #include "core/formats/formats.h"
+#include "core/formats/node_styles.h"
 #include "core/formats/number_fields.h"
 #include "core/formats/numbered_mesh.h"
 
@@ -35,49 +36,6 @@ std::string_view unquoted(std::string_view text) {
     return text.substr(1, text.size() - 2);
   return text;
 }
-
-/// "number, x, y, z", and what may follow.
-class NodeLine : public NodeStyle {
- public:
-  std::string_view read(std::string_view record, Eigen::RowVector3d& point) const override {
-    FreeFields fields(record);
-    std::string_view field;
-    fields.next(field);
-    point.setZero();
-    for (int c = 0; c < 3 && fields.next(field); ++c)
-      if (!read_real(field, point(c))) return trimmed(field);
-    return {};
-  }
-
-  void write(std::string_view record, const Eigen::RowVector3d& point,
-             const std::array<bool, 3>& is_changed, double least,
-             std::string& text) const override {
-    FreeFields fields(record);
-    std::string_view field;
-    fields.next(field);
-    std::size_t kept = 0;
-    int c = 0;
-    for (; c < 3 && fields.next(field); ++c) {
-      const std::string_view token = trimmed(field);
-      if (!is_changed[std::size_t(c)] || (token.empty() && std::abs(point(c)) <= least)) continue;
-      const auto begin = std::size_t((token.empty() ? field : token).data() - record.data());
-      text.append(record, kept, begin - kept);
-      write_real(point(c), {.width = kFieldWidth}, text);
-      kept = begin + token.size();
-    }
-    text.append(record, kept);
-    const std::string separator = record.find(',') == std::string_view::npos ? " " : ", ";
-    for (std::string zeros; c < 3; ++c) {
-      zeros += separator;
-      if (is_changed[std::size_t(c)] && std::abs(point(c)) > least) {
-        text += std::exchange(zeros, {});
-        write_real(point(c), {.width = kFieldWidth}, text);
-      } else {
-        zeros += '0';
-      }
-    }
-  }
-};
 
 /// What an element type of the deck becomes.
 struct ElementKind {
@@ -877,7 +835,7 @@ class Reader {
   std::vector<Part> parts_ = std::vector<Part>(1);
   std::vector<Instance> instances_;
   std::vector<Placed> placed_;
-  std::shared_ptr<const NodeLine> style_ = std::make_shared<NodeLine>();
+  std::shared_ptr<const NodeStyle> style_ = std::make_shared<FreeNodeLine>();
 
   // What is being read.
   DeckPlace here_, keyword_place_, part_place_, element_place_;

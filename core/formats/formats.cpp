@@ -58,8 +58,10 @@ bool has_extension(const MeshFormat& format, const std::string& extension) {
 std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
       abaqus_format(),
+      ansys_format(),
       cgns_format(),
       gmsh_format(),
+      ls_dyna_format(),
       medit_format(),
       nastran_format(),
       openfoam_format(),

@@ -6,8 +6,10 @@ namespace cadmorph {
 
 // One source each, named as the function.
 const MeshFormat& abaqus_format();
+const MeshFormat& ansys_format();
 const MeshFormat& cgns_format();
 const MeshFormat& gmsh_format();
+const MeshFormat& ls_dyna_format();
 const MeshFormat& medit_format();
 const MeshFormat& nastran_format();
 const MeshFormat& openfoam_format();

@@ -1,0 +1,480 @@
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cstdlib>
+#include <map>
+#include <utility>
+
+#include "core/cell_topology.h"
+#include "core/formats/collapsed_cells.h"
+#include "core/formats/deck.h"
+#include "core/formats/formats.h"
+#include "core/formats/node_styles.h"
+#include "core/formats/number_fields.h"
+#include "core/formats/numbered_mesh.h"
+
+namespace fs = std::filesystem;
+
+namespace cadmorph {
+namespace {
+
+constexpr Index kHighestNumber = Index{1} << 40;
+
+std::string upper(std::string_view text) {
+  std::string result(text);
+  std::ranges::transform(result, result.begin(),
+                         [](unsigned char c) { return char(std::toupper(c)); });
+  return result;
+}
+
+/// Columns of a keyword's integers and coordinates.
+enum class Width { Standard, Long, I10 };
+
+/// A line that begins with '*': "ELEMENT_SOLID", its columns.
+struct Keyword {
+  std::string name;
+  Width width = Width::Standard;
+};
+
+Keyword parse_keyword(std::string_view line, Width deck_width) {
+  Keyword keyword{.name = {}, .width = deck_width};
+  const std::string text = upper(line.substr(1));
+  const std::size_t end = std::min(text.find_first_of(" \t(,"), text.size());
+  keyword.name = text.substr(0, end);
+  std::string_view rest = trimmed(std::string_view(text).substr(end));
+  if (keyword.name.ends_with('+') || rest == "+") keyword.width = Width::Long;
+  if (keyword.name.ends_with('-') || rest == "-") keyword.width = Width::Standard;
+  if (keyword.name.ends_with('%') || rest == "%") keyword.width = Width::I10;
+  while (keyword.name.ends_with('+') || keyword.name.ends_with('-') || keyword.name.ends_with('%'))
+    keyword.name.pop_back();
+  return keyword;
+}
+
+/// The options behind a keyword's name: "_THICKNESS_OFFSET".
+std::vector<std::string> options_of(std::string_view name, std::string_view keyword) {
+  std::vector<std::string> options;
+  name.remove_prefix(keyword.size());
+  while (!name.empty()) {
+    name.remove_prefix(1);
+    const std::size_t end = std::min(name.find('_'), name.size());
+    options.emplace_back(name.substr(0, end));
+    name.remove_prefix(end);
+  }
+  return options;
+}
+
+bool is_of(std::string_view name, std::string_view keyword) {
+  return name.starts_with(keyword) &&
+         (name.size() == keyword.size() || name[keyword.size()] == '_');
+}
+
+/// Reads a keyword deck.
+class Reader {
+ public:
+  explicit Reader(const fs::path& path) : sources_(path) {}
+
+  ReadMesh run() {
+    read_file(0);
+    end_element();
+    MeshAssembly assembly(sources_);
+    assembly.add(mesh_);
+    ReadMesh result = assembly.finish(std::move(sources_), "part");
+    for (const auto& [name, count] : left_out_)
+      result.remarks.push_back(std::to_string(count) + " lines of *" + name +
+                               " give no cells of the mesh; their nodes follow the others");
+    return result;
+  }
+
+ private:
+  enum class Data { Skip, Nodes, Elements, LeftOut, Title, SetHead, Set, Include };
+
+  void read_file(std::size_t file) {
+    const std::string_view text = sources_.text(file);
+    for (std::size_t at = 0; at < text.size() && !has_ended_;) {
+      here_ = {file, at};
+      const std::string_view line = take_line(text, at);
+      if (line.starts_with('$')) continue;
+      if (line.starts_with('*'))
+        read_keyword(line);
+      else if (data_ != Data::Skip)
+        read_data(line);
+    }
+  }
+
+  void read_keyword(std::string_view line) {
+    end_element();
+    data_ = Data::Skip;
+    width_ = deck_width_;
+    const Keyword keyword = parse_keyword(line, deck_width_);
+    const std::string& name = keyword.name;
+    width_ = keyword.width;
+    if (name == "END")
+      has_ended_ = true;
+    else if (name == "KEYWORD")
+      read_deck_width(upper(line));
+    else if (name == "NODE")
+      begin_nodes();
+    else if (is_of(name, "ELEMENT"))
+      begin_elements(name);
+    else if (is_of(name, "SET_NODE") || is_of(name, "SET_SEGMENT"))
+      begin_set(name);
+    else if (name == "INCLUDE")
+      data_ = Data::Include;
+    else
+      check_other(name);
+  }
+
+  void read_deck_width(const std::string& line) {
+    std::string text = line;
+    std::erase(text, ' ');
+    if (text.find("LONG=Y") != std::string::npos) deck_width_ = Width::Long;
+    if (text.find("I10=Y") != std::string::npos) deck_width_ = Width::I10;
+  }
+
+  void check_other(const std::string& name) const {
+    if (is_of(name, "INCLUDE_PATH")) return;
+    if (is_of(name, "INCLUDE") || is_of(name, "NODE_TRANSFORM") || is_of(name, "NODE_SCALE") ||
+        is_of(name, "NODE_REFLECT"))
+      sources_.fail(here_, "*" + name +
+                               " moves or changes nodes while the deck is read, which is not "
+                               "followed: write the deck anew, with its nodes where they are");
+  }
+
+  void read_data(std::string_view line) {
+    switch (data_) {
+      case Data::Skip:
+        return;
+      case Data::Nodes:
+        return read_node(line);
+      case Data::Elements:
+        return read_element(line);
+      case Data::LeftOut:
+        ++*left_out_lines_;
+        return;
+      case Data::Title:
+        set_.name = trimmed(line);
+        data_ = Data::SetHead;
+        return;
+      case Data::SetHead:
+        return read_set_head(line);
+      case Data::Set:
+        return read_set(line);
+      case Data::Include:
+        return read_include(line);
+    }
+  }
+
+  [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
+    std::string text(trimmed(found).substr(0, 40));
+    std::ranges::replace_if(
+        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
+    sources_.fail(here_, "expected " + std::string(what) + ", found '" + text + "'");
+  }
+
+  void begin_nodes() {
+    data_ = Data::Nodes;
+    const std::size_t integer = width_ == Width::Long ? 20 : width_ == Width::I10 ? 10 : 8;
+    column_style_ = std::make_shared<NodeColumns>(integer, width_ == Width::Long ? 20 : 16);
+    number_width_ = integer;
+    records_.fill(~std::size_t{0});
+  }
+
+  NodeRecords& node_records(bool is_free) {
+    std::size_t& block = records_[is_free ? 1 : 0];
+    if (block >= mesh_.records.size() || mesh_.records[block].file != here_.file) {
+      block = mesh_.records.size();
+      mesh_.records.push_back({.file = here_.file, .style = is_free ? free_style_ : column_style_});
+    }
+    return mesh_.records[block];
+  }
+
+  void read_node(std::string_view line) {
+    if (trimmed(line).empty()) return;
+    const bool is_free = line.find(',') != std::string_view::npos;
+    const std::string_view field =
+        is_free ? line.substr(0, line.find(',')) : line.substr(0, number_width_);
+    Index number = 0;
+    if (!read_integer(field, number) || number < 1 || number > kHighestNumber)
+      fail_expected("the number of a node", field);
+    Eigen::RowVector3d point;
+    const NodeStyle& style = is_free ? *free_style_ : *column_style_;
+    const std::string_view bad = style.read(line, point);
+    if (!bad.empty()) fail_expected("a coordinate", bad);
+    if (line.size() > 0xffff) sources_.fail(here_, "the line is too long");
+    NodeRecords& records = node_records(is_free);
+    records.places.push_back({.place = here_.place, .length = line.size()});
+    records.nodes.push_back(std::ssize(mesh_.node_numbers));
+    mesh_.add_node(number, point);
+  }
+
+  /// Appends the integers of a line; blank ones are 0.
+  void read_integers(std::string_view line, std::size_t width, std::size_t most,
+                     std::vector<Index>& numbers) const {
+    const auto add = [&](std::string_view field) {
+      Index number = 0;
+      if (!trimmed(field).empty() &&
+          (!read_integer(field, number) || std::abs(number) > kHighestNumber))
+        fail_expected("a number", field);
+      numbers.push_back(number);
+    };
+    const std::size_t end = numbers.size() + most;
+    if (line.find(',') != std::string_view::npos) {
+      FreeFields fields(line);
+      std::string_view field;
+      while (numbers.size() < end && fields.next(field)) add(field);
+      return;
+    }
+    for (std::size_t at = 0; at < line.size() && numbers.size() < end; at += width)
+      add(line.substr(at, width));
+  }
+
+  std::size_t element_width() const {
+    return width_ == Width::Long ? 20 : width_ == Width::I10 ? 10 : 8;
+  }
+
+  void begin_elements(const std::string& name) {
+    kind_ = Kind::None;
+    extra_lines_ = 0;
+    has_thickness_ = false;
+    if (is_of(name, "ELEMENT_SOLID")) {
+      kind_ = Kind::Solid;
+      for (const std::string& option : options_of(name, "ELEMENT_SOLID"))
+        add_extra_lines(name, option, {{"ORTHO", 2}, {"DOF", 1}});
+    } else if (is_of(name, "ELEMENT_TSHELL")) {
+      kind_ = Kind::Solid;
+      for (const std::string& option : options_of(name, "ELEMENT_TSHELL"))
+        add_extra_lines(name, option, {{"BETA", 1}});
+    } else if (is_of(name, "ELEMENT_SHELL")) {
+      kind_ = Kind::Shell;
+      bool has_thickness = false;
+      for (const std::string& option : options_of(name, "ELEMENT_SHELL")) {
+        const bool is_thickness = option == "THICKNESS" || option == "BETA" || option == "MCID";
+        // They share a line.
+        if (!is_thickness || !has_thickness)
+          add_extra_lines(name, option,
+                          {{"THICKNESS", 1}, {"BETA", 1}, {"MCID", 1}, {"OFFSET", 1}, {"DOF", 1}});
+        has_thickness = has_thickness || is_thickness;
+      }
+      has_thickness_ = has_thickness;
+    } else if (name == "ELEMENT_BEAM") {
+      kind_ = Kind::Beam;
+    }
+    data_ = Data::Elements;
+    if (kind_ == Kind::None) {
+      data_ = Data::LeftOut;
+      left_out_lines_ = &left_out_[name];
+    }
+  }
+
+  void add_extra_lines(const std::string& name, const std::string& option,
+                       const std::map<std::string, int>& known) {
+    const auto found = known.find(option);
+    if (found == known.end())
+      sources_.fail(here_, "elements of *" + name + " are not known (the option " + option + ")");
+    extra_lines_ += found->second;
+  }
+
+  /// An element takes a line, or one for its number and part and one for its nodes, and what its
+  /// options add.
+  void read_element(std::string_view line) {
+    if (skipped_ > 0) {
+      --skipped_;
+      return;
+    }
+    if (trimmed(line).empty()) return;
+    const bool has_head = !element_.empty();
+    if (!has_head) element_place_ = here_;
+    read_integers(line, element_width(), 10, element_);
+    if (!has_head) {
+      if (element_.size() < 2) fail_expected("the numbers of an element and of its part", line);
+      const bool is_head =
+          kind_ == Kind::Solid && std::all_of(element_.begin() + 2, element_.end(),
+                                              [](Index number) { return number == 0; });
+      if (is_head) {
+        element_.resize(2);
+        return;
+      }
+    }
+    add_element();
+    element_.clear();
+    // Those at mid-side nodes have a line of their own.
+    skipped_ = extra_lines_ + (has_more_thicknesses_ ? 1 : 0);
+    has_more_thicknesses_ = false;
+  }
+
+  void end_element() {
+    if (!element_.empty())
+      sources_.fail(element_place_,
+                    "the nodes of element " + std::to_string(element_[0]) + " are missing");
+    skipped_ = 0;
+  }
+
+  void add_element() {
+    const Index number = element_[0], part = element_[1];
+    nodes_.assign(element_.begin() + 2, element_.end());
+    const CellType type = kind_ == Kind::Solid   ? solid_type()
+                          : kind_ == Kind::Shell ? shell_type()
+                                                 : beam_type();
+    if (type == CellType{} || std::ranges::any_of(nodes_, [](Index node) { return node < 1; }))
+      sources_.fail(element_place_, "element " + std::to_string(number) +
+                                        " has too few nodes, or some that are no numbers of nodes");
+    if (part < 0 || part > (1 << 30)) fail_expected("the number of a part", std::to_string(part));
+    mesh_.add_element(number, type, nodes_, int(part), element_place_);
+  }
+
+  CellType solid_type() {
+    nodes_.resize(10);
+    if (nodes_[8] != 0 && nodes_[9] != 0) return CellType::QuadraticTetra;
+    // A solid of four nodes repeats the last or leaves the others out.
+    nodes_.resize(8);
+    for (std::size_t i = 4; i < 8; ++i)
+      if (nodes_[i] == 0) nodes_[i] = nodes_[i - 1];
+    return reduce_collapsed(CellType::Hexahedron, nodes_);
+  }
+
+  CellType shell_type() {
+    nodes_.resize(8);
+    const bool has_middles = nodes_[4] != 0 && nodes_[5] != 0 && nodes_[6] != 0;
+    if (nodes_[3] == 0) nodes_[3] = nodes_[2];
+    const bool is_triangle = nodes_[3] == nodes_[2];
+    has_more_thicknesses_ = has_middles && has_thickness_;
+    if (has_middles && is_triangle) {
+      nodes_ = {nodes_[0], nodes_[1], nodes_[2],
+                nodes_[4], nodes_[5], nodes_[7] != 0 ? nodes_[7] : nodes_[6]};
+      return CellType::QuadraticTriangle;
+    }
+    if (has_middles && nodes_[7] != 0) return CellType::QuadraticQuad;
+    nodes_.resize(4);
+    return reduce_collapsed(CellType::Quad, nodes_);
+  }
+
+  CellType beam_type() {
+    nodes_.resize(2);
+    return CellType::Line;
+  }
+
+  void begin_set(const std::string& name) {
+    const bool is_segment = is_of(name, "SET_SEGMENT");
+    bool has_title = false;
+    is_range_ = false;
+    for (const std::string& option : options_of(name, is_segment ? "SET_SEGMENT" : "SET_NODE")) {
+      if (option == "TITLE")
+        has_title = true;
+      else if (option == "GENERATE" && !is_segment)
+        is_range_ = true;
+      else if (option != "LIST" && option != "COLUMN")
+        return;  // by boxes, parts, ...: not read
+    }
+    set_ = {.name = {}, .kind = is_segment ? "segment set" : "node set", .numbers = {}};
+    is_column_ = name.find("COLUMN") != std::string::npos;
+    is_segment_ = is_segment;
+    data_ = has_title ? Data::Title : Data::SetHead;
+  }
+
+  std::size_t set_width() const { return width_ == Width::Long ? 20 : 10; }
+
+  void read_set_head(std::string_view line) {
+    std::vector<Index> numbers;
+    read_integers(line, set_width(), 1, numbers);
+    if (numbers.empty()) fail_expected("the number of a set", line);
+    if (set_.name.empty()) set_.name = std::to_string(numbers[0]);
+    mesh_.sets.push_back(std::move(set_));
+    data_ = Data::Set;
+  }
+
+  void read_set(std::string_view line) {
+    if (trimmed(line).empty()) return;
+    std::vector<Index> numbers;
+    const std::size_t most = is_column_ ? 1 : is_segment_ ? 4 : 8;
+    read_integers(line, set_width(), most, numbers);
+    std::vector<Index>& all = mesh_.sets.back().numbers;
+    if (!is_range_) {
+      all.insert(all.end(), numbers.begin(), numbers.end());
+      return;
+    }
+    constexpr Index kLongest = 1 << 28;
+    for (std::size_t i = 0; i + 1 < numbers.size(); i += 2) {
+      if (numbers[i + 1] - numbers[i] > kLongest) sources_.fail(here_, "the range is too long");
+      for (Index number = numbers[i]; number != 0 && number <= numbers[i + 1]; ++number)
+        all.push_back(number);
+    }
+  }
+
+  /// A name goes on in the next line behind " +".
+  void read_include(std::string_view line) {
+    std::string_view part = trimmed(line);
+    if (part.empty()) return;
+    const bool goes_on = part.ends_with(" +");
+    if (goes_on) part = trimmed(part.substr(0, part.size() - 1));
+    include_ += part;
+    if (goes_on) return;
+    const DeckPlace from = here_;
+    const std::string name = std::exchange(include_, {});
+    data_ = Data::Skip;
+    read_file(sources_.include(name, from));
+    sources_.leave();
+    end_element();
+    has_ended_ = false;
+    here_ = from;
+    data_ = Data::Include;
+  }
+
+  enum class Kind { None, Solid, Shell, Beam };
+
+  DeckSources sources_;
+  NumberedMesh mesh_;
+  std::map<std::string, Index> left_out_;
+
+  // What is being read.
+  DeckPlace here_, element_place_;
+  Width deck_width_ = Width::Standard, width_ = Width::Standard;
+  Data data_ = Data::Skip;
+  bool has_ended_ = false;
+  std::shared_ptr<const NodeStyle> free_style_ = std::make_shared<FreeNodeLine>();
+  std::shared_ptr<const NodeStyle> column_style_;
+  std::size_t number_width_ = 8;
+  std::array<std::size_t, 2> records_{};  ///< of the keyword: in columns, and free
+  Kind kind_ = Kind::None;
+  bool has_thickness_ = false, has_more_thicknesses_ = false;
+  int extra_lines_ = 0, skipped_ = 0;
+  std::vector<Index> element_, nodes_;
+  Index* left_out_lines_ = nullptr;
+  NumberedSet set_;
+  bool is_range_ = false, is_column_ = false, is_segment_ = false;
+  std::string include_;
+};
+
+/// *KEYWORD begins it; without it, names with '_' tell them from Abaqus's.
+Recognition recognise(const FileStart& start) {
+  const std::string_view text = start.bytes;
+  bool has_keyword = false;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::string_view line = take_line(text, at);
+    if (line.starts_with('$') || trimmed(line).empty()) continue;
+    if (!line.starts_with('*')) {
+      if (!has_keyword) return Recognition::No;
+      continue;
+    }
+    has_keyword = true;
+    const std::string name = parse_keyword(line, Width::Standard).name;
+    if (name == "KEYWORD" || is_of(name, "ELEMENT_SOLID") || is_of(name, "ELEMENT_SHELL") ||
+        is_of(name, "ELEMENT_BEAM") || is_of(name, "SET_NODE") || is_of(name, "SECTION_SHELL") ||
+        is_of(name, "SECTION_SOLID"))
+      return Recognition::Sure;
+  }
+  return has_keyword ? Recognition::Possible : Recognition::No;
+}
+
+ReadMesh read(const fs::path& path) { return Reader(path).run(); }
+
+}  // namespace
+
+const MeshFormat& ls_dyna_format() {
+  static const MeshFormat format{.name = "LS-DYNA",
+                                 .extensions = {".k", ".key", ".dyn"},
+                                 .recognise = recognise,
+                                 .read = read};
+  return format;
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,197 @@
+#include <Eigen/Geometry>
+#include <catch2/catch.hpp>
+#include <string>
+
+#include "core/errors.h"
+#include "tests/core/formats/format_checks.h"
+
+namespace fs = std::filesystem;
+
+namespace cadmorph::test {
+namespace {
+
+// The unit cube's corners are nodes 11 to 18; both forms of solids, all their collapsed shapes.
+const std::string kDeck =
+    "$# made by hand\n"
+    "*KEYWORD\n"
+    "*TITLE\n"
+    "a cube and what stands on it\n"
+    "*NODE\n"
+    "$#   nid               x               y               z      tc      rc\n"
+    "      11             0.0             0.0             0.0       0       0\n"
+    "      12             1.0\n"
+    "      13             1.0             1.0\n"
+    "      14             0.0             1.0             0.0       0       0\n"
+    "      15             0.0             0.0             1.0       0       0\n"
+    "      16             1.0             0.0             1.0       0       0\n"
+    "17,1.,1.,1.\n"
+    "18, 0, 1, 1, 0, 0\n"
+    "      30            0.50            0.50             2.0       0       0\n"
+    "*NODE +\n"
+    "                  40                 2.0                 0.5                0.25\n"
+    "*ELEMENT_SOLID\n"
+    "       1       3      11      12      13      14      15      16      17      18\n"
+    "*ELEMENT_SOLID (ten nodes format)\n"
+    "       2       4\n"
+    "      15      16      17      18      30      30      30      30       0       0\n"
+    "       3       4\n"
+    "      12      40      13      16      16      16      16      16\n"
+    "       4       5\n"
+    "      11      12      13      14      15      15      18      18\n"
+    "       5       5\n"
+    "      12      40      13      16      11      14      15      17      18      30\n"
+    "*ELEMENT_SHELL_THICKNESS\n"
+    "       6       2      11      12      13      14\n"
+    "             0.1             0.1             0.1             0.1\n"
+    "       7       2      11      12      13      13\n"
+    "             0.1             0.1             0.1             0.1\n"
+    "*ELEMENT_BEAM\n"
+    "       8       6      11      12      13\n"
+    "*ELEMENT_MASS\n"
+    "       9      11             1.0\n"
+    "*SET_NODE_LIST_TITLE\n"
+    "top\n"
+    "         1       0.0       0.0       0.0       0.0\n"
+    "        15        16        17        18         0         0         0         0\n"
+    "*SET_SEGMENT\n"
+    "         7\n"
+    "        11        12        13        14\n"
+    "*END\n"
+    "*NODE\nnonsense\n";
+
+std::string replaced(std::string text, const std::string& old_text, const std::string& new_text) {
+  const std::size_t place = text.find(old_text);
+  REQUIRE(place != std::string::npos);
+  return text.replace(place, old_text.size(), new_text);
+}
+
+std::vector<Index> nodes_of(const Mesh& mesh, Index cell) {
+  const auto nodes = mesh.cell(cell);
+  return {nodes.begin(), nodes.end()};
+}
+
+}  // namespace
+
+TEST_CASE("An LS-DYNA deck gives its cells, points, sets and parts", "[core][formats]") {
+  const FormatFolder folder;
+  const MeshFile file(folder.put("deck.k", kDeck));
+  const Mesh& mesh = file.mesh();
+  CHECK(file.format() == "LS-DYNA");
+  using enum CellType;
+  REQUIRE(mesh.types ==
+          std::vector{Hexahedron, Pyramid, Tetra, Wedge, QuadraticTetra, Quad, Triangle, Line});
+  CHECK(nodes_of(mesh, 0) == std::vector<Index>{0, 1, 2, 3, 4, 5, 6, 7});
+  CHECK(nodes_of(mesh, 1) == std::vector<Index>{4, 5, 6, 7, 8});
+  CHECK(nodes_of(mesh, 2) == std::vector<Index>{1, 9, 2, 5});
+  CHECK(nodes_of(mesh, 4) == std::vector<Index>{1, 9, 2, 5, 0, 3, 4, 6, 7, 8});
+  CHECK(nodes_of(mesh, 6) == std::vector<Index>{0, 1, 2});
+  CHECK(mesh.points.row(2) == Eigen::RowVector3d(1, 1, 0));
+  CHECK(mesh.points.row(7) == Eigen::RowVector3d(0, 1, 1));
+  CHECK(mesh.points.row(9) == Eigen::RowVector3d(2, 0.5, 0.25));
+  CHECK(mesh.regions == std::vector<int>{3, 4, 4, 5, 5, 2, 2, 6});
+  CHECK(mesh.region_array == "part");
+  REQUIRE(mesh.groups.size() == 2);
+  CHECK(mesh.groups[0].name == "top");
+  CHECK(mesh.groups[0].nodes == std::vector<Index>{4, 5, 6, 7});
+  CHECK(mesh.groups[1].name == "7");
+  CHECK(mesh.groups[1].kind == "segment set");
+  CHECK(mesh.groups[1].nodes == std::vector<Index>{0, 1, 2, 3});
+  REQUIRE(file.remarks().size() == 1);
+  CHECK_THAT(file.remarks()[0], Catch::Contains("1 lines of *ELEMENT_MASS"));
+
+  // The wedge: the edges upwards of its first triangle lie along y, where its normal points.
+  const auto wedge = mesh.cell(3);
+  const auto point = [&](std::size_t i) -> Eigen::Vector3d {
+    return mesh.points.row(wedge[i]).transpose();
+  };
+  const Eigen::Vector3d normal = (point(1) - point(0)).cross(point(2) - point(0));
+  for (std::size_t i = 0; i < 3; ++i) {
+    CHECK(point(i + 3) - point(i) == Eigen::Vector3d::UnitY());
+    CHECK(normal.dot(point(i + 3) - point(i)) > 0);
+  }
+}
+
+TEST_CASE("LS-DYNA decks come back with other coordinates alone", "[core][formats]") {
+  const FormatFolder folder;
+  // Sixteen columns hold 13 digits and more.
+  require_promise(folder.put("deck.k", kDeck), folder, "out.k", 1e-13);
+}
+
+TEST_CASE("Moved coordinates keep the columns of an LS-DYNA deck", "[core][formats]") {
+  const FormatFolder folder;
+  const MeshFile file(folder.put("deck.k", kDeck));
+  Points moved = file.mesh().points;
+  moved(0, 1) = -1.0 / 3;
+  moved(1, 2) = 0.125;  // beyond the end of the line
+  moved(6, 1) = 1.5;
+  moved(9, 0) = 2.0 / 3;
+  file.write(folder / "out.k", moved);
+  std::string expected = replaced(kDeck, "      11             0.0             0.0",
+                                  "      11             0.0-.33333333333333");
+  expected = replaced(expected, "      12             1.0",
+                      "      12             1.0              0.           0.125");
+  expected = replaced(expected, "17,1.,1.,1.", "17,1.,1.5,1.");
+  expected = replaced(expected, "                  40                 2.0",
+                      "                  40  0.6666666666666666");
+  CHECK(bytes_of(folder / "out.k") == expected);
+}
+
+TEST_CASE("Decks of LS-DYNA with wide integers are read by their columns", "[core][formats]") {
+  const FormatFolder folder;
+  const std::string deck =
+      "*KEYWORD I10=Y\n*NODE\n"
+      "         1             0.0             0.0             0.0\n"
+      "         2             1.0             0.0             0.0\n"
+      "         3             0.0             1.0             0.0\n"
+      "1000000004             0.0             0.0             1.0\n"
+      "*ELEMENT_SOLID\n"
+      "         7         1         1         2         31000000004100000000410000000041000000004"
+      "1000000004\n"
+      "*END\n";
+  const MeshFile file(folder.put("wide.k", deck));
+  CHECK(file.mesh().types == std::vector{CellType::Tetra});
+  CHECK(file.mesh().connectivity == std::vector<Index>{0, 1, 2, 3});
+  require_promise(folder / "wide.k", folder, "out.k", 1e-13);
+}
+
+TEST_CASE("Files that an LS-DYNA deck includes are copied with it", "[core][formats]") {
+  const FormatFolder folder;
+  const std::size_t end = kDeck.find("*ELEMENT_SOLID");
+  folder.put("nodes.k", kDeck.substr(0, end));
+  const std::string main = "*KEYWORD\n*INCLUDE\nnodes.k\n" + kDeck.substr(end);
+  const MeshFile file(folder.put("main.k", main));
+  CHECK(file.mesh().cell_count() == 8);
+  fs::create_directories(folder / "out");
+  Points moved = file.mesh().points;
+  moved(6, 1) = 1.5;
+  REQUIRE_THROWS_WITH(file.write(folder / "other.k", moved), Catch::Contains("nodes.k"));
+  file.write(folder / "out/main.k", moved);
+  CHECK(bytes_of(folder / "out/main.k") == main);
+  CHECK(bytes_of(folder / "out/nodes.k") ==
+        replaced(kDeck.substr(0, end), "17,1.,1.,1.", "17,1.,1.5,1."));
+}
+
+TEST_CASE("Bad LS-DYNA decks are refused by line", "[core][formats]") {
+  const FormatFolder folder;
+  const auto refused = [&](const std::string& old_text, const std::string& new_text,
+                           std::initializer_list<std::string> parts) {
+    require_refused(folder.put("bad.k", replaced(kDeck, old_text, new_text)), parts);
+  };
+  refused("            0.50", "            0x50", {"bad.k", "line 15", "a coordinate", "'0x50'"});
+  refused("      30            0.50", "      3x            0.50", {"line 15", "number of a node"});
+  refused("      12      40      13", "      12      41      13", {"line 23", "node 41"});
+  refused("      12      40      13", "      12       0      13", {"line 23", "element 3"});
+  refused("*ELEMENT_SOLID (ten", "*ELEMENT_SOLID_H27 (ten", {"line 20", "H27"});
+  refused("*ELEMENT_MASS", "*INCLUDE_TRANSFORM", {"line 36", "*INCLUDE_TRANSFORM"});
+  refused("*ELEMENT_MASS", "*NODE_TRANSFORM", {"line 36", "*NODE_TRANSFORM"});
+  refused("*ELEMENT_MASS\n", "*INCLUDE\nnone.k\n", {"line 37", "none.k"});
+  refused("      12      40      13      16      11      14      15      17      18      30\n", "",
+          {"line 27", "element 5", "missing"});
+}
+
+TEST_CASE("Damaged LS-DYNA decks never crash the reader", "[core][formats]") {
+  const FormatFolder folder;
+  require_robust(folder.put("deck.k", kDeck), folder);
+}
+
+}  // namespace cadmorph::test
