@@ -59,6 +59,7 @@ std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
       gmsh_format(),
       medit_format(),
+      mfem_format(),
       su2_format(),
       ugrid_format(),
       vtk_format(),

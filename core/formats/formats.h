@@ -7,6 +7,7 @@ namespace cadmorph {
 // One source each, named as the function.
 const MeshFormat& gmsh_format();
 const MeshFormat& medit_format();
+const MeshFormat& mfem_format();
 const MeshFormat& su2_format();
 const MeshFormat& ugrid_format();
 const MeshFormat& vtk_format();
