@@ -63,6 +63,7 @@ std::span<const MeshFormat> mesh_formats() {
       gmsh_format(),
       ls_dyna_format(),
       medit_format(),
+      mfem_format(),
       nastran_format(),
       openfoam_format(),
       su2_format(),

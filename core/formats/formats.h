@@ -11,6 +11,7 @@ const MeshFormat& cgns_format();
 const MeshFormat& gmsh_format();
 const MeshFormat& ls_dyna_format();
 const MeshFormat& medit_format();
+const MeshFormat& mfem_format();
 const MeshFormat& nastran_format();
 const MeshFormat& openfoam_format();
 const MeshFormat& su2_format();
