@@ -1,6 +1,8 @@
 #include "core/temporary_file.h"
 
 #include <fcntl.h>
+#include <stdio.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -42,18 +44,60 @@ fs::path resolve(const fs::path& target) {
   return follow_links(target);
 }
 
+fs::path resolve_folder(const fs::path& target) {
+  std::error_code error;
+  const auto status = fs::status(target, error);
+  if (fs::exists(status) && !fs::is_directory(status))
+    fail(target, "there is a file of that name, but it is to be a folder");
+  fs::path path = follow_links(target);
+  return path.has_filename() ? path : path.parent_path();  // "case/"
+}
+
+fs::path folder_of(const fs::path& target) {
+  return target.has_parent_path() ? target.parent_path() : fs::path(".");
+}
+
+/// Calls create(path) with names beside the target until it makes one that was not there; false
+/// (and errno) when it fails.
+template <class Create>
+bool create_beside(const fs::path& target, fs::path& path, Create create) {
+  static std::atomic<int> counter = 0;
+  // A process of the same number, killed or on another machine, may have left or use the name.
+  do {
+    path = folder_of(target) /
+           (".cadmorph-" + std::to_string(getpid()) + "-" + std::to_string(counter++) + ".tmp");
+    if (create(path)) return true;
+  } while (errno == EEXIST || errno == ENOTEMPTY);
+  return false;
+}
+
+/// Flushes a file or folder to disk.
+void flush(const fs::path& path, const fs::path& target) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool is_flushed = file >= 0 && fsync(file) == 0;
+  const int error = errno;
+  if (file >= 0) close(file);
+  if (!is_flushed) fail(target, std::strerror(error));
+}
+
+void flush_all(const fs::path& folder, const fs::path& target) {
+  flush(folder, target);
+  try {
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      if (!entry.is_symlink()) flush(entry.path(), target);
+  } catch (const fs::filesystem_error& error) {
+    fail(target, error.code().message());
+  }
+}
+
 }  // namespace
 
 TemporaryFile::TemporaryFile(const fs::path& target) : target_(resolve(target)) {
-  static std::atomic<int> counter = 0;
-  const auto folder = target_.has_parent_path() ? target_.parent_path() : fs::path(".");
-  // A process of the same number, killed or on another machine, may have left or use the name.
-  do {
-    path_ = folder /
-            (".cadmorph-" + std::to_string(getpid()) + "-" + std::to_string(counter++) + ".tmp");
-    file_ = open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
-  } while (file_ < 0 && errno == EEXIST);
-  if (file_ < 0) fail(target_, std::strerror(errno));
+  const auto create = [&](const fs::path& path) {
+    file_ = open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+    return file_ >= 0;
+  };
+  if (!create_beside(target_, path_, create)) fail(target_, std::strerror(errno));
 }
 
 TemporaryFile::~TemporaryFile() {
@@ -78,6 +122,46 @@ void TemporaryFile::commit() {
   if (closed != 0) fail(target_, std::strerror(errno));
   if (rename(path_.c_str(), target_.c_str()) != 0) fail(target_, std::strerror(errno));
   path_.clear();
+}
+
+TemporaryFolder::TemporaryFolder(const fs::path& target) : target_(resolve_folder(target)) {
+  const auto create = [](const fs::path& path) { return mkdir(path.c_str(), 0777) == 0; };
+  if (!create_beside(target_, path_, create)) fail(target_, std::strerror(errno));
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code error;
+  if (!path_.empty()) fs::remove_all(path_, error);
+}
+
+void TemporaryFolder::commit() {
+  flush_all(path_, target_);
+  if (rename(path_.c_str(), target_.c_str()) == 0) {
+    path_.clear();
+    return;
+  }
+  if (errno != ENOTEMPTY && errno != EEXIST) fail(target_, std::strerror(errno));
+  exchange();
+  std::error_code error;
+  fs::remove_all(std::exchange(path_, fs::path()), error);
+}
+
+/// Afterwards the folder that was there has the temporary name, by which it is removed.
+void TemporaryFolder::exchange() {
+  if (renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), RENAME_EXCHANGE) == 0) return;
+  // Some network file systems can't exchange.
+  if (errno != EINVAL && errno != ENOSYS) fail(target_, std::strerror(errno));
+  fs::path old;
+  const auto move_away = [&](const fs::path& path) {
+    return rename(target_.c_str(), path.c_str()) == 0;
+  };
+  if (!create_beside(target_, old, move_away)) fail(target_, std::strerror(errno));
+  if (rename(path_.c_str(), target_.c_str()) != 0) {
+    const int error = errno;
+    rename(old.c_str(), target_.c_str());
+    fail(target_, std::strerror(error));
+  }
+  path_ = old;
 }
 
 }  // namespace cadmorph

@@ -29,4 +29,27 @@ class TemporaryFile {
   int file_ = -1;
 };
 
+/// A new folder beside the one to write; gone again, with all in it, unless it took that one's
+/// place. Its members throw IoError.
+class TemporaryFolder {
+ public:
+  /// `target` may be a link to a folder: that is then replaced.
+  explicit TemporaryFolder(const std::filesystem::path& target);
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+
+  /// Flushes to disk and takes the target's place. A folder that is there is removed once the new
+  /// one has its name.
+  void commit();
+
+ private:
+  void exchange();
+
+  std::filesystem::path target_;
+  std::filesystem::path path_;
+};
+
 }  // namespace cadmorph

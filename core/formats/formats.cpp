@@ -58,6 +58,7 @@ std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
       abaqus_format(),
       gmsh_format(),
+      openfoam_format(),
       su2_format(),
       vtk_format(),
   };

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <random>
@@ -17,21 +18,6 @@ namespace cadmorph::test {
 namespace {
 
 bool is_plane(const Points& points) { return (points.col(2).array() == points(0, 2)).all(); }
-
-void require_same_contents(const Mesh& a, const Mesh& b) {
-  REQUIRE(a.types == b.types);
-  REQUIRE(a.offsets == b.offsets);
-  REQUIRE(a.connectivity == b.connectivity);
-  REQUIRE(a.polyhedron_offsets == b.polyhedron_offsets);
-  REQUIRE(a.polyhedron_faces == b.polyhedron_faces);
-  REQUIRE(a.regions == b.regions);
-  REQUIRE(a.groups.size() == b.groups.size());
-  for (std::size_t i = 0; i < a.groups.size(); ++i) {
-    CHECK(a.groups[i].name == b.groups[i].name);
-    CHECK(a.groups[i].kind == b.groups[i].kind);
-    CHECK(a.groups[i].nodes == b.groups[i].nodes);
-  }
-}
 
 std::string contents_of(const fs::path& path) {
   return fs::is_directory(path) ? tree_of(path) : bytes_of(path);
@@ -46,6 +32,28 @@ bool is_taken(const fs::path& path) {
     INFO(error.what());
     CHECK(std::string(error.what()).find(path.filename().string()) != std::string::npos);
     return false;
+  }
+}
+
+/// Tries the bytes cut off and changed.
+void require_robust(const std::string& bytes,
+                    const std::function<bool(std::string_view damaged)>& is_taken) {
+  Index refused = 0;
+  constexpr std::size_t kCuts = 60;
+  for (std::size_t i = 0; i < kCuts; ++i) {
+    const std::size_t size = bytes.size() * i / kCuts;
+    INFO("cut off after " << size << " bytes");
+    if (!is_taken(std::string_view(bytes).substr(0, size))) ++refused;
+  }
+  CHECK(refused > 0);
+  std::mt19937 random(5489);
+  for (int i = 0; i < 200; ++i) {
+    std::string damaged = bytes;
+    const std::size_t place = random() % bytes.size();
+    const bool is_digit = std::isdigit(static_cast<unsigned char>(bytes[place])) != 0;
+    damaged[place] = is_digit && i % 2 ? char('0' + random() % 10) : char(random() % 256);
+    INFO("byte " << place << " changed to " << int(damaged[place]));
+    is_taken(damaged);
   }
 }
 
@@ -103,6 +111,21 @@ Points plane_affine(const Points& points) {
   return result;
 }
 
+void require_same_contents(const Mesh& a, const Mesh& b) {
+  REQUIRE(a.types == b.types);
+  REQUIRE(a.offsets == b.offsets);
+  REQUIRE(a.connectivity == b.connectivity);
+  REQUIRE(a.polyhedron_offsets == b.polyhedron_offsets);
+  REQUIRE(a.polyhedron_faces == b.polyhedron_faces);
+  REQUIRE(a.regions == b.regions);
+  REQUIRE(a.groups.size() == b.groups.size());
+  for (std::size_t i = 0; i < a.groups.size(); ++i) {
+    CHECK(a.groups[i].name == b.groups[i].name);
+    CHECK(a.groups[i].kind == b.groups[i].kind);
+    CHECK(a.groups[i].nodes == b.groups[i].nodes);
+  }
+}
+
 void require_promise(const fs::path& path, const FormatFolder& folder, const std::string& out,
                      double tolerance) {
   const MeshFile file(path);
@@ -142,25 +165,20 @@ void require_promise(const fs::path& path, const FormatFolder& folder, const std
 }
 
 void require_robust(const fs::path& path, const FormatFolder& folder) {
-  const std::string bytes = bytes_of(path);
   const std::string name = "damaged" + path.extension().string();
-  Index refused = 0;
-  constexpr std::size_t kCuts = 60;
-  for (std::size_t i = 0; i < kCuts; ++i) {
-    const std::size_t size = bytes.size() * i / kCuts;
-    INFO("cut off after " << size << " bytes");
-    if (!is_taken(folder.put(name, std::string_view(bytes).substr(0, size)))) ++refused;
-  }
-  CHECK(refused > 0);
-  std::mt19937 random(5489);
-  for (int i = 0; i < 200; ++i) {
-    std::string damaged = bytes;
-    const std::size_t place = random() % bytes.size();
-    const bool is_digit = std::isdigit(static_cast<unsigned char>(bytes[place])) != 0;
-    damaged[place] = is_digit && i % 2 ? char('0' + random() % 10) : char(random() % 256);
-    INFO("byte " << place << " changed to " << int(damaged[place]));
-    is_taken(folder.put(name, damaged));
-  }
+  require_robust(bytes_of(path),
+                 [&](std::string_view damaged) { return is_taken(folder.put(name, damaged)); });
+}
+
+void require_robust_folder(const fs::path& path, const std::string& file,
+                           const FormatFolder& folder) {
+  const fs::path damaged = folder / "damaged";
+  fs::remove_all(damaged);
+  fs::copy(path, damaged, fs::copy_options::recursive);
+  require_robust(bytes_of(path / file), [&](std::string_view bytes) {
+    folder.put("damaged/" + file, bytes);
+    return is_taken(damaged);
+  });
 }
 
 void require_refused(const fs::path& path, std::initializer_list<std::string> parts) {

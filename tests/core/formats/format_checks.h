@@ -34,6 +34,9 @@ Points affine(const Points& points);
 /// The same in the plane of z = constant.
 Points plane_affine(const Points& points);
 
+/// Requires the same cells, groups and regions.
+void require_same_contents(const Mesh& a, const Mesh& b);
+
 /// Requires what every format promises of the file (or folder) `path`:
 /// - with the same coordinates a copy has the same bytes;
 /// - with one node moved, that node alone reads back elsewhere, exactly where it was moved to;
@@ -49,6 +52,10 @@ void require_promise(const std::filesystem::path& path, const FormatFolder& fold
 /// or refused by an Error, never anything else; that at least one of the cut ones is refused, and
 /// that all refusals name the file.
 void require_robust(const std::filesystem::path& path, const FormatFolder& folder);
+
+/// The same of a file in the folder `path` that is read as one mesh.
+void require_robust_folder(const std::filesystem::path& path, const std::string& file,
+                           const FormatFolder& folder);
 
 /// Requires that reading the file throws an Error whose text has all of `parts`.
 void require_refused(const std::filesystem::path& path, std::initializer_list<std::string> parts);

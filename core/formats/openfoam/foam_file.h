@@ -1,0 +1,77 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/formats/coordinate_places.h"
+#include "core/formats/face_cells.h"
+
+namespace cadmorph {
+
+/// A file of OpenFOAM, text or binary: its header, and what follows read item by item. An error
+/// names the file and the line, or the byte of binary data.
+class FoamFile {
+ public:
+  /// Reads the file and its header. Throws IoError.
+  explicit FoamFile(const std::filesystem::path& path);
+
+  bool is_binary() const { return is_binary_; }
+  const std::string& class_name() const { return class_; }
+  const SourceFile& source() const { return source_; }
+
+  /// Skips white space and comments, and `punctuation` if it follows.
+  bool take(char punctuation);
+  void expect(char punctuation, std::string_view after_what);
+  /// A word, or what stands in quotation marks.
+  std::string word(std::string_view what);
+  /// A number of [first, end).
+  Index label(std::string_view what, Index first, Index end);
+
+  /// A list of at most `most` labels of [first, end).
+  std::vector<Index> labels(std::string_view what, Index most, Index first, Index end);
+  /// A list of points, and where their coordinates stand.
+  Points points(CoordinatePlaces& places);
+  /// A list of faces whose nodes are in [0, nodes), in the form that the header's class tells.
+  FaceList faces(Index nodes);
+
+  /// Skips the rest of an entry of a dictionary.
+  void skip_value();
+
+  [[noreturn]] void fail(const std::string& why) const { fail_at(at_, why); }
+
+ private:
+  void read_header();
+  void read_architecture(const std::string& text);
+  bool skip_space();
+  void skip_comment();
+  bool is_at_number() const;
+  template <class Number>
+  TextToken number(std::string_view what, Number& value);
+  Index checked(Index value, std::size_t place, std::string_view what, Index first,
+                Index end) const;
+  /// The number of items before a list, each of at least `least_bytes`; -1: it is not there.
+  Index list_count(std::string_view what, std::size_t least_bytes);
+  /// Begins a list of binary items: the place of the first. The one after the last is next.
+  std::size_t binary_items(std::string_view what, Index count, std::size_t size);
+  void skip_binary_list(const std::string& type);
+  Index load_label(std::size_t place) const;
+  Points text_points(Index count, TextPlaces& places);
+  FaceList compact_faces(Index nodes);
+
+  [[noreturn]] void fail_at(std::size_t place, const std::string& why) const;
+  [[noreturn]] void fail_at_byte(std::size_t place, const std::string& why) const;
+  [[noreturn]] void fail_expected(std::string_view what) const;
+
+  std::filesystem::path path_;
+  std::string bytes_;
+  SourceFile source_;
+  std::size_t at_ = 0;
+  std::string class_;
+  bool is_binary_ = false;
+  bool is_big_endian_ = false;
+  std::size_t label_bytes_ = 4, scalar_bytes_ = 8;
+};
+
+}  // namespace cadmorph
