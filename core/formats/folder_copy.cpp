@@ -4,6 +4,7 @@
 #include <set>
 #include <system_error>
 
+#include "core/errors.h"
 #include "core/formats/mesh_format.h"
 
 namespace fs = std::filesystem;
@@ -70,6 +71,10 @@ fs::path real_path(const fs::path& path) {
   return real.has_filename() ? real : real.parent_path();
 }
 
+[[noreturn]] void refuse(const fs::path& target, const std::string& why) {
+  throw InvalidInputError("can't write the mesh " + target.string() + ": " + why);
+}
+
 }  // namespace
 
 void copy_folder(const fs::path& from, const fs::path& to, const fs::path& target,
@@ -85,19 +90,19 @@ void check_apart(const fs::path& from, const fs::path& target) {
   const fs::path source = real_path(from), copy = real_path(target);
   if (copy == source) fail_writing(target, "it is the mesh read; choose another folder");
   if (is_inside(copy, source) || is_inside(source, copy))
-    fail_writing(target, "one of it and the mesh read, " + from.string() +
-                             ", is inside the other; choose a folder beside it");
+    refuse(target, "one of it and the mesh read, " + from.string() +
+                       ", is inside the other; choose a folder beside it");
 }
 
-void check_replaceable(const fs::path& target, const fs::path& copy) {
+void check_replaceable(const fs::path& target, const fs::path& from) {
   std::error_code error;
   if (!fs::is_directory(target, error)) return;
   try {
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(target)) {
       const fs::path path = entry.path().lexically_relative(target);
-      if (!fs::exists(fs::symlink_status(copy / path)))
-        fail_writing(target, "the folder is there and holds what a copy of the mesh has not, '" +
-                                 path.string() + "'; choose another, or remove it first");
+      if (!fs::exists(fs::symlink_status(from / path)))
+        refuse(target, "the folder is there and holds what a copy of the mesh has not, '" +
+                           path.string() + "'; choose another, or remove it first");
     }
   } catch (const fs::filesystem_error& failure) {
     fail_writing(target, failure.path1().string() + ": " + failure.code().message());

@@ -13,10 +13,11 @@ void copy_folder(const std::filesystem::path& from, const std::filesystem::path&
                  const std::filesystem::path& target,
                  const std::vector<std::filesystem::path>& left_out);
 
-/// Throws IoError where `target` is `from`, in it, or has it inside.
+/// Throws InvalidInputError where `target` is `from`, in it, or has it inside.
 void check_apart(const std::filesystem::path& from, const std::filesystem::path& target);
 
-/// Throws IoError where the folder `target` holds anything that `copy`, to take its place, has not.
-void check_replaceable(const std::filesystem::path& target, const std::filesystem::path& copy);
+/// Throws InvalidInputError where the folder `target` holds anything that `from`, of which a copy
+/// is to take its place, has not.
+void check_replaceable(const std::filesystem::path& target, const std::filesystem::path& from);
 
 }  // namespace cadmorph

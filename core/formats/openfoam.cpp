@@ -3,6 +3,7 @@
 #include <map>
 #include <system_error>
 
+#include "core/errors.h"
 #include "core/formats/folder_copy.h"
 #include "core/formats/formats.h"
 #include "core/formats/openfoam/poly_mesh.h"
@@ -75,6 +76,10 @@ bool has_mesh(const CaseMeshes& found) {
          !found.regions.empty();
 }
 
+[[noreturn]] void refuse(const fs::path& target, const std::string& why) {
+  throw InvalidInputError("can't write the mesh " + target.string() + ": " + why);
+}
+
 /// Writes copies of the folder with other points files.
 class FoamCopier : public MeshCopier {
  public:
@@ -82,9 +87,7 @@ class FoamCopier : public MeshCopier {
       : folder_(std::move(folder)), files_(std::move(files)) {}
 
   void write(const fs::path& target, const Points& before, const Points& after) const override {
-    check_apart(folder_, target);
-    if (is_folder(target) && !fs::is_empty(target) && !has_mesh(find_meshes(target)))
-      fail_writing(target, "the folder is there and no case of OpenFOAM; choose another");
+    check_target(target);
     TemporaryFolder copy(target);
     std::vector<fs::path> paths;
     for (const FoamPoints& file : files_)
@@ -92,8 +95,18 @@ class FoamCopier : public MeshCopier {
     copy_folder(folder_, copy.path(), target, paths);
     for (std::size_t i = 0; i < files_.size(); ++i)
       write_copy(files_[i].source, files_[i].places, before, after, copy.path() / paths[i]);
-    check_replaceable(target, copy.path());
     copy.commit();
+  }
+
+  void check_target(const fs::path& target) const override {
+    check_apart(folder_, target);
+    std::error_code error;
+    if (fs::exists(target, error) && !is_folder(target))
+      refuse(target, "there is a file of that name, but it is to be a folder");
+    if (!is_folder(target)) return;
+    if (!fs::is_empty(target, error) && !has_mesh(find_meshes(target)))
+      refuse(target, "the folder is there and no case of OpenFOAM; choose another");
+    check_replaceable(target, folder_);
   }
 
   Points readable(const Points& before, const Points& after) const override {
