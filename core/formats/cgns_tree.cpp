@@ -291,7 +291,7 @@ void CgnsTree::fail(const CgnsNode& node, const std::string& why) const {
 }
 
 bool is_adf(const FileStart& start) {
-  return std::string_view(start.bytes).substr(4, 12) == "ADF Database";
+  return start.bytes.find("ADF Database") == 4;
 }
 
 std::unique_ptr<const CgnsTree> read_cgns_tree(const fs::path& path) {

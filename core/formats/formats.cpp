@@ -139,11 +139,11 @@ void check_copy_name(const fs::path& mesh, const fs::path& target) {
   std::error_code error;
   const bool is_folder = fs::is_directory(mesh, error);
   if (!is_folder && fs::is_directory(target, error)) refuse("a folder");
-  if (own.name == vtk_format().name) refuse("a file of another format");
   if (extension.empty() || extension == lower(mesh_extension(mesh))) return;
   for (const MeshFormat& format : mesh_formats())
     if (has_extension(format, extension) && (is_folder || !has_extension(own, extension)))
       refuse("a " + std::string(format.name) + " file");
+  if (own.name == vtk_format().name) refuse("a file of another format");
 }
 
 void fail_reading(const fs::path& path, const std::string& why) {
