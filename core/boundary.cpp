@@ -1,25 +1,22 @@
 #include "core/boundary.h"
 
-#include <oneapi/tbb/enumerable_thread_specific.h>
-#include <oneapi/tbb/parallel_sort.h>
-
 #include <algorithm>
-#include <optional>
 #include <string>
 #include <utility>
 
 #include "core/cell_faces.h"
 #include "core/errors.h"
+#include "core/parallel.h"
 #include "core/quality.h"
 
 namespace cadmorph {
 namespace {
 
+constexpr Index kGrain = 1 << 14;  // cells a task
+
 /// A face to keep, with the cell on its other side (-1: none).
 struct Kept {
-  CellFace face;
-  Index neighbour;
-  bool operator<(const Kept& other) const { return face < other.face; }
+  Index cell, local, neighbour;
 };
 
 std::string joined(const std::vector<Index>& ids) {
@@ -28,37 +25,32 @@ std::string joined(const std::vector<Index>& ids) {
   return text;
 }
 
-[[noreturn]] void fail_shared(const Mesh& mesh, std::span<const CellFace> faces) {
-  const Facet facet = cell_facets(mesh, faces[0].cell())[faces[0].local()];
+void check_overlap(const Mesh& mesh, const CellNeighbours& neighbours) {
+  if (neighbours.overlapping.empty()) return;
+  const std::vector<Facet> facets = cell_facets(mesh, neighbours.overlapping.front());
+  const Facet& facet = facets[neighbours.overlapping_face];
   std::vector<Index> corners(facet.nodes);
   corners.resize(corner_count(facet.type, std::ssize(facet.nodes)));
-  std::vector<Index> cells;
-  for (const CellFace face : faces) cells.push_back(face.cell());
   throw InvalidInputError("more than two cells share the face of nodes" + joined(corners) +
-                          ": cells" + joined(cells) +
+                          ": cells" + joined(neighbours.overlapping) +
                           "; remove duplicate or overlapping cells from the mesh");
 }
 
-/// The face to keep of those that have the same corners, if any.
-std::optional<Kept> kept_face(const Mesh& mesh, std::span<const CellFace> faces) {
-  if (faces.size() > 2) fail_shared(mesh, faces);
-  CellFace a = faces[0];
-  if (faces.size() == 1) return Kept{a, -1};
-  CellFace b = faces[1];
-  if (mesh.region(a.cell()) == mesh.region(b.cell())) return {};
-  if (mesh.region(b.cell()) < mesh.region(a.cell())) std::swap(a, b);
-  return Kept{a, b.cell()};
-}
-
 /// Faces used by one cell, and those between regions, in the order of their cells.
-std::vector<Kept> select_faces(const Mesh& mesh) {
-  tbb::enumerable_thread_specific<std::vector<Kept>> parts;
-  for_each_shared_face(mesh, [&](std::span<const CellFace> faces) {
-    if (const auto face = kept_face(mesh, faces)) parts.local().push_back(*face);
+std::vector<Kept> select_faces(const Mesh& mesh, const CellNeighbours& neighbours) {
+  const Index cells = mesh.cell_count();
+  std::vector<std::vector<Kept>> parts((cells + kGrain - 1) / kGrain);
+  parallel_for(cells, kGrain, [&](Index begin, Index end) {
+    std::vector<Kept>& part = parts[begin / kGrain];
+    for (Index c = begin; c < end; ++c)
+      for (Index f = neighbours.offsets[c]; f < neighbours.offsets[c + 1]; ++f) {
+        const Index other = neighbours.neighbour[f];
+        if (other < 0 || mesh.region(c) < mesh.region(other))
+          part.push_back({c, f - neighbours.offsets[c], other});
+      }
   });
   std::vector<Kept> kept;
   for (const auto& part : parts) kept.insert(kept.end(), part.begin(), part.end());
-  tbb::parallel_sort(kept.begin(), kept.end());
   return kept;
 }
 
@@ -94,18 +86,19 @@ void append(Boundary& boundary, const Facet& facet, Index cell, Index neighbour)
   boundary.neighbour.push_back(neighbour);
 }
 
-Boundary solid_boundary(const Mesh& mesh) {
+Boundary solid_boundary(const Mesh& mesh, const CellNeighbours& neighbours) {
+  check_overlap(mesh, neighbours);
   Boundary boundary;
   boundary.offsets = {0};
   const Orientation orientation = detect_orientation(mesh);
   Index cell = -1;
   std::vector<Facet> facets;
-  for (const Kept& kept : select_faces(mesh)) {
-    if (kept.face.cell() != cell) {
-      cell = kept.face.cell();
+  for (const Kept& kept : select_faces(mesh, neighbours)) {
+    if (kept.cell != cell) {
+      cell = kept.cell;
       facets = cell_facets(mesh, cell);
     }
-    Facet& facet = facets[kept.face.local()];
+    Facet& facet = facets[kept.local];
     if (orientation[static_cast<std::size_t>(mesh.types[cell])] < 0) reverse(facet);
     drop_repeated_corner(facet);
     append(boundary, facet, cell, kept.neighbour);
@@ -140,11 +133,16 @@ std::vector<Index> used_nodes(const Boundary& boundary, Index node_count) {
 }  // namespace
 
 Boundary extract_boundary(const Mesh& mesh) {
+  return extract_boundary(mesh,
+                          dimension(mesh) == 3 ? find_cell_neighbours(mesh) : CellNeighbours());
+}
+
+Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours) {
   const int highest = dimension(mesh);
   if (highest < 2)
     throw InvalidInputError(
         "the mesh has neither solid nor shell cells, so it has no surface to morph");
-  Boundary boundary = highest == 3 ? solid_boundary(mesh) : shell_boundary(mesh);
+  Boundary boundary = highest == 3 ? solid_boundary(mesh, neighbours) : shell_boundary(mesh);
   boundary.nodes = used_nodes(boundary, mesh.node_count());
   return boundary;
 }

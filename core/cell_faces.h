@@ -1,35 +1,32 @@
 #pragma once
 
-#include <functional>
+#include <vector>
 
 #include "core/mesh.h"
 
 namespace cadmorph {
 
-/// A face of a cell: cell id and number of the face in it (see cell_facets), in one integer that
-/// sorts by both.
-class CellFace {
- public:
-  CellFace() = default;
-  CellFace(Index cell, Index local) : id_(cell << kBits | local) {}
-  Index cell() const { return id_ >> kBits; }
-  Index local() const { return id_ & (kLimit - 1); }
-  auto operator<=>(const CellFace&) const = default;
+/// The cell on the other side of each face of each solid cell. Depends on the connectivity alone.
+struct CellNeighbours {
+  std::vector<Index> offsets;    ///< cells + 1 positions in `neighbour`; no faces for other cells
+  std::vector<Index> neighbour;  ///< by local face as cell_facets orders them: -1 on the outside,
+                                 ///< the cell itself where a face has fewer than three corners
+  /// Cells that share one face, where more than two do: those of the face that comes first by cell
+  /// and local number, ascending. Empty in a sound mesh, and not stored.
+  std::vector<Index> overlapping;
+  Index overlapping_face = -1;  ///< number of that face in the first of them
 
-  static constexpr int kBits = 20;
-  static constexpr Index kLimit = Index{1} << kBits;
-
- private:
-  Index id_ = 0;
+  template <class Archive>
+  void serialize(Archive& archive) {
+    archive(offsets, neighbour);
+  }
 };
 
-/// Calls visit(faces) for each set of faces of solid cells that have the same corners: one face on
-/// the outside of the mesh, two inside, more only where cells overlap. A corner named twice counts
-/// once, so that collapsed cells match others; faces with fewer than three corners are left out.
-/// From all threads at once, the sets in no order. The mesh must pass check_mesh. Throws
-/// InvalidInputError when a polyhedron has more than CellFace::kLimit faces. Parallel; O(F log F)
-/// time and 16 F bytes for F cell faces.
-void for_each_shared_face(const Mesh& mesh,
-                          const std::function<void(std::span<const CellFace> faces)>& visit);
+/// Pairs the faces of the solid cells by their corner nodes; where cells overlap, the first two of
+/// them. A corner named twice counts once, so that collapsed cells match others. The mesh must pass
+/// check_mesh. Parallel, the same for any number of threads; O(F log F) time and 16 F bytes beside
+/// the result for F cell faces. Throws InvalidInputError when a polyhedron has more than a million
+/// faces.
+CellNeighbours find_cell_neighbours(const Mesh& mesh);
 
 }  // namespace cadmorph

@@ -6,8 +6,9 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
+#include <vector>
 
-#include "core/cell_faces.h"
 #include "core/cell_topology.h"
 #include "core/parallel.h"
 
@@ -26,49 +27,29 @@ constexpr double kInside = 0.2, kOutside = 0.4;
 
 constexpr Index kGrain = 2048;  // cells a task
 
-// A mesh at some node positions.
-struct PlacedMesh {
-  const Mesh& mesh;
-  const Points& points;
-  const CellNeighbours& neighbours;
-  const Orientation& orientation;
+// Nodes of the largest cell that is no polyhedron.
+constexpr int kMostNodes = 27;
 
-  bool is_solid(Index c) const { return dimension(mesh.types[c]) == 3; }
-  double sign(Index c) const { return orientation.at(static_cast<std::size_t>(mesh.types[c])); }
-
-  // Calls visit(neighbour, corner_nodes) for each face of solid cell c that has three corners.
-  template <class Visit>
-  void for_each_face(Index c, Visit&& visit) const {
-    const Index* other = neighbours.neighbour.data() + neighbours.offsets[c];
-    const auto take = [&](std::span<const Index> corners) {
-      if (*other != c) visit(*other, corners);
-      ++other;
-    };
-    if (mesh.types[c] == CellType::Polyhedron) return for_each_polyhedron_face(mesh, c, take);
-    const auto cell = mesh.cell(c);
-    std::array<Index, 4> corners;
-    for (const LocalFace& face : local_faces(mesh.types[c])) {
-      const auto count = static_cast<std::size_t>(corner_count(face.type, face.count));
-      for (std::size_t i = 0; i < count; ++i) corners[i] = cell[face.nodes[i]];
-      take({corners.data(), count});
-    }
-  }
-};
+using Corners = std::span<const Vector3d>;
 
 // Centre and area vector of a polygon, split around the mean of its corners.
 struct FaceShape {
   Vector3d centre, area;
 };
 
-FaceShape face_shape(const Points& points, std::span<const Index> nodes) {
+FaceShape triangle_shape(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+  return {(a + b + c) / 3, (b - a).cross(c - a) / 2};
+}
+
+FaceShape face_shape(Corners corners) {
+  if (corners.size() == 3) return triangle_shape(corners[0], corners[1], corners[2]);
   Vector3d middle = Vector3d::Zero();
-  for (const Index node : nodes) middle += points.row(node).transpose();
-  middle /= static_cast<double>(nodes.size());
+  for (const Vector3d& x : corners) middle += x;
+  middle /= static_cast<double>(corners.size());
   Vector3d area = Vector3d::Zero(), moment = Vector3d::Zero();
   double total = 0;
-  Vector3d a = points.row(nodes.back()).transpose();
-  for (const Index node : nodes) {
-    const Vector3d b = points.row(node).transpose();
+  Vector3d a = corners.back();
+  for (const Vector3d& b : corners) {
     const Vector3d part = (a - middle).cross(b - middle) / 2;
     const double size = part.norm();
     area += part;
@@ -79,23 +60,79 @@ FaceShape face_shape(const Points& points, std::span<const Index> nodes) {
   return {total > 0 ? Vector3d(moment / total) : middle, area};
 }
 
+// A face of a cell in place.
+struct PlacedFace {
+  Index other;  ///< cell on the other side, as CellNeighbours has it
+  Corners corners;
+};
+
+// Goes through the cells of a mesh at some node positions; its memory is reused from one to the
+// next.
+class PlacedCells {
+ public:
+  PlacedCells(const Mesh& mesh, const Points& points, const CellNeighbours& neighbours,
+              const Orientation& orientation)
+      : mesh_(mesh), points_(points), neighbours_(neighbours), orientation_(orientation) {}
+
+  const Mesh& mesh() const { return mesh_; }
+  bool is_solid(Index c) const { return dimension(mesh_.types[c]) == 3; }
+  double sign(Index c) const { return orientation_.at(static_cast<std::size_t>(mesh_.types[c])); }
+  Vector3d node(Index n) const { return points_.row(n).transpose(); }
+  const Index* others(Index c) const {
+    return neighbours_.neighbour.data() + neighbours_.offsets[c];
+  }
+
+  // Calls visit(face) for each face of solid cell c that has three corners.
+  template <class Visit>
+  void for_each_face(Index c, Visit&& visit) {
+    const Index* other = others(c);
+    if (mesh_.types[c] == CellType::Polyhedron) {
+      for_each_polyhedron_face(mesh_, c, [&](std::span<const Index> nodes) {
+        corners_.clear();
+        for (const Index n : nodes) corners_.push_back(node(n));
+        if (*other != c) visit(PlacedFace{*other, corners_});
+        ++other;
+      });
+      return;
+    }
+    const auto cell = mesh_.cell(c);
+    std::array<Vector3d, kMostNodes> x;
+    for (std::size_t i = 0; i < cell.size(); ++i) x[i] = node(cell[i]);
+    std::array<Vector3d, 4> corners;
+    for (const LocalFace& face : local_faces(mesh_.types[c])) {
+      const auto count = static_cast<std::size_t>(corner_count(face.type, face.count));
+      for (std::size_t i = 0; i < count; ++i) corners[i] = x[face.nodes[i]];
+      if (*other != c) visit(PlacedFace{*other, {corners.data(), count}});
+      ++other;
+    }
+  }
+
+ private:
+  const Mesh& mesh_;
+  const Points& points_;
+  const CellNeighbours& neighbours_;
+  const Orientation& orientation_;
+  std::vector<Vector3d> corners_;
+};
+
 struct CellShape {
   Vector3d centre = Vector3d::Zero();
   double volume = 0;
   Vector3d projection = Vector3d::Zero();  ///< sums of |area components|
 };
 
-CellShape cell_shape(const PlacedMesh& placed, Index c) {
-  std::vector<FaceShape> faces;
+CellShape cell_shape(PlacedCells& cells, Index c, std::vector<FaceShape>& faces) {
+  faces.clear();
   Vector3d guess = Vector3d::Zero();
-  placed.for_each_face(c, [&](Index, std::span<const Index> nodes) {
-    faces.push_back(face_shape(placed.points, nodes));
+  cells.for_each_face(c, [&](const PlacedFace& face) {
+    faces.push_back(face_shape(face.corners));
     guess += faces.back().centre;
   });
   guess /= static_cast<double>(std::max<std::size_t>(faces.size(), 1));
   CellShape cell;
+  const double sign = cells.sign(c);
   for (const FaceShape& face : faces) {
-    const double volume = placed.sign(c) * face.area.dot(face.centre - guess) / 3;
+    const double volume = sign * face.area.dot(face.centre - guess) / 3;
     cell.volume += volume;
     cell.centre += volume * (0.75 * face.centre + 0.25 * guess);
     cell.projection += face.area.cwiseAbs();
@@ -104,69 +141,126 @@ CellShape cell_shape(const PlacedMesh& placed, Index c) {
   return cell;
 }
 
-std::vector<CellShape> cell_shapes(const PlacedMesh& placed) {
-  std::vector<CellShape> shapes(placed.mesh.cell_count());
-  parallel_for(placed.mesh.cell_count(), kGrain, [&](Index begin, Index end) {
-    for (Index c = begin; c < end; ++c)
-      if (placed.is_solid(c)) shapes[c] = cell_shape(placed, c);
-  });
-  return shapes;
+// The corners and the faces of a tetrahedron, by local_faces.
+struct Tetra {
+  std::array<Vector3d, 4> x;
+  Vector3d centre;
+
+  Tetra(const PlacedCells& cells, Index c) {
+    const auto nodes = cells.mesh().cell(c);
+    for (int i = 0; i < 4; ++i) x[i] = cells.node(nodes[i]);
+    centre = (x[0] + x[1] + x[2] + x[3]) / 4;
+  }
+
+  static constexpr std::array<std::array<int, 3>, 4> kFaces = {
+      {{0, 1, 3}, {1, 2, 3}, {2, 0, 3}, {0, 2, 1}}};
+  std::array<Vector3d, 3> corners(int face) const {
+    return {x[kFaces[face][0]], x[kFaces[face][1]], x[kFaces[face][2]]};
+  }
+};
+
+// With all corners apart every face of a tetrahedron counts, and the formulas are closed.
+bool is_proper_tetra(const PlacedCells& cells, Index c) {
+  if (cells.mesh().types[c] != CellType::Tetra) return false;
+  const Index* other = cells.others(c);
+  return other[0] != c && other[1] != c && other[2] != c && other[3] != c;
 }
 
-// Distance of the face centre from where the line along `d` from `from` meets the face, in sizes of
-// the face seen in that direction, which count as `least` at least.
-double skewness(const Points& points, std::span<const Index> nodes, const FaceShape& face,
-                const Vector3d& from, const Vector3d& d, double least) {
+CellShape tetra_shape(const Tetra& tetra, double sign) {
+  CellShape cell;
+  const Vector3d a = tetra.x[1] - tetra.x[0], b = tetra.x[2] - tetra.x[0],
+                 c = tetra.x[3] - tetra.x[0];
+  const Vector3d ab = a.cross(b), bc = b.cross(c), ca = c.cross(a);
+  cell.centre = tetra.centre;
+  cell.volume = sign * a.dot(bc) / 6;
+  cell.projection = (ab.cwiseAbs() + bc.cwiseAbs() + ca.cwiseAbs() + (ab + bc + ca).cwiseAbs()) / 2;
+  return cell;
+}
+
+// Squared distance of the face centre from where the line along `d` from `from` meets the face, in
+// sizes of the face seen in that direction, which count as `least` times |d| at least.
+double squared_skewness(Corners corners, const FaceShape& face, const Vector3d& from,
+                        const Vector3d& d, double least) {
   const Vector3d to_face = face.centre - from;
   const double along = face.area.dot(d);
   if (along == 0) return std::numeric_limits<double>::infinity();
   const Vector3d offset = to_face - face.area.dot(to_face) / along * d;
-  const double length = offset.norm();
+  const double length = offset.squaredNorm();
   if (length == 0) return 0;
-  double size = least;
-  for (const Index node : nodes)
-    size =
-        std::max(size, std::abs(offset.dot(points.row(node).transpose() - face.centre)) / length);
-  return length / size;
+  double reach = 0;
+  for (const Vector3d& x : corners) reach = std::max(reach, std::abs(offset.dot(x - face.centre)));
+  return length / std::max(least * least * d.squaredNorm(), reach * (reach / length));
 }
 
-double aspect_ratio(const CellShape& cell) {
-  if (cell.projection.minCoeff() == 0) return std::numeric_limits<double>::infinity();
-  const double by_projection = cell.projection.maxCoeff() / cell.projection.minCoeff();
-  const double by_volume = cell.projection.sum() / 6 / std::pow(std::abs(cell.volume), 2.0 / 3);
-  return std::max(by_projection, by_volume);
+// The cube of the aspect ratio: cubes compare without a root.
+double cubed_aspect_ratio(const CellShape& cell) {
+  const double least = cell.projection.minCoeff();
+  if (least == 0) return std::numeric_limits<double>::infinity();
+  const double by_projection = cell.projection.maxCoeff() / least;
+  const double mean_area = cell.projection.sum() / 6;
+  const double by_volume = mean_area * mean_area * mean_area / (cell.volume * cell.volume);
+  return std::max(by_projection * by_projection * by_projection, by_volume);
 }
+
+constexpr double cubed(double x) { return x * x * x; }
+
+// An angle of two vectors by their products: compares without the angle itself.
+struct Angle {
+  double dot = 1, squared_cross = 0;
+
+  Angle() = default;
+  Angle(const Vector3d& a, const Vector3d& b)
+      : dot(a.dot(b)), squared_cross(a.cross(b).squaredNorm()) {}
+
+  // Ascends with the angle from -infinity to infinity, 0 at the right angle.
+  double order() const {
+    const double squared_cotangent = dot / squared_cross * dot;
+    return dot > 0 ? -squared_cotangent : squared_cotangent;
+  }
+  double cosine() const {
+    const double length = std::sqrt(dot * dot + squared_cross);
+    return length > 0 ? dot / length : 1;
+  }
+  double degrees() const {
+    return std::atan2(std::sqrt(squared_cross), dot) * 180 / std::numbers::pi;
+  }
+};
 
 // The figures of some cells and the faces they own.
 struct Part {
-  QualityChecks checks;
-  double cosines = 0;  ///< of the angles of `internal` faces
+  QualityChecks checks;  // but for the figures that follow
+  Angle widest;
+  double widest_order = widest.order();
+  double squared_skewness = 0, cubed_aspect_ratio = 0;  ///< largest
+  double cosines = 0;                                   ///< of the angles of `internal` faces
   Index internal = 0;
 
   Part() { checks.min_volume = std::numeric_limits<double>::infinity(); }
 
-  void add_angle(const Vector3d& normal, const Vector3d& d, Index cell) {
-    const double radians = std::atan2(normal.cross(d).norm(), normal.dot(d));
-    const double angle = radians * 180 / std::numbers::pi;
-    cosines += std::cos(radians);
+  void add_angle(const Angle& angle, Index cell) {
+    static const double severe =
+        -1 / std::pow(std::tan(kSevereNonOrthogonality * std::numbers::pi / 180), 2);
+    cosines += angle.cosine();
     ++internal;
-    if (angle > kSevereNonOrthogonality) ++checks.severely_non_orthogonal;
-    if (angle <= checks.max_non_orthogonality_deg) return;
-    checks.max_non_orthogonality_deg = angle;
+    const double order = angle.order();
+    if (order > severe) ++checks.severely_non_orthogonal;
+    if (!(order > widest_order)) return;
+    widest = angle;
+    widest_order = order;
     checks.worst_non_orthogonal_cell = cell;
   }
-  void add_skewness(double skew, Index cell) {
-    if (skew > kHighSkewness) ++checks.highly_skew;
-    if (skew <= checks.max_skewness) return;
-    checks.max_skewness = skew;
+  void add_skewness(double squared, Index cell) {
+    if (squared > kHighSkewness * kHighSkewness) ++checks.highly_skew;
+    if (squared <= squared_skewness) return;
+    squared_skewness = squared;
     checks.worst_skew_cell = cell;
   }
   void add_cell(const CellShape& shape, Index cell) {
-    const double aspect = aspect_ratio(shape);
+    const double aspect = cadmorph::cubed_aspect_ratio(shape);
     checks.min_volume = std::min(checks.min_volume, shape.volume);
-    if (aspect > kHighAspectRatio) ++checks.high_aspect;
-    if (aspect <= checks.max_aspect_ratio) return;
-    checks.max_aspect_ratio = aspect;
+    if (aspect > cubed(kHighAspectRatio)) ++checks.high_aspect;
+    if (aspect <= cubed_aspect_ratio) return;
+    cubed_aspect_ratio = aspect;
     checks.worst_aspect_cell = cell;
   }
 
@@ -178,89 +272,100 @@ struct Part {
     checks.highly_skew += from.highly_skew;
     checks.high_aspect += from.high_aspect;
     checks.min_volume = std::min(checks.min_volume, from.min_volume);
-    if (from.max_non_orthogonality_deg > checks.max_non_orthogonality_deg) {
-      checks.max_non_orthogonality_deg = from.max_non_orthogonality_deg;
+    if (other.widest_order > widest_order) {
+      widest = other.widest;
+      widest_order = other.widest_order;
       checks.worst_non_orthogonal_cell = from.worst_non_orthogonal_cell;
     }
-    if (from.max_skewness > checks.max_skewness) {
-      checks.max_skewness = from.max_skewness;
+    if (other.squared_skewness > squared_skewness) {
+      squared_skewness = other.squared_skewness;
       checks.worst_skew_cell = from.worst_skew_cell;
     }
-    if (from.max_aspect_ratio > checks.max_aspect_ratio) {
-      checks.max_aspect_ratio = from.max_aspect_ratio;
+    if (other.cubed_aspect_ratio > cubed_aspect_ratio) {
+      cubed_aspect_ratio = other.cubed_aspect_ratio;
       checks.worst_aspect_cell = from.worst_aspect_cell;
     }
   }
+
+  QualityChecks result() const {
+    QualityChecks all = checks;
+    all.max_non_orthogonality_deg = widest.degrees();
+    all.max_skewness = std::sqrt(squared_skewness);
+    all.max_aspect_ratio = std::cbrt(cubed_aspect_ratio);
+    if (internal == 0) return all;
+    const double mean = cosines / static_cast<double>(internal);
+    all.mean_non_orthogonality_deg =
+        std::acos(std::clamp(mean, -1.0, 1.0)) * 180 / std::numbers::pi;
+    return all;
+  }
 };
 
-void check_faces(const PlacedMesh& placed, const std::vector<CellShape>& cells, Index c,
-                 Part& part) {
-  placed.for_each_face(c, [&](Index other, std::span<const Index> nodes) {
-    if (other >= 0 && other < c) return;  // done from the other side
-    const FaceShape face = face_shape(placed.points, nodes);
-    if (face.area.isZero(0)) return;
-    const Vector3d from = cells[c].centre;
-    if (other >= 0) {
-      const Vector3d d = cells[other].centre - from;
-      part.add_angle(placed.sign(c) * face.area, d, c);
-      part.add_skewness(skewness(placed.points, nodes, face, from, d, kInside * d.norm()), c);
+using Centres = std::vector<Vector3d>;
+
+// Measures a face from cell c unless that was done from the other side.
+void check_face(Corners corners, Index other, const Centres& centres, Index c, double sign,
+                Part& part) {
+  if (other >= 0 && other < c) return;
+  const FaceShape face = face_shape(corners);
+  if (face.area.isZero(0)) return;
+  const Vector3d from = centres[c];
+  if (other >= 0) {
+    const Vector3d d = centres[other] - from;
+    part.add_angle({sign * face.area, d}, c);
+    part.add_skewness(squared_skewness(corners, face, from, d, kInside), c);
+  } else {
+    const Vector3d d = face.area * (face.area.dot(face.centre - from) / face.area.squaredNorm());
+    part.add_skewness(squared_skewness(corners, face, from, d, kOutside), c);
+  }
+}
+
+void check_cells(PlacedCells cells, Index begin, Index end, Centres& centres, Part& part) {
+  std::vector<FaceShape> faces;
+  for (Index c = begin; c < end; ++c) {
+    if (!cells.is_solid(c)) continue;
+    const CellShape shape = is_proper_tetra(cells, c) ? tetra_shape(Tetra(cells, c), cells.sign(c))
+                                                      : cell_shape(cells, c, faces);
+    centres[c] = shape.centre;
+    part.add_cell(shape, c);
+  }
+}
+
+void check_faces(PlacedCells cells, Index begin, Index end, const Centres& centres, Part& part) {
+  for (Index c = begin; c < end; ++c) {
+    const bool is_tetra = is_proper_tetra(cells, c);
+    if (!is_tetra && !cells.is_solid(c)) continue;
+    const double sign = cells.sign(c);
+    if (is_tetra) {
+      const Tetra tetra(cells, c);
+      for (int f = 0; f < 4; ++f)
+        check_face(tetra.corners(f), cells.others(c)[f], centres, c, sign, part);
     } else {
-      const Vector3d d = face.area * (face.area.dot(face.centre - from) / face.area.squaredNorm());
-      part.add_skewness(skewness(placed.points, nodes, face, from, d, kOutside * d.norm()), c);
+      cells.for_each_face(c, [&](const PlacedFace& face) {
+        check_face(face.corners, face.other, centres, c, sign, part);
+      });
     }
-  });
+  }
 }
 
 }  // namespace
-
-CellNeighbours find_cell_neighbours(const Mesh& mesh) {
-  CellNeighbours result;
-  result.offsets.assign(mesh.cell_count() + 1, 0);
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    Index faces = 0;
-    if (mesh.types[c] == CellType::Polyhedron)
-      for_each_polyhedron_face(mesh, c, [&](std::span<const Index>) { ++faces; });
-    else
-      faces = static_cast<Index>(local_faces(mesh.types[c]).size());
-    result.offsets[c + 1] = result.offsets[c] + faces;
-    // Each face has the cell itself as neighbour until it is found to have corners.
-    result.neighbour.insert(result.neighbour.end(), faces, c);
-  }
-  for_each_shared_face(mesh, [&](std::span<const CellFace> faces) {
-    const auto neighbour = [&](CellFace face) -> Index& {
-      return result.neighbour[result.offsets[face.cell()] + face.local()];
-    };
-    for (const CellFace face : faces) neighbour(face) = -1;
-    if (faces.size() < 2) return;
-    neighbour(faces[0]) = faces[1].cell();
-    neighbour(faces[1]) = faces[0].cell();
-  });
-  return result;
-}
 
 QualityChecks check_quality(const Mesh& mesh, const Points& points,
                             const CellNeighbours& neighbours, const Orientation& orientation) {
   check_positions(mesh, points);
   if (neighbours.neighbour.empty()) return {};
-  const PlacedMesh placed{mesh, points, neighbours, orientation};
-  const std::vector<CellShape> cells = cell_shapes(placed);
-  std::vector<Part> parts((mesh.cell_count() + kGrain - 1) / kGrain);
-  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
-    Part& part = parts[begin / kGrain];
-    for (Index c = begin; c < end; ++c) {
-      if (!placed.is_solid(c)) continue;
-      part.add_cell(cells[c], c);
-      check_faces(placed, cells, c, part);
-    }
+  const PlacedCells cells(mesh, points, neighbours, orientation);
+  const Index count = mesh.cell_count();
+  Centres centres(count);
+  std::vector<Part> parts((count + kGrain - 1) / kGrain);
+  parallel_for(count, kGrain, [&](Index begin, Index end) {
+    check_cells(cells, begin, end, centres, parts[begin / kGrain]);
+  });
+  parallel_for(count, kGrain, [&](Index begin, Index end) {
+    check_faces(cells, begin, end, centres, parts[begin / kGrain]);
   });
   Part all;
   for (const Part& part : parts) all.merge(part);
-  if (all.internal > 0) {
-    const double mean = all.cosines / static_cast<double>(all.internal);
-    all.checks.mean_non_orthogonality_deg =
-        std::acos(std::clamp(mean, -1.0, 1.0)) * 180 / std::numbers::pi;
-  }
-  return all.checks;
+  return all.result();
 }
 
 }  // namespace cadmorph

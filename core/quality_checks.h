@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/cell_faces.h"
 #include "core/quality.h"
 
 namespace cadmorph {
@@ -25,22 +26,6 @@ struct QualityChecks {
             worst_non_orthogonal_cell, worst_skew_cell, worst_aspect_cell);
   }
 };
-
-/// The cell on the other side of each face of each solid cell. Depends on the connectivity alone.
-struct CellNeighbours {
-  std::vector<Index> offsets;    ///< cells + 1 positions in `neighbour`; no faces for other cells
-  std::vector<Index> neighbour;  ///< by local face as cell_facets orders them: -1 on the outside,
-                                 ///< the cell itself where a face has fewer than three corners
-
-  template <class Archive>
-  void serialize(Archive& archive) {
-    archive(offsets, neighbour);
-  }
-};
-
-/// Pairs the faces of the solid cells by their corner nodes (see for_each_shared_face); where cells
-/// overlap, two of them. The mesh must pass check_mesh. Parallel; O(F log F) for F cell faces.
-CellNeighbours find_cell_neighbours(const Mesh& mesh);
 
 /// Measures all solid cells by their corner nodes at positions `points` (N x 3). Cells are
 /// polyhedra with faces split around their centre, as in OpenFOAM; faces without area do not count.

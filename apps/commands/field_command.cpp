@@ -29,16 +29,16 @@ void check(const FieldCommand& command) {
     throw UsageError(
         "--untangle always and --improve move single nodes, which a field of the position can't "
         "hold; leave them out, or morph the mesh by the main command");
-  if (is_mesh_name(command.files.output))
-    throw UsageError("-o " + command.files.output.string() +
-                     ": field writes no mesh but a field file; name it " +
-                     command.files.output.stem().string() +
-                     ".cmf, and move meshes by cadmorph apply");
   std::vector<std::filesystem::path> inputs = command.files.inputs();
   inputs.push_back(command.options.face_map);
   check_outputs(
       {{"-o", command.files.output}, json_output(command.json), {"--cache", pipeline.cache, false}},
       inputs);
+  if (is_mesh_name(command.files.output))
+    throw UsageError("-o " + command.files.output.string() +
+                     ": field writes no mesh but a field file; name it " +
+                     command.files.output.stem().string() +
+                     ".cmf, and move meshes by cadmorph apply");
 }
 
 std::string field_summary(const FieldReport& report) {

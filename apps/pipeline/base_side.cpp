@@ -23,7 +23,6 @@ void set_up_volume(const BaseInputs& inputs, BaseSide& side) {
 
 void measure(const Mesh& mesh, BaseSide& side) {
   side.orientation = detect_orientation(mesh);
-  side.neighbours = find_cell_neighbours(mesh);
   side.quality = measure_quality(mesh, mesh.points, side.orientation);
   side.validity = check_validity(mesh, mesh.points, side.orientation);
   side.checks = check_quality(mesh, mesh.points, side.neighbours, side.orientation);
@@ -34,7 +33,10 @@ void measure(const Mesh& mesh, BaseSide& side) {
 BaseSide set_up_base_side(const BaseInputs& inputs, PhaseClock& clock) {
   BaseSide side;
   clock.start("boundary");
-  side.boundary = about_file(inputs.file.path(), [&] { return extract_boundary(inputs.mesh); });
+  about_file(inputs.file.path(), [&] {
+    side.neighbours = find_cell_neighbours(inputs.mesh);
+    side.boundary = extract_boundary(inputs.mesh, side.neighbours);
+  });
   clock.start("association");
   side.surface.emplace(inputs.cad, inputs.mesh, side.boundary, inputs.options.surface);
   clock.start("volume set-up");

@@ -309,7 +309,7 @@ TEST_CASE("What can't be applied is refused with its exit code", "[apps][field]"
   }
   CHECK(place.run("apply field.cmf box.step -o out.step").exit_code == 2);
   CHECK(place.run("apply field.cmf box.vtu -o box.vtu").exit_code == 1);
-  CHECK(place.run("apply field.cmf box.vtu -o out.vtk").exit_code == 1);
+  CHECK(place.run("apply field.cmf box.vtu -o out.su2").exit_code == 1);
   CHECK(place.run("apply field.cmf box.vtu -o none/out.vtu").exit_code == 6);
   CHECK(place.run("field box.step box_moved.step box.vtu").exit_code == 1);
   CHECK(place.run("field box.step box_moved.step box.vtu -o box.vtu").exit_code == 1);

@@ -113,7 +113,7 @@ TEST_CASE("An error is told in JSON as well when that was asked for", "[apps][ma
   CHECK_THAT(report["error"].get<std::string>(), Catch::Matchers::Contains("none.step"));
   for (const std::string call :
        {"box.step box_moved.step --json -", "box.step box_moved.step box.vtu -o box.vtu --json -",
-        "apply x.cmf box.vtu -o x.vtk --json -",
+        "apply x.cmf box.vtu -o x.su2 --json -",
         "field box.step box_moved.step box.vtu -o x.cmf --improve 0.1 --json -"}) {
     const RunResult usage = place.run(call);
     CHECK(usage.exit_code == 1);
