@@ -57,6 +57,8 @@ bool has_extension(const MeshFormat& format, const std::string& extension) {
 std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
       cgns_format(),
+      exodus_format(),
+      med_format(),
       su2_format(),
       vtk_format(),
   };
