@@ -61,6 +61,7 @@ std::span<const MeshFormat> mesh_formats() {
       med_format(),
       su2_format(),
       vtk_format(),
+      vtkhdf_format(),
   };
   return formats;
 }

@@ -10,5 +10,6 @@ const MeshFormat& exodus_format();
 const MeshFormat& med_format();
 const MeshFormat& su2_format();
 const MeshFormat& vtk_format();
+const MeshFormat& vtkhdf_format();
 
 }  // namespace cadmorph
