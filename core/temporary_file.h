@@ -17,6 +17,9 @@ class TemporaryFile {
   TemporaryFile(const TemporaryFile&) = delete;
   TemporaryFile& operator=(const TemporaryFile&) = delete;
 
+  /// Where it is until then.
+  const std::filesystem::path& path() const { return path_; }
+
   /// Writes at a place in the file.
   void write(const char* data, std::size_t size, off_t place);
 

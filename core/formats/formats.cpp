@@ -60,8 +60,10 @@ std::span<const MeshFormat> mesh_formats() {
       abaqus_format(),
       ansys_format(),
       cgns_format(),
+      exodus_format(),
       gmsh_format(),
       ls_dyna_format(),
+      med_format(),
       medit_format(),
       mfem_format(),
       nastran_format(),
@@ -69,6 +71,7 @@ std::span<const MeshFormat> mesh_formats() {
       su2_format(),
       ugrid_format(),
       vtk_format(),
+      vtkhdf_format(),
   };
   return formats;
 }

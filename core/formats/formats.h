@@ -8,8 +8,10 @@ namespace cadmorph {
 const MeshFormat& abaqus_format();
 const MeshFormat& ansys_format();
 const MeshFormat& cgns_format();
+const MeshFormat& exodus_format();
 const MeshFormat& gmsh_format();
 const MeshFormat& ls_dyna_format();
+const MeshFormat& med_format();
 const MeshFormat& medit_format();
 const MeshFormat& mfem_format();
 const MeshFormat& nastran_format();
@@ -17,5 +19,6 @@ const MeshFormat& openfoam_format();
 const MeshFormat& su2_format();
 const MeshFormat& ugrid_format();
 const MeshFormat& vtk_format();
+const MeshFormat& vtkhdf_format();
 
 }  // namespace cadmorph

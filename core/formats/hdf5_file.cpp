@@ -17,6 +17,7 @@
 #include "core/errors.h"
 #include "core/formats/coordinate_places.h"
 #include "core/formats/source_file.h"
+#include "core/temporary_file.h"
 
 namespace fs = std::filesystem;
 
@@ -72,26 +73,17 @@ std::string last_error() {
   return text.empty() ? "" : " (HDF5: " + text + ")";
 }
 
-Handle open_file(const fs::path& path) {
+Handle open_file(const fs::path& path, unsigned mode) {
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  // Reading needs no lock, and some file systems have none.
+  // No other process writes to it, and some file systems have no locks.
   H5Pset_file_locking(access.get(), false, true);
-  return {H5Fopen(path.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose};
-}
-
-/// A file in memory, to write to.
-Handle open_image(std::string& bytes) {
-  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  constexpr std::size_t kIncrement = 1 << 20;
-  H5Pset_fapl_core(access.get(), kIncrement, false);
-  H5Pset_file_image(access.get(), bytes.data(), bytes.size());
-  return {H5Fopen("image", H5F_ACC_RDWR, access.get()), H5Fclose};
+  return {H5Fopen(path.c_str(), mode, access.get()), H5Fclose};
 }
 
 /// Set in a process that tries a reading (see read_safely).
 bool is_trial = false;
 
-enum class Outcome { Done, False, Died };
+enum class Outcome { Done, False, Threw, Died };
 
 /// Calls `action` in a process of its own: HDF5 1.10 runs into invalid memory on some damaged
 /// files, or comes to no end. There it does what it would do here, for the memory is the same.
@@ -108,19 +100,17 @@ Outcome try_out(std::uint64_t file_size, const std::function<bool()>& action) {
     for (const int fault : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU})
       std::signal(fault, SIG_DFL);
     if (const int nothing = open("/dev/null", O_WRONLY); nothing >= 0) dup2(nothing, STDERR_FILENO);
-    bool is_done = false;
+    Outcome outcome = Outcome::Threw;
     try {
-      is_done = action();
-    } catch (...) {
-      is_done = true;  // it will be thrown again where it is seen
+      outcome = action() ? Outcome::Done : Outcome::False;
+    } catch (...) {  // it will be thrown again where it is seen
     }
-    _exit(is_done ? 0 : 1);
+    _exit(int(outcome));
   }
   int status = 0;
   while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
-  if (child < 0 || !WIFEXITED(status) || WEXITSTATUS(status) > 1) return Outcome::Died;
-  return WEXITSTATUS(status) == 0 ? Outcome::Done : Outcome::False;
+  return child > 0 && WIFEXITED(status) ? Outcome(WEXITSTATUS(status)) : Outcome::Died;
 }
 
 std::uint64_t size_of(const fs::path& path) {
@@ -442,8 +432,13 @@ class Hdf5Copier : public MeshCopier {
     const bool is_rewritten = std::ranges::any_of(
         rewritten_, [&](const RewrittenRun& run) { return has_changed(run.run, before, after); });
     if (!is_patched && !is_rewritten) return write_unchanged(source_, target);
-    if (is_rewritten) rewrite_datasets(bytes, before, after, target);
-    write_pieces(target, {bytes}, false);
+    if (!is_rewritten) return write_pieces(target, {bytes}, false);
+    TemporaryFile file(target);
+    file.write(bytes.data(), bytes.size(), 0);
+    if (try_out(bytes.size(), [&] { return rewrite_datasets(file.path(), before, after); }) !=
+        Outcome::Done)
+      fail_writing(target, "HDF5 can't write its coordinates anew; it may be damaged");
+    file.commit();
   }
   Points readable(const Points& before, const Points& after) const override {
     return readable_points(all_, before, after);
@@ -458,16 +453,9 @@ class Hdf5Copier : public MeshCopier {
     return false;
   }
 
-  void rewrite_datasets(std::string& bytes, const Points& before, const Points& after,
-                        const fs::path& target) const {
-    const auto run = [&] { return rewrite_all(bytes, before, after); };
-    if (try_out(bytes.size(), run) != Outcome::Done || !run())
-      fail_writing(target, "HDF5 can't write its coordinates anew" + last_error());
-  }
-
-  bool rewrite_all(std::string& bytes, const Points& before, const Points& after) const {
+  bool rewrite_datasets(const fs::path& path, const Points& before, const Points& after) const {
     silence();
-    const Handle file = open_image(bytes);
+    const Handle file = open_file(path, H5F_ACC_RDWR);
     if (!file.is_valid()) return false;
     for (std::size_t begin = 0, end = 0; begin < rewritten_.size(); begin = end) {
       const std::string& name = rewritten_[begin].dataset;
@@ -476,11 +464,7 @@ class Hdf5Copier : public MeshCopier {
                            after))
         return false;
     }
-    if (H5Fflush(file.get(), H5F_SCOPE_GLOBAL) < 0) return false;
-    const ssize_t size = H5Fget_file_image(file.get(), nullptr, 0);
-    if (size <= 0) return false;
-    bytes.resize(std::size_t(size));
-    return H5Fget_file_image(file.get(), bytes.data(), bytes.size()) == size;
+    return H5Fflush(file.get(), H5F_SCOPE_GLOBAL) >= 0;
   }
 
   static bool rewrite_dataset(hid_t file, std::span<const RewrittenRun> runs, const Points& before,
@@ -506,13 +490,8 @@ Recognition recognise_hdf5(const FileStart& start, const std::string& object,
                            std::string_view mark) {
   if (start.is_folder || !is_hdf5(start.bytes)) return Recognition::No;
   if (start.bytes.find(mark) != std::string::npos) return Recognition::Sure;
-  const Outcome outcome = try_out(size_of(start.path), [&] {
-    try {
-      return Hdf5File(start.path).has(object);
-    } catch (const IoError&) {
-      _exit(2);
-    }
-  });
+  const Outcome outcome =
+      try_out(size_of(start.path), [&] { return Hdf5File(start.path).has(object); });
   return outcome == Outcome::Done    ? Recognition::Sure
          : outcome == Outcome::False ? Recognition::No
                                      : Recognition::Possible;
@@ -523,14 +502,14 @@ ReadMesh read_safely(const fs::path& path, const std::function<ReadMesh()>& read
     read();
     return true;
   });
-  if (outcome == Outcome::Died)
+  if (outcome != Outcome::Done && outcome != Outcome::Threw)
     fail_reading(path, "it is damaged: the HDF5 library fails on it; copy or write it again");
   return read();
 }
 
 Hdf5File::Hdf5File(const fs::path& path) {
   silence();
-  Handle file = open_file(path);
+  Handle file = open_file(path, H5F_ACC_RDONLY);
   if (!file.is_valid())
     fail_reading(path, "it is no HDF5 file, or it is damaged or cut off" + last_error());
   impl_.reset(new Impl{.path = path, .file = std::move(file), .size = size_of(path)});
@@ -591,7 +570,15 @@ std::vector<std::string> Hdf5File::texts(const std::string& dataset) const {
   const Handle space(H5Dget_space(handle.get()), H5Sclose);
   const std::vector<Index> sizes = impl_->shape(space.get(), dataset);
   std::string all;
-  if (H5Tget_class(type.get()) == H5T_STRING) {
+  std::size_t length = sizes.empty() ? 1 : std::size_t(sizes.back());
+  if (H5Tget_class(type.get()) == H5T_ARRAY && H5Tdetect_class(type.get(), H5T_VLEN) <= 0) {
+    length = H5Tget_size(type.get());
+    for (const std::string& text :
+         impl_->strings(type.get(), space.get(), dataset, [&](hid_t memory, void*values) {
+           return H5Dread(handle.get(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values);
+         }))
+      all += text;
+  } else if (H5Tget_class(type.get()) == H5T_STRING) {
     std::vector<std::string> strings =
         impl_->strings(type.get(), space.get(), dataset, [&](hid_t memory, void* values) {
           return H5Dread(handle.get(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values);
@@ -604,7 +591,6 @@ std::vector<std::string> Hdf5File::texts(const std::string& dataset) const {
   } else {
     for (const Index code : integers(dataset)) all += char(code);
   }
-  const std::size_t length = sizes.empty() ? 1 : std::size_t(sizes.back());
   std::vector<std::string> result;
   for (std::size_t at = 0; length > 0 && at + length <= all.size(); at += length)
     result.push_back(trimmed(all.substr(at, length)));
