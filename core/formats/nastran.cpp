@@ -3,6 +3,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <deque>
 #include <map>
 #include <span>
 #include <utility>
@@ -64,10 +65,11 @@ bool is_continuation(std::string_view line) {
 
 /// The fields of a card, 8 a line (4 of large ones) without its name and marks of continuation.
 struct Card {
-  std::vector<std::string> fields;
+  std::vector<std::string_view> fields;
+  std::deque<std::string> lines;  ///< those whose tabs were replaced
 
   std::string_view field(std::size_t i) const {
-    return i < fields.size() ? std::string_view(fields[i]) : std::string_view();
+    return i < fields.size() ? fields[i] : std::string_view();
   }
 };
 
@@ -82,7 +84,8 @@ void append_fields(std::string_view line, Card& card) {
       card.fields.emplace_back(free_fields.next(field) ? trimmed(field) : std::string_view());
     return;
   }
-  const std::string plain = without_tabs(line);
+  const bool has_tabs = line.find('\t') != std::string_view::npos;
+  const std::string_view plain = has_tabs ? card.lines.emplace_back(without_tabs(line)) : line;
   const std::size_t width = is_large ? kLarge : kSmall;
   for (std::size_t i = 0; i < count; ++i)
     card.fields.emplace_back(trimmed(columns(plain, kSmall + i * width, width)));
@@ -90,6 +93,7 @@ void append_fields(std::string_view line, Card& card) {
 
 Card parse_card(std::string_view record) {
   Card card;
+  card.fields.reserve(32);
   for (std::size_t at = 0; at < record.size();) {
     const std::string_view line = without_comment(take_line(record, at));
     if (!trimmed(line).empty()) append_fields(line, card);
@@ -112,19 +116,20 @@ class GridCard : public NodeStyle {
   void write(std::string_view record, const Eigen::RowVector3d& point,
              const std::array<bool, 3>& is_changed, double least,
              std::string& text) const override {
-    Card card = parse_card(record);
-    card.fields.resize(std::max<std::size_t>(card.fields.size(), 8));
+    const Card card = parse_card(record);
+    std::vector<std::string> fields(card.fields.begin(), card.fields.end());
+    fields.resize(std::max<std::size_t>(fields.size(), 8));
     for (std::size_t c = 0; c < 3; ++c) {
-      std::string& field = card.fields[2 + c];
+      std::string& field = fields[2 + c];
       if (!is_changed[c] || (field.empty() && std::abs(point(Index(c))) <= least)) continue;
       field.clear();
       write_real(point(Index(c)), {.width = kLarge, .needs_point = true, .has_letter = false},
                  field);
     }
     if (is_plain_large(record))
-      replace_columns(record, card, text);
+      replace_columns(record, fields, text);
     else
-      write_large(record, card, text);
+      write_large(record, fields, text);
   }
 
  private:
@@ -138,25 +143,27 @@ class GridCard : public NodeStyle {
            record.find_first_of("$\t") == std::string_view::npos;
   }
 
-  static void replace_columns(std::string_view record, const Card& card, std::string& text) {
+  static void replace_columns(std::string_view record, const std::vector<std::string>& fields,
+                              std::string& text) {
     const std::size_t begin = text.size();
     text += record;
     const std::size_t second = record.find('\n') + 1;
     const std::size_t places[] = {kSmall + 2 * kLarge, kSmall + 3 * kLarge, second + kSmall};
     for (std::size_t c = 0; c < 3; ++c) {
-      const std::string& field = card.fields[2 + c];
+      const std::string& field = fields[2 + c];
       if (trimmed(record.substr(places[c], kLarge)) == field) continue;
       text.replace(begin + places[c], kLarge, std::string(kLarge - field.size(), ' ') + field);
     }
   }
 
-  void write_large(std::string_view record, const Card& card, std::string& text) const {
+  void write_large(std::string_view record, const std::vector<std::string>& fields,
+                   std::string& text) const {
     text += "GRID*   ";
-    for (std::size_t i = 0; i < 4; ++i) put(card.fields[i], text);
+    for (std::size_t i = 0; i < 4; ++i) put(fields[i], text);
     text += newline_ + "*       ";
     std::size_t last = 8;
-    while (last > 5 && card.fields[last - 1].empty()) --last;
-    for (std::size_t i = 4; i < last; ++i) put(card.fields[i], text);
+    while (last > 5 && fields[last - 1].empty()) --last;
+    for (std::size_t i = 4; i < last; ++i) put(fields[i], text);
     for (std::size_t at = 0; at < record.size();) {
       const std::string_view line = take_line(record, at);
       const std::size_t comment = line.find('$');
