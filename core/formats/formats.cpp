@@ -60,6 +60,7 @@ std::span<const MeshFormat> mesh_formats() {
       gmsh_format(),
       medit_format(),
       mfem_format(),
+      netgen_format(),
       su2_format(),
       ugrid_format(),
       vtk_format(),

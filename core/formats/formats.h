@@ -8,6 +8,7 @@ namespace cadmorph {
 const MeshFormat& gmsh_format();
 const MeshFormat& medit_format();
 const MeshFormat& mfem_format();
+const MeshFormat& netgen_format();
 const MeshFormat& su2_format();
 const MeshFormat& ugrid_format();
 const MeshFormat& vtk_format();
