@@ -67,6 +67,7 @@ std::span<const MeshFormat> mesh_formats() {
       medit_format(),
       mfem_format(),
       nastran_format(),
+      netgen_format(),
       openfoam_format(),
       su2_format(),
       ugrid_format(),

@@ -15,6 +15,7 @@ const MeshFormat& med_format();
 const MeshFormat& medit_format();
 const MeshFormat& mfem_format();
 const MeshFormat& nastran_format();
+const MeshFormat& netgen_format();
 const MeshFormat& openfoam_format();
 const MeshFormat& su2_format();
 const MeshFormat& ugrid_format();

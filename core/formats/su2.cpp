@@ -40,6 +40,8 @@ class Reader {
     if (has_ffd_)
       result_.remarks.push_back(
           "the FFD boxes in the file are those of the base: set them up anew for the new shape");
+    if (has_periodic_)
+      result_.remarks.push_back("the periodic transformations in the file are those of the base");
     result_.copier = make_copier(std::move(source), std::move(places_));
     return std::move(result_);
   }
@@ -71,6 +73,8 @@ class Reader {
       read_marker();
     else if (key == "MARKER_ELEMS")
       read_marker_elements();
+    else if (key == "NPERIODIC")
+      has_periodic_ = in_.count("the number of periodic transformations", 0) > 1;
     else if (key.starts_with("FFD_"))
       has_ffd_ = true;
     in_.skip_line();
@@ -148,6 +152,9 @@ class Reader {
     if (result_.mesh.groups.size() == first_group_) in_.fail("MARKER_TAG= is missing before");
     std::vector<Index>& nodes = result_.mesh.groups.back().nodes;
     const Index count = in_.count("the number of elements of a marker (MARKER_ELEMS)", 4);
+    // Markers of partitions (SEND_RECEIVE) tell the partition in a line of their own.
+    if (count > 0 && in_.skip_space() && in_.text().substr(in_.place()).starts_with("SEND_RECV"))
+      in_.skip_line();
     for (Index i = 0; i < count; ++i) {
       read_element();
       nodes.insert(nodes.end(), nodes_.begin(), nodes_.end());
@@ -179,16 +186,16 @@ class Reader {
   std::size_t first_group_ = 0;
   Index highest_node_ = -1;
   std::size_t highest_place_ = 0;
-  bool has_dimension_ = false, has_ffd_ = false;
+  bool has_dimension_ = false, has_ffd_ = false, has_periodic_ = false;
 };
 
 Recognition recognise(const FileStart& start) {
   TextScanner in(start.bytes, start.path, '%');
   if (!in.skip_space()) return Recognition::No;
   const std::string_view line = in.line();
-  return line.starts_with("NDIME") || line.starts_with("NZONE") || line.starts_with("IZONE")
-             ? Recognition::Sure
-             : Recognition::No;
+  if (line.starts_with("NDIME") || line.starts_with("NZONE") || line.starts_with("IZONE"))
+    return Recognition::Sure;
+  return line.find('=') != std::string_view::npos ? Recognition::Possible : Recognition::No;
 }
 
 ReadMesh read(const fs::path& path) {

@@ -1,11 +1,11 @@
 #include <catch2/catch.hpp>
-#include <map>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "tests/core/formats/binary_text.h"
 #include "tests/core/formats/format_checks.h"
+#include "tests/core/formats/node_order_checks.h"
 
 namespace cadmorph::test {
 namespace {
@@ -103,62 +103,6 @@ std::string one_element(int type, const std::string& digits) {
   return text.str();
 }
 
-using Corners = std::vector<Index>;
-
-/// The corners in whose middle VTK has each further node of a cell.
-const std::map<CellType, std::vector<Corners>>& middles() {
-  static const std::vector<Corners> hexahedron = {{0, 1},
-                                                  {1, 2},
-                                                  {2, 3},
-                                                  {3, 0},
-                                                  {4, 5},
-                                                  {5, 6},
-                                                  {6, 7},
-                                                  {7, 4},
-                                                  {0, 4},
-                                                  {1, 5},
-                                                  {2, 6},
-                                                  {3, 7},
-                                                  {0, 4, 7, 3},
-                                                  {1, 2, 6, 5},
-                                                  {0, 1, 5, 4},
-                                                  {3, 7, 6, 2},
-                                                  {0, 1, 2, 3},
-                                                  {4, 5, 6, 7},
-                                                  {0, 1, 2, 3, 4, 5, 6, 7}};
-  static const std::vector<Corners> wedge = {{0, 1}, {1, 2},       {2, 0},       {3, 4},
-                                             {4, 5}, {5, 3},       {0, 3},       {1, 4},
-                                             {2, 5}, {0, 1, 4, 3}, {1, 2, 5, 4}, {2, 0, 3, 5}};
-  static const std::vector<Corners> quad = {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 1, 2, 3}};
-  static const std::map<CellType, std::vector<Corners>> all = {
-      {CellType::QuadraticEdge, {{0, 1}}},
-      {CellType::QuadraticTriangle, {{0, 1}, {1, 2}, {2, 0}}},
-      {CellType::QuadraticQuad, {quad.begin(), quad.begin() + 4}},
-      {CellType::BiquadraticQuad, quad},
-      {CellType::QuadraticTetra, {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}}},
-      {CellType::QuadraticHexahedron, {hexahedron.begin(), hexahedron.begin() + 12}},
-      {CellType::TriquadraticHexahedron, hexahedron},
-      {CellType::QuadraticWedge, {wedge.begin(), wedge.begin() + 9}},
-      {CellType::BiquadraticQuadraticWedge, wedge},
-      {CellType::QuadraticPyramid,
-       {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 4}, {1, 4}, {2, 4}, {3, 4}}}};
-  return all;
-}
-
-void require_middles(const Mesh& mesh, CellType type) {
-  REQUIRE(mesh.types == std::vector{type});
-  const auto cell = mesh.cell(0);
-  const std::vector<Corners>& expected = middles().at(type);
-  const std::size_t corners = cell.size() - expected.size();
-  for (std::size_t i = 0; i < expected.size(); ++i) {
-    Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
-    for (const Index corner : expected[i]) middle += mesh.points.row(cell[std::size_t(corner)]);
-    middle /= double(expected[i].size());
-    INFO("node " << corners + i << " of VTK type " << int(type));
-    CHECK((mesh.points.row(cell[corners + i]) - middle).norm() < 1e-12);
-  }
-}
-
 void require_two_tetrahedra(const Mesh& mesh) {
   const std::size_t cells = mesh.types.size();
   CHECK(mesh.types[cells - 2] == CellType::Tetra);
@@ -224,7 +168,8 @@ TEST_CASE("Second-order elements of gmsh come in VTK's node order", "[core][form
   // Nodes of straight elements in the order of files that gmsh 4.8.4 wrote.
   const auto check = [&](int type, CellType expected, const std::string& digits) {
     const MeshFile file(folder.put("one.msh", one_element(type, digits)));
-    require_middles(file.mesh(), expected);
+    REQUIRE(file.mesh().types == std::vector{expected});
+    require_middles(file.mesh(), 0);
   };
   check(8, CellType::QuadraticEdge, "000400200");
   check(9, CellType::QuadraticTriangle, "040000400020200220");

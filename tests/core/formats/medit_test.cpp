@@ -1,9 +1,9 @@
-#include <array>
 #include <catch2/catch.hpp>
 #include <string>
 
 #include "tests/core/formats/binary_text.h"
 #include "tests/core/formats/format_checks.h"
+#include "tests/core/formats/node_order_checks.h"
 
 namespace cadmorph::test {
 namespace {
@@ -133,14 +133,7 @@ TEST_CASE("Second-order Medit elements come in VTK's node order", "[core][format
       "0 .5 .5 6\nTrianglesP2\n1\n2 3 4 6 10 9 3\nTetrahedraP2\n1\n1 3 4 2 7 10 8 5 6 9 1\nEnd\n"));
   const Mesh& mesh = file.mesh();
   REQUIRE(mesh.types == std::vector{QuadraticTetra});
-  constexpr std::array<Index, 2> kEdges[] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
-  const auto cell = mesh.cell(0);
-  for (std::size_t e = 0; e < 6; ++e) {
-    const auto corner = [&](std::size_t i) {
-      return mesh.points.row(cell[std::size_t(kEdges[e][i])]).eval();
-    };
-    CHECK(mesh.points.row(cell[4 + e]) == 0.5 * (corner(0) + corner(1)));
-  }
+  require_middles(mesh, 0);
   REQUIRE(mesh.groups.size() == 1);
   CHECK(mesh.groups[0].nodes == std::vector<Index>{1, 2, 3, 5, 8, 9});
 }

@@ -1,10 +1,10 @@
 #include <catch2/catch.hpp>
-#include <map>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "tests/core/formats/format_checks.h"
+#include "tests/core/formats/node_order_checks.h"
 
 namespace cadmorph::test {
 namespace {
@@ -47,45 +47,6 @@ std::string curved(const std::string& collection, const std::string& digits, boo
   return text.str();
 }
 
-using Corners = std::vector<std::size_t>;
-
-/// The corners in whose middle VTK has each further node of a cell.
-const std::map<CellType, std::vector<Corners>> kMiddles = {
-    {QuadraticTetra, {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}}},
-    {BiquadraticQuadraticWedge,
-     {{0, 1},
-      {1, 2},
-      {2, 0},
-      {3, 4},
-      {4, 5},
-      {5, 3},
-      {0, 3},
-      {1, 4},
-      {2, 5},
-      {0, 1, 4, 3},
-      {1, 2, 5, 4},
-      {2, 0, 3, 5}}},
-    {TriquadraticHexahedron,
-     {{0, 1},
-      {1, 2},
-      {2, 3},
-      {3, 0},
-      {4, 5},
-      {5, 6},
-      {6, 7},
-      {7, 4},
-      {0, 4},
-      {1, 5},
-      {2, 6},
-      {3, 7},
-      {0, 4, 7, 3},
-      {1, 2, 6, 5},
-      {0, 1, 5, 4},
-      {3, 7, 6, 2},
-      {0, 1, 2, 3},
-      {4, 5, 6, 7},
-      {0, 1, 2, 3, 4, 5, 6, 7}}}};
-
 void require_corners(const Mesh& mesh) {
   const MeshFile straight(FormatFolder().put("straight.mesh", kStraight));
   for (Index c = 0; c < 3; ++c) {
@@ -100,17 +61,7 @@ void require_quadratic(const Mesh& mesh) {
         std::vector{TriquadraticHexahedron, BiquadraticQuadraticWedge, QuadraticTetra});
   CHECK(mesh.node_count() == 41);
   require_corners(mesh);
-  for (Index c = 0; c < 3; ++c) {
-    const std::vector<Corners>& middles = kMiddles.at(mesh.types[std::size_t(c)]);
-    const auto cell = mesh.cell(c);
-    for (std::size_t i = 0; i < middles.size(); ++i) {
-      Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
-      for (const std::size_t corner : middles[i]) middle += mesh.points.row(cell[corner]);
-      middle /= double(middles[i].size());
-      INFO("cell " << c << ", middle " << i);
-      CHECK(mesh.points.row(cell[cell.size() - middles.size() + i]) == middle);
-    }
-  }
+  for (Index c = 0; c < 3; ++c) require_middles(mesh, c);
   REQUIRE(mesh.groups.size() == 2);
   CHECK(mesh.groups[0].nodes.size() == 9);
   CHECK(mesh.groups[1].nodes.size() == 15);

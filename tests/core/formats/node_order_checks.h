@@ -1,0 +1,11 @@
+#pragma once
+
+#include "core/mesh.h"
+
+namespace cadmorph::test {
+
+/// Requires that each node of a straight second-order cell beyond its corners lies in the middle of
+/// the edge, face or cell where VTK's node order has it.
+void require_middles(const Mesh& mesh, Index cell);
+
+}  // namespace cadmorph::test
