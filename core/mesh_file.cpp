@@ -130,6 +130,17 @@ void set_cells(const Mesh& mesh, vtkUnstructuredGrid* grid) {
   grid->SetCells(types, cells, to_vtk(locations), to_vtk(faces));
 }
 
+// VTK's writer keeps the range of each array beside it, and writes arrays that have one in another
+// form: have them all, so that the first file has the bytes of later ones.
+void take_ranges(vtkUnstructuredGrid* grid) {
+  for (vtkFieldData* data : {static_cast<vtkFieldData*>(grid->GetPointData()),
+                             static_cast<vtkFieldData*>(grid->GetCellData()), grid->GetFieldData()})
+    for (int i = 0; i < data->GetNumberOfArrays(); ++i) {
+      double range[2];
+      if (vtkDataArray* array = data->GetArray(i)) array->GetRange(range, -1);
+    }
+}
+
 }  // namespace
 
 struct MeshFile::Impl {
@@ -167,10 +178,7 @@ void MeshFile::write(const fs::path& path, const Points& points, const ExtraArra
     throw InvalidInputError("the coordinates to write to " + path.string() + " are not all finite");
   vtkNew<vtkUnstructuredGrid> grid;
   grid->ShallowCopy(impl_->grid);
-  // VTK's writer leaves a mark on the arrays, and writes those that bear it otherwise.
-  vtkNew<vtkFieldData> field;
-  field->DeepCopy(impl_->grid->GetFieldData());
-  grid->SetFieldData(field);
+  take_ranges(grid);
   grid->SetPoints(to_vtk(points));
   add_extra(grid, extra);
   write_grid(grid, impl_->layout, path);
