@@ -129,6 +129,17 @@ void set_cells(const Mesh& mesh, vtkUnstructuredGrid* grid) {
   grid->SetCells(types, cells, to_vtk(locations), to_vtk(faces));
 }
 
+// VTK's writer keeps the range of each array beside it, and writes arrays that have one in another
+// form: have them all, so that the first file has the bytes of later ones.
+void take_ranges(vtkUnstructuredGrid* grid) {
+  for (vtkFieldData* data : {static_cast<vtkFieldData*>(grid->GetPointData()),
+                             static_cast<vtkFieldData*>(grid->GetCellData()), grid->GetFieldData()})
+    for (int i = 0; i < data->GetNumberOfArrays(); ++i) {
+      double range[2];
+      if (vtkDataArray* array = data->GetArray(i)) array->GetRange(range, -1);
+    }
+}
+
 class VtkCopier : public MeshCopier {
  public:
   VtkCopier(Grid grid, const Layout& layout) : grid_(std::move(grid)), layout_(layout) {}
@@ -141,10 +152,7 @@ class VtkCopier : public MeshCopier {
                     const ExtraArrays& extra) const override {
     vtkNew<vtkUnstructuredGrid> grid;
     grid->ShallowCopy(grid_);
-    // VTK's writer leaves a mark on the arrays, and writes those that bear it otherwise.
-    vtkNew<vtkFieldData> field;
-    field->DeepCopy(grid_->GetFieldData());
-    grid->SetFieldData(field);
+    take_ranges(grid);
     grid->SetPoints(to_vtk(after));
     add_extra(grid, extra);
     write_grid(grid, layout_, target);
