@@ -195,7 +195,7 @@ std::optional<Collection> collection_of(std::string_view name) {
   const auto [end, error] =
       std::from_chars(digits.data(), digits.data() + digits.size(), collection.order);
   if (error != std::errc() || end != digits.data() + digits.size()) return {};
-  if (collection.order != 1 && collection.order != 2) return {};
+  if (collection.order < 1) return {};
   const std::string_view basis = name.substr(0, last - 3);  // less "_3D"
   const bool is_positive = basis == "H1Pos" || basis == "H1@P" || basis == "L2_T2";
   const bool is_closed =
@@ -203,6 +203,7 @@ std::optional<Collection> collection_of(std::string_view name) {
   // At order 1 the values of the positive (Bernstein) basis are positions too.
   if (!is_closed && !(is_positive && collection.order == 1)) return {};
   collection.is_discontinuous = basis.starts_with("L2");
+  if (collection.is_discontinuous && collection.order > 2) return {};
   return collection;
 }
 
@@ -347,8 +348,8 @@ class Reader {
     const auto collection = collection_of(name);
     if (!collection)
       in_.fail_at(name_place, "its nodes are of " + std::string(name.substr(0, 40)) +
-                                  "; those of H1 and L2_T1 of order 1 and 2 are read: in MFEM, "
-                                  "mesh.SetCurvature(2) makes them so");
+                                  "; those of H1 of any order and of L2_T1 of order 1 and 2 are "
+                                  "read: in MFEM, mesh.SetCurvature(2) makes them so");
     collection_ = *collection;
     expect("VDim:");
     const Index components = in_.index("the number of coordinates", 1, 4);
@@ -356,6 +357,7 @@ class Reader {
     const bool is_by_component = in_.index("the ordering", 0, 2) == 0;
     check_pyramids(name_place);
     number_dofs();
+    if (collection_.order > 2) take_corners(components);
     read_values(dof_count_, components, is_by_component, "nodes");
     if (in_.skip_space() && !std::isalpha(static_cast<unsigned char>(in_.text()[in_.place()])))
       in_.fail("there are more values than the coordinates of " + std::to_string(dof_count_) +
@@ -392,7 +394,7 @@ class Reader {
       }
       return;
     }
-    if (collection_.order == 1) {
+    if (collection_.order != 2) {
       dof_count_ = vertex_count_;
       dofs_.assign(vertices_.begin(), vertices_.begin() + std::ptrdiff_t(element_vertices()));
       return;
@@ -419,6 +421,27 @@ class Reader {
                         quads.number(vertex_set(vertices, shape.quads[shape.quad_order[i]])));
       if (shape.has_middle) dofs_.push_back(dof_count_++);
     }
+  }
+
+  /// Above second order the cells are those of the corners, which come first; all other nodes are
+  /// points in no cell. Their number is that of the values.
+  void take_corners(Index components) {
+    const std::size_t place = in_.place();
+    Index values = 0;
+    while (in_.skip_space() && !std::isalpha(static_cast<unsigned char>(in_.text()[in_.place()]))) {
+      in_.number("a coordinate");
+      ++values;
+    }
+    if (values % components != 0 || values / components < vertex_count_)
+      in_.fail_at(place, "there are " + std::to_string(values) + " values for " +
+                             std::to_string(vertex_count_) + " vertices and more nodes, of " +
+                             std::to_string(components) + " coordinates each");
+    dof_count_ = values / components;
+    in_.go_to(place);
+    result_.remarks.push_back("its elements are of order " + std::to_string(collection_.order) +
+                              ": their corners alone are put on the CAD and judged, all other "
+                              "nodes follow the field");
+    collection_.order = 1;
   }
 
   std::span<const Index> vertices_of(const Element& element) const {
