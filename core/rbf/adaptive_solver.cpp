@@ -47,6 +47,10 @@ constexpr Index kNeighbour = 3;
 // From so many centres on the fast solver is at least as fast as Cholesky.
 constexpr Index kManyCentres = 1500;
 
+// What is missed counts in steps of this: of nodes that are mirror images the first is taken, not
+// the one that rounding favours on this processor.
+constexpr double kGrain = 1e-3;
+
 // Part of the largest value that the rounding of the sums may come to.
 constexpr double kRounding = 1e-9;
 
@@ -89,7 +93,7 @@ struct AdaptiveSolver::Impl {
   struct Attempt {
     UnitField field;
     MatrixXd residual;  // at all points
-    VectorXd missed;    // its norms, in spacings
+    VectorXd missed;    // its norms in spacings, rounded
   };
 
   double least_separation() const;
@@ -166,8 +170,8 @@ std::optional<AdaptiveSolver::Impl::Attempt> AdaptiveSolver::Impl::attempt(
   MatrixXd left = residual(*field, values);
   const VectorXd norms = left.rowwise().norm();
   if (!norms.allFinite()) return {};
-  return Attempt{std::move(*field), std::move(left),
-                 norms.array() / (options.unit * spacing.array())};
+  const VectorXd missed = norms.array() / (options.unit * spacing.array());
+  return Attempt{std::move(*field), std::move(left), (missed / kGrain).array().round() * kGrain};
 }
 
 // The points that miss most, each at a distance from the centres and from those taken before it.
