@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <sstream>
 #include <string>
@@ -186,7 +187,7 @@ TEST_CASE("Bad MFEM files are refused by line", "[core][formats]") {
   refused(kStraight, "7 4 8", "7 9 8", {"line 11", "geometry type 9"});
   refused(kStraight, "vertices\n11", "vertices\n12", {"a coordinate", "end of the file"});
   refused(kStraight, "vertices\n11", "vertices\n99999999", {"99999999", "cut off"});
-  refused(order_2, "H1_3D_P2", "H1_3D_P3", {"line 24", "H1_3D_P3", "SetCurvature(2)"});
+  refused(order_2, "H1_3D_P2", "L2_T1_3D_P3", {"line 24", "L2_T1_3D_P3", "SetCurvature(2)"});
   refused(order_2, "H1_3D_P2", "L2_3D_P2", {"line 24", "L2_3D_P2"});
   refused(order_2, "H1_3D_P2", "H1Pos_3D_P2", {"line 24", "H1Pos_3D_P2"});
   refused(order_2, "H1_3D_P2", "H1_3D_P1", {"more values", "11 nodes"});
@@ -194,6 +195,24 @@ TEST_CASE("Bad MFEM files are refused by line", "[core][formats]") {
           {"41 nodes", "cut off"});
   refused(order_2, "7 4 8 2 9 10", "7 7 8 2 9 10 1", {"pyramids"});
   refused(order_2, "vertices\n11", "vertices\n9999999999", {"not in"});
+}
+
+// What a collection of third order tells beyond the corners is a number of further values.
+TEST_CASE("MFEM meshes above second order are read by their corners", "[core][formats]") {
+  const FormatFolder folder;
+  const MeshFile second(folder.put("second.mesh", curved("H1_3D_P2", kOrder2, false)));
+  const auto path = folder.put("third.mesh", curved("H1_3D_P3", kOrder2, false));
+  const MeshFile third(path);
+  CHECK(third.mesh().points == second.mesh().points);
+  CHECK(third.mesh().cell_count() == second.mesh().cell_count());
+  for (Index c = 0; c < third.mesh().cell_count(); ++c) {
+    const auto corners = third.mesh().cell(c);
+    CHECK(std::ranges::equal(corners, second.mesh().cell(c).first(corners.size())));
+    CHECK(dimension(third.mesh().types[c]) == dimension(second.mesh().types[c]));
+  }
+  REQUIRE(third.remarks().size() == 1);
+  CHECK_THAT(third.remarks().front(), Catch::Contains("order 3"));
+  require_promise(path, folder, "out.mesh");
 }
 
 TEST_CASE("Damaged MFEM files never crash the reader", "[core][formats]") {
