@@ -27,6 +27,6 @@ make block.bdf
 make block.mesh
 "$program" block*.*[!o]
 for file in block.su2 block.msh block22.msh block22b.msh block.inp block.mesh; do
-  /usr/bin/time -f "meshio reads $file: %e s, %U s CPU" python3 -c \
+  /usr/bin/time -f "meshio reads $file: %e s, %U s CPU" /usr/bin/python3 -c \
     "import meshio; meshio.read('$file')" 2>&1 | tail -1
 done
