@@ -41,7 +41,7 @@ Times measure(Call&& call) {
 }
 
 // As `cp` does, flushed to disk like a mesh that is written.
-void copy(const fs::path& from, const fs::path& to) {
+void copy_flushed(const fs::path& from, const fs::path& to) {
   fs::copy_file(from, to, fs::copy_options::overwrite_existing);
   sync();
 }
@@ -49,7 +49,7 @@ void copy(const fs::path& from, const fs::path& to) {
 void run(const fs::path& file, const fs::path& scratch) {
   const double megabytes = 1e-6 * static_cast<double>(fs::file_size(file));
   const fs::path target = scratch / file.filename();
-  const Times copied = measure([&] { copy(file, target); });
+  const Times copied = measure([&] { copy_flushed(file, target); });
   std::unique_ptr<MeshFile> mesh;
   const Times read = measure([&] { mesh = std::make_unique<MeshFile>(file); });
   const Points moved = 1.01 * mesh->mesh().points;
