@@ -172,7 +172,7 @@ TEST_CASE("A manifest that makes no sense is refused with 2, and the line named"
   check("id,step\na,box.step\nb,box.step\n\na,box_moved.step\n", {"list.csv:5", "\"a\"", "line 2"});
   check("id,step,out\na,box.step,x.vtu\nb,box.step,./x.vtu\n", {"list.csv:3", "x.vtu", "line 2"});
   check("id,step\na,box.step\na.failed,box.step\n", {"list.csv:3", "a.failed.vtu", "line 2"});
-  check("id,step,out\na,box.step,x.vtk\n", {"x.vtk", ".vtu"});
+  check("id,step,out\na,box.step,x.su2\n", {"x.su2", ".vtu"});
   check("id,step,out\na,box.step,../x.vtu\n", {"../x.vtu", "folder"});
   check("id,step\na/b,box.step\n", {"list.csv:2", "a/b"});
   check("id,step\nresults,box.step\n", {"list.csv:2", "results"});

@@ -471,7 +471,7 @@ TEST_CASE("files that can't be read say why", "[core][mesh_file]") {
   put(folder / "empty.vtu", "");
   require_io_error(folder / "empty.vtu", "it is empty");
   put(folder / "garbage.vtu", std::string(5000, '\x81'));
-  require_io_error(folder / "garbage.vtu", "no VTK file");
+  require_io_error(folder / "garbage.vtu", "does not begin as one");
   put(folder / "surface.vtp",
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\"><PolyData></PolyData></VTKFile>");
   require_io_error(folder / "surface.vtp", "PolyData");

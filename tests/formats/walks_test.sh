@@ -3,7 +3,12 @@
 # walks_test.sh PROGRAM_FOLDER
 source "$(dirname "$0")/openfoam.sh" "$1"
 need_openfoam
-need meshio ccx
+need ccx
+PATH=/usr/bin:$PATH # Debian's Python, which has Debian's meshio
+python3 -c 'import meshio' 2>/dev/null || {
+  echo "skipped: there is no meshio; scripts/install-dependencies --formats brings it"
+  exit 77
+}
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -17,8 +22,8 @@ run_shown_commands docs/formats.md >walks.log 2>&1 || {
 
 # points_of FILE: as meshio reads them.
 points_of() {
-  meshio convert "$1" "$scratch/points.vtu" >/dev/null 2>&1 || fail "meshio can't read $1"
-  cadmorph quality "$scratch/points.vtu" --json - | grep -m1 '"nodes"'
+  python3 -c "import meshio, sys; print(len(meshio.read(sys.argv[1]).points))" "$1" ||
+    fail "meshio can't read $1"
 }
 [[ $(points_of out/bore.su2) == "$(points_of out/wide.su2)" ]] || fail "SU2: other points"
 [[ $(points_of out/bore.msh) == "$(points_of out/wide.msh)" ]] || fail "gmsh: other points"

@@ -1,6 +1,7 @@
 # Helpers of the scheduler tests. Sourced with: PROGRAM_FOLDER
 set -euo pipefail
 root=$(realpath "$(dirname "${BASH_SOURCE[0]}")/../..")
+script=$(realpath "$0")
 schedulers=$root/docs/schedulers
 PATH="$(realpath "$1"):$PATH"
 export PATH
@@ -15,7 +16,7 @@ need() {
   local program
   for program in "$@"; do
     if ! command -v "$program" >/dev/null; then
-      echo "skipped: there is no $program; scripts/install-dependencies --schedulers brings it"
+      echo "skipped: there is no $program; scripts/install-dependencies --schedulers --formats brings it"
       exit 77
     fi
   done
@@ -44,7 +45,7 @@ enter_user_folder() {
 # run_shown_commands PAGE: those that PAGE marks as run by this test, as they stand, in one shell.
 run_shown_commands() {
   local lines
-  lines=$("$root/tests/docs/page_commands.py" list "$(realpath --relative-to="$root" "$0")" \
+  lines=$("$root/tests/docs/page_commands.py" list "$(realpath --relative-to="$root" "$script")" \
     "$root/$1")
   [[ -n $lines ]] || fail "$1 shows nothing that this test runs"
   bash -euo pipefail -c "$lines"
