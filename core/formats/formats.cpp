@@ -62,6 +62,7 @@ std::span<const MeshFormat> mesh_formats() {
       su2_format(),
       vtk_format(),
       vtkhdf_format(),
+      xdmf_format(),
   };
   return formats;
 }

@@ -11,5 +11,6 @@ const MeshFormat& med_format();
 const MeshFormat& su2_format();
 const MeshFormat& vtk_format();
 const MeshFormat& vtkhdf_format();
+const MeshFormat& xdmf_format();
 
 }  // namespace cadmorph
