@@ -291,7 +291,8 @@ void CgnsTree::fail(const CgnsNode& node, const std::string& why) const {
 }
 
 bool is_adf(const FileStart& start) {
-  return std::string_view(start.bytes).substr(4, 12) == "ADF Database";
+  // Behind four bytes, "@(#)" with or without their highest bits.
+  return start.bytes.find("ADF Database") == 4;
 }
 
 std::unique_ptr<const CgnsTree> read_cgns_tree(const fs::path& path) {
