@@ -73,6 +73,7 @@ std::span<const MeshFormat> mesh_formats() {
       ugrid_format(),
       vtk_format(),
       vtkhdf_format(),
+      xdmf_format(),
   };
   return formats;
 }

@@ -21,5 +21,6 @@ const MeshFormat& su2_format();
 const MeshFormat& ugrid_format();
 const MeshFormat& vtk_format();
 const MeshFormat& vtkhdf_format();
+const MeshFormat& xdmf_format();
 
 }  // namespace cadmorph

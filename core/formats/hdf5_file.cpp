@@ -509,10 +509,11 @@ ReadMesh read_safely(const fs::path& path, const std::function<ReadMesh()>& read
 
 Hdf5File::Hdf5File(const fs::path& path) {
   silence();
+  const std::uint64_t size = size_of(path);
   Handle file = open_file(path, H5F_ACC_RDONLY);
   if (!file.is_valid())
     fail_reading(path, "it is no HDF5 file, or it is damaged or cut off" + last_error());
-  impl_.reset(new Impl{.path = path, .file = std::move(file), .size = size_of(path)});
+  impl_.reset(new Impl{.path = path, .file = std::move(file), .size = size});
 }
 
 Hdf5File::~Hdf5File() = default;
