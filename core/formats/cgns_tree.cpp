@@ -291,10 +291,7 @@ void CgnsTree::fail(const CgnsNode& node, const std::string& why) const {
 }
 
 bool is_adf(const FileStart& start) {
-<<<<<<< HEAD
-=======
   // Behind four bytes, "@(#)" with or without their highest bits.
->>>>>>> hdf
   return start.bytes.find("ADF Database") == 4;
 }
 
