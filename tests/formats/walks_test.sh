@@ -33,7 +33,8 @@ counts_of() {
   checkMesh -case "$1" -constant | sed -nE '/Mesh stats/,/Checking topology/p'
 }
 diff <(counts_of out/case) <(counts_of out/wide_case) || fail "OpenFOAM: other counts"
-checkMesh -case out/wide_case -constant | grep -q '^Mesh OK' || fail "OpenFOAM: mesh not OK"
+checkMesh -case out/wide_case -constant >check.log
+grep -q '^Mesh OK' check.log || fail "OpenFOAM: mesh not OK"
 
 # reaction FOLDER: the force under the foot, newtons.
 reaction() { awk '/total force/ {getline; getline; print $3}' "$1/bore_weight.dat"; }
