@@ -30,7 +30,7 @@ CellFaces faces_of_cells(const FaceList& list, Index cells) {
   result.offsets.assign(std::size_t(cells) + 1, 0);
   const auto for_each_side = [&](auto&& visit) {
     for (Index f = 0; f < list.count(); ++f) {
-      visit(list.owner[f], f);
+      if (list.owner[f] >= 0) visit(list.owner[f], f);
       if (list.neighbour[f] >= 0) visit(list.neighbour[f], f);
     }
   };

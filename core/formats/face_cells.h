@@ -13,7 +13,7 @@ namespace cadmorph {
 struct FaceList {
   std::vector<Index> offsets = {0};  ///< faces + 1 positions in `nodes`
   std::vector<Index> nodes;          ///< face after face; the normal points out of the owner
-  std::vector<Index> owner;          ///< cell of each face
+  std::vector<Index> owner;          ///< cell of each face; -1: it has none
   std::vector<Index> neighbour;      ///< the other cell; -1: the face is of the boundary
 
   Index count() const { return std::ssize(offsets) - 1; }

@@ -61,6 +61,8 @@ std::span<const MeshFormat> mesh_formats() {
       ansys_format(),
       cgns_format(),
       exodus_format(),
+      fluent_format(),
+      fluent_hdf5_format(),
       gmsh_format(),
       ls_dyna_format(),
       med_format(),

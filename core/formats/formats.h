@@ -9,6 +9,8 @@ const MeshFormat& abaqus_format();
 const MeshFormat& ansys_format();
 const MeshFormat& cgns_format();
 const MeshFormat& exodus_format();
+const MeshFormat& fluent_format();
+const MeshFormat& fluent_hdf5_format();
 const MeshFormat& gmsh_format();
 const MeshFormat& ls_dyna_format();
 const MeshFormat& med_format();

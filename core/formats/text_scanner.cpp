@@ -33,6 +33,21 @@ bool TextScanner::skip_blanks() {
          !(comment_ && text_[at_] == comment_);
 }
 
+bool TextScanner::take(char character) {
+  if (!skip_space() || text_[at_] != character) return false;
+  ++at_;
+  return true;
+}
+
+void TextScanner::expect(char character, std::string_view after_what) {
+  if (!take(character))
+    fail_expected("'" + std::string(1, character) + "' after " + std::string(after_what));
+}
+
+bool TextScanner::ends_word(char c) const {
+  return is_space(c) || separators_.find(c) != std::string_view::npos;
+}
+
 std::string_view TextScanner::line() {
   const std::size_t begin = at_;
   skip_line();
@@ -49,19 +64,19 @@ void TextScanner::skip_line() {
 std::string_view TextScanner::word(std::string_view what) {
   if (!skip_space()) fail_expected(what);
   const std::size_t begin = at_;
-  while (at_ < text_.size() && !is_space(text_[at_])) ++at_;
+  while (at_ < text_.size() && !ends_word(text_[at_])) ++at_;
   return text_.substr(begin, at_ - begin);
 }
 
 template <class Number>
-TextToken TextScanner::parse(std::string_view what, Number& value) {
+TextToken TextScanner::parse(std::string_view what, Number& value, const auto&... base) {
   if (!skip_space()) fail_expected(what);
   const char* const begin = text_.data() + at_;
   const char* const end = text_.data() + text_.size();
   // from_chars knows no plus sign.
   const char* const first = *begin == '+' ? begin + 1 : begin;
-  const auto [last, error] = std::from_chars(first, end, value);
-  if (error != std::errc() || (last != end && !is_space(*last) && *last != comment_) ||
+  const auto [last, error] = std::from_chars(first, end, value, base...);
+  if (error != std::errc() || (last != end && !ends_word(*last) && *last != comment_) ||
       std::size_t(last - begin) > kLongestToken)
     fail_expected(what);
   const TextToken token{.place = at_, .length = std::uint64_t(last - begin)};
@@ -72,6 +87,12 @@ TextToken TextScanner::parse(std::string_view what, Number& value) {
 Index TextScanner::integer(std::string_view what) {
   Index value = 0;
   parse(what, value);
+  return value;
+}
+
+Index TextScanner::hexadecimal(std::string_view what) {
+  Index value = 0;
+  parse(what, value, 16);
   return value;
 }
 

@@ -18,8 +18,10 @@ struct TextToken {
 class TextScanner {
  public:
   /// `text` must outlive it. `comment`, if not 0, begins a comment that runs to the line's end.
-  TextScanner(std::string_view text, std::filesystem::path path, char comment = 0)
-      : text_(text), path_(std::move(path)), comment_(comment) {}
+  /// Words and numbers end at white space and at each of `separators`.
+  TextScanner(std::string_view text, std::filesystem::path path, char comment = 0,
+              std::string_view separators = {})
+      : text_(text), path_(std::move(path)), comment_(comment), separators_(separators) {}
 
   std::size_t place() const { return at_; }
   void go_to(std::size_t place) { at_ = place; }
@@ -30,6 +32,11 @@ class TextScanner {
   /// Skips blanks and tabs; false at the end of the line (or before a comment).
   bool skip_blanks();
 
+  /// Skips white space, and the character if it follows.
+  bool take(char character);
+  /// The same; throws IoError when it does not follow.
+  void expect(char character, std::string_view after_what);
+
   /// The rest of the line, without its end ("\n" or "\r\n"), where the next line begins after.
   std::string_view line();
   void skip_line();
@@ -38,6 +45,7 @@ class TextScanner {
   std::string_view word(std::string_view what);
   /// The next word as a number. Throw IoError when it is none: "line 7: expected WHAT, found 'x'".
   Index integer(std::string_view what);
+  Index hexadecimal(std::string_view what);
   double number(std::string_view what);
   /// The same, and where it stands.
   TextToken number(std::string_view what, double& value);
@@ -59,11 +67,13 @@ class TextScanner {
 
  private:
   template <class Number>
-  TextToken parse(std::string_view what, Number& value);
+  TextToken parse(std::string_view what, Number& value, const auto&... base);
+  bool ends_word(char c) const;
 
   std::string_view text_;
   std::filesystem::path path_;
   char comment_;
+  std::string_view separators_;
   std::size_t at_ = 0;
 };
 
