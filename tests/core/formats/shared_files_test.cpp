@@ -29,9 +29,11 @@ std::vector<fs::path> meshes_in(const fs::path& folder) {
   return result;
 }
 
-/// What an affine map of a file loses to its columns or single precision, of the largest coordinate.
+/// What an affine map of a file loses to its columns or single precision, of the largest
+/// coordinate.
 double rounding(const MeshFile& file) {
   if (file.format() == "LS-DYNA") return 1e-9;  // 16 columns
+  if (file.format() == "Abaqus") return 1e-13;  // 20 characters
   if (file.format() == "Ansys") return 1e-12;   // as its NBLOCK says
   return 0;
 }
