@@ -15,6 +15,7 @@
 #include "cad/packed_model.h"
 #include "cad/step_reader.h"
 #include "core/content_hash.h"
+#include "core/formats/folder_copy.h"
 #include "core/formats/mesh_format.h"
 #include "core/parallel.h"
 
@@ -174,13 +175,15 @@ class BatchRun {
           remove_mesh(folder_.path_of(out));
   }
 
-  // A folder only where it holds a mesh, as one that a batch wrote does.
-  static void remove_mesh(const fs::path& path) {
+  // A folder only where it holds nothing but a copy of the mesh: results of a solver stay.
+  void remove_mesh(const fs::path& path) const {
     std::error_code ignored;
-    if (is_mesh_folder(path))
+    if (is_mesh_folder(path)) {
+      check_replaceable(path, options_.mesh);
       fs::remove_all(path, ignored);
-    else
+    } else {
       fs::remove(path, ignored);
+    }
   }
 
   void check_outputs() const {

@@ -477,7 +477,7 @@ TEST_CASE("files that can't be read say why", "[core][mesh_file]") {
   require_io_error(folder / "surface.vtp", "PolyData");
   put(folder / "other.vtk",
       "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 1 1 1\n");
-  require_io_error(folder / "other.vtk", "damaged");
+  require_io_error(folder / "other.vtk", "STRUCTURED_POINTS");
   put(folder / "broken.vtu",
       "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><Piece></UnstructuredGrid></VTKFile>");
   require_io_error(folder / "broken.vtu", "damaged");

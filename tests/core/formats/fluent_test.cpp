@@ -72,14 +72,9 @@ class FluentWriter {
   }
   void begin(const std::string& section, Index zone, Index first, Index last,
              const std::string& rest) {
-<<<<<<< HEAD
-    text_ += "(" + number(section) + " (" + hex(zone) + " " + hex(first) + " " + hex(last) + " " +
-             rest + ")\n(";
-=======
     text_.append("(").append(number(section)).append(" (");
     for (const Index value : {zone, first, last}) text_.append(hex(value)).append(" ");
     text_.append(rest).append(")\n(");
->>>>>>> openfoam
   }
   void end(const std::string& section) {
     text_ +=
