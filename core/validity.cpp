@@ -162,22 +162,47 @@ Sign tetra_sign(const Mesh& mesh, const Points& points, Index c, int orientation
   return sign * orientation > 0 ? Sign::Positive : Sign::NotPositive;
 }
 
+/// A face's triangles as tetrahedra over a point: six times their volume, and that times the mean
+/// of the corners that differ from the point.
+struct Pyramid {
+  double volume = 0;
+  Vector3d moment = Vector3d::Zero();
+};
+
+Pyramid pyramid_of(const Facet& facet, const Points& points, const Vector3d& apex) {
+  Pyramid result;
+  for (std::size_t i = 1; i + 1 < facet.nodes.size(); ++i) {
+    const Vector3d a = points.row(facet.nodes[0]).transpose() - apex;
+    const Vector3d b = points.row(facet.nodes[i]).transpose() - apex;
+    const Vector3d d = points.row(facet.nodes[i + 1]).transpose() - apex;
+    const double volume = a.dot(b.cross(d));
+    result.volume += volume;
+    result.moment += volume * (a + b + d);
+  }
+  return result;
+}
+
+/// Many nodes at one side pull the nodes' mean out of a sound cell: the centroid of the volume,
+/// which finite volumes take, decides then.
 Sign polyhedron_sign(const Mesh& mesh, const Points& points, Index c, int orientation) {
   Vector3d centre = Vector3d::Zero();
   for (const Index node : mesh.cell(c)) centre += points.row(node).transpose();
   centre /= static_cast<double>(mesh.cell(c).size());
-  for (const Facet& facet : cell_facets(mesh, c)) {
-    double volume = 0;
-    const std::size_t count = facet.nodes.size();
-    for (std::size_t i = 1; i + 1 < count; ++i) {
-      const Vector3d a = points.row(facet.nodes[0]).transpose() - centre;
-      const Vector3d b = points.row(facet.nodes[i]).transpose() - centre;
-      const Vector3d d = points.row(facet.nodes[i + 1]).transpose() - centre;
-      volume += a.dot(b.cross(d));
-    }
-    if (volume * orientation <= 0) return Sign::NotPositive;
+  const std::vector<Facet> facets = cell_facets(mesh, c);
+  const auto is_inside = [&](const Vector3d& point) {
+    return std::ranges::all_of(facets, [&](const Facet& facet) {
+      return pyramid_of(facet, points, point).volume * orientation > 0;
+    });
+  };
+  if (is_inside(centre)) return Sign::Positive;
+  Pyramid whole;
+  for (const Facet& facet : facets) {
+    const Pyramid pyramid = pyramid_of(facet, points, centre);
+    whole.volume += pyramid.volume;
+    whole.moment += pyramid.moment;
   }
-  return Sign::Positive;
+  if (whole.volume * orientation <= 0) return Sign::NotPositive;
+  return is_inside(centre + whole.moment / (4 * whole.volume)) ? Sign::Positive : Sign::NotPositive;
 }
 
 void test_cells(const Mesh& mesh, const Points& points, const Orientation& orientation, Index begin,

@@ -22,10 +22,11 @@ struct ValidityReport {
 /// corners, as counted by measure_quality, do not suffice for hexahedra and quadratic cells.
 /// Tetrahedra: by the exact sign of the volume. Cells with a polynomial map: the Bernstein
 /// coefficients bound the determinant; the cell is cut in parts until all are positive or a value
-/// is not (Johnen, Remacle, Geuzaine 2013). Polyhedra: each face's pyramid over the centroid of the
-/// nodes has positive volume. A cell that names a node twice (a hexahedron collapsed to a wedge)
-/// may vanish where it collapses. Shell, line and vertex cells are not tested. Throws
-/// InvalidInputError when sizes differ or a position is not finite. Parallel; O(cells).
+/// is not (Johnen, Remacle, Geuzaine 2013). Polyhedra: each face's pyramid over the mean of the
+/// nodes, or over the centroid of the volume (as finite volumes take it), has positive volume. A
+/// cell that names a node twice (a hexahedron collapsed to a wedge) may vanish where it collapses.
+/// Shell, line and vertex cells are not tested. Throws InvalidInputError when sizes differ or a
+/// position is not finite. Parallel; O(cells).
 ValidityReport check_validity(const Mesh& mesh, const Points& points,
                               const Orientation& orientation);
 

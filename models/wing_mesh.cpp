@@ -82,13 +82,6 @@ TriangleMesh raise(const TriangleMesh& wing, int layer, const std::vector<Point3
   return raised;
 }
 
-/// Appends a cell that is no polyhedron.
-void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes) {
-  mesh.types.push_back(type);
-  mesh.connectivity.insert(mesh.connectivity.end(), nodes.begin(), nodes.end());
-  mesh.offsets.push_back(static_cast<Index>(mesh.connectivity.size()));
-}
-
 /// Starts a mesh with the nodes of `outside` and, before them, those of the layers below it; adds
 /// the wedges of the first `layers` layers.
 Mesh add_wedges(const TriangleMesh& wing, const std::vector<Point3>& normals, int layers,

@@ -7,6 +7,8 @@
 
 #include "core/cell_topology.h"
 #include "core/formats/mesh_format.h"
+#include "core/quality.h"
+#include "core/validity.h"
 
 namespace fs = std::filesystem;
 
@@ -120,7 +122,7 @@ class SolidCells {
  public:
   explicit SolidCells(Mesh& mesh) : mesh_(mesh) {}
 
-  void add(const FaceList& list, std::span<const Index> cell_faces, Index cell) {
+  void add(const FaceList& list, std::span<const Index> cell_faces, Index cell, bool is_element) {
     if (faces_.size() < cell_faces.size()) faces_.resize(cell_faces.size());
     for (std::size_t i = 0; i < cell_faces.size(); ++i)
       orient(list, cell_faces[i], cell, faces_[i]);
@@ -131,8 +133,8 @@ class SolidCells {
     };
     const std::size_t triangles = count(3), quads = count(4);
     for (const Shape& shape : kShapes) {
-      if (faces.size() != shape.triangles + shape.quads || triangles != shape.triangles ||
-          quads != shape.quads)
+      if (!is_element || faces.size() != shape.triangles + shape.quads ||
+          triangles != shape.triangles || quads != shape.quads)
         continue;
       if (find_nodes(shape, faces, nodes_)) return add_cell(mesh_, shape.type, nodes_);
       for (std::size_t i = 0; i < faces.size(); ++i) orient(list, cell_faces[i], cell, faces[i]);
@@ -162,6 +164,16 @@ class SolidCells {
   std::vector<Index> last_cell_;  ///< the last polyhedron with each node
 };
 
+/// Ids of the cells whose element has no valid map; none where points are not finite.
+std::vector<Index> cells_without_map(const Mesh& mesh) {
+  if (!mesh.points.allFinite()) return {};
+  const Orientation orientation = detect_orientation(mesh);
+  std::vector<Index> cells = check_validity(mesh, mesh.points, orientation).invalid_cells;
+  const auto corners = measure_quality(mesh, mesh.points, orientation).inverted_cells;
+  cells.insert(cells.end(), corners.begin(), corners.end());
+  return cells;
+}
+
 /// The nodes of directed edges that form a ring; false when they don't.
 bool chain(std::vector<std::array<Index, 2>>& edges, std::vector<Index>& nodes) {
   nodes.clear();
@@ -181,14 +193,22 @@ bool chain(std::vector<std::array<Index, 2>>& edges, std::vector<Index>& nodes) 
 
 void add_solid_cells(Mesh& mesh, const FaceList& faces, Index cells, const fs::path& path) {
   const CellFaces of_cells = faces_of_cells(faces, cells);
-  SolidCells maker(mesh);
-  for (Index c = 0; c < cells; ++c) {
-    const auto cell_faces = of_cells.of(c);
-    if (cell_faces.size() < 4)
-      fail_reading(path, "cell " + std::to_string(c) + " has " + std::to_string(cell_faces.size()) +
+  for (Index c = 0; c < cells; ++c)
+    if (const auto count = of_cells.of(c).size(); count < 4)
+      fail_reading(path, "cell " + std::to_string(c) + " has " + std::to_string(count) +
                              " faces; a cell needs four at least");
-    maker.add(faces, cell_faces, c);
-  }
+  const auto with_cells = [&](const std::vector<char>& is_element) {
+    Mesh result;
+    result.points = mesh.points;
+    SolidCells maker(result);
+    for (Index c = 0; c < cells; ++c) maker.add(faces, of_cells.of(c), c, is_element[c] != 0);
+    return result;
+  };
+  std::vector<char> is_element(std::size_t(cells), 1);
+  Mesh result = with_cells(is_element);
+  const std::vector<Index> others = cells_without_map(result);
+  for (const Index c : others) is_element[std::size_t(c)] = 0;
+  mesh = others.empty() ? std::move(result) : with_cells(is_element);
 }
 
 void add_plane_cells(Mesh& mesh, const FaceList& edges, Index cells, const fs::path& path) {

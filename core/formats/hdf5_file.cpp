@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <hdf5.h>
+#include <limits.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -86,9 +87,13 @@ bool is_trial = false;
 enum class Outcome { Done, False, Threw, Died };
 
 /// Calls `action` in a process of its own: HDF5 1.10 runs into invalid memory on some damaged
-/// files, or comes to no end. There it does what it would do here, for the memory is the same.
-Outcome try_out(std::uint64_t file_size, const std::function<bool()>& action) {
+/// files, or comes to no end. `error`, if not null, gets the text of what it threw: a file that the
+/// library complains of may leave it damaged, and is not to be read again here.
+Outcome try_out(std::uint64_t file_size, const std::function<bool()>& action,
+                std::string* error = nullptr) {
   if (is_trial) return action() ? Outcome::Done : Outcome::False;
+  int pipe_ends[2] = {-1, -1};
+  if (pipe2(pipe_ends, O_CLOEXEC) != 0) return Outcome::Died;
   const pid_t child = fork();
   if (child == 0) {
     is_trial = true;
@@ -103,10 +108,19 @@ Outcome try_out(std::uint64_t file_size, const std::function<bool()>& action) {
     Outcome outcome = Outcome::Threw;
     try {
       outcome = action() ? Outcome::Done : Outcome::False;
-    } catch (...) {  // it will be thrown again where it is seen
+    } catch (const std::exception& failure) {
+      // What fits into a pipe that nobody reads yet.
+      const std::string_view text = std::string_view(failure.what()).substr(0, PIPE_BUF);
+      if (write(pipe_ends[1], text.data(), text.size()) < 0) outcome = Outcome::Died;
     }
     _exit(int(outcome));
   }
+  close(pipe_ends[1]);
+  char text[PIPE_BUF];
+  ssize_t size = 0;
+  while ((size = ::read(pipe_ends[0], text, sizeof text)) > 0 || (size < 0 && errno == EINTR))
+    if (error && size > 0) error->append(text, std::size_t(size));
+  close(pipe_ends[0]);
   int status = 0;
   while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
@@ -498,11 +512,14 @@ Recognition recognise_hdf5(const FileStart& start, const std::string& object,
 }
 
 ReadMesh read_safely(const fs::path& path, const std::function<ReadMesh()>& read) {
-  const Outcome outcome = try_out(size_of(path), [&] {
+  std::string error;
+  const auto try_reading = [&] {
     read();
     return true;
-  });
-  if (outcome != Outcome::Done && outcome != Outcome::Threw)
+  };
+  const Outcome outcome = try_out(size_of(path), try_reading, &error);
+  if (outcome == Outcome::Threw) throw IoError(error);
+  if (outcome != Outcome::Done)
     fail_reading(path, "it is damaged: the HDF5 library fails on it; copy or write it again");
   return read();
 }

@@ -215,4 +215,26 @@ TEST_CASE("Positions that do not fit the mesh have no validity", "[core][validit
   REQUIRE_THROWS_WITH(check_validity(mesh, points, orientation), Catch::Contains("node 13"));
 }
 
+// The mean of its nodes lies on the inner edge, the centroid of its volume inside.
+TEST_CASE("a prism over an L is a valid polyhedron, and none turned inside out",
+          "[core][validity]") {
+  Mesh mesh;
+  mesh.points.resize(12, 3);
+  const double outline[6][2] = {{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}};
+  std::vector<std::vector<Index>> faces(2);
+  for (Index i = 0; i < 6; ++i) {
+    mesh.points.row(i) << outline[i][0], outline[i][1], 0;
+    mesh.points.row(i + 6) << outline[i][0], outline[i][1], 1;
+    faces[0].insert(faces[0].begin(), i);
+    faces[1].push_back(i + 6);
+    const Index next = (i + 1) % 6;
+    faces.push_back({i, next, next + 6, i + 6});
+  }
+  add_polyhedron(mesh, faces);
+  CHECK(check_validity(mesh, mesh.points, detect_orientation(mesh)).invalid == 0);
+  Points inside_out = mesh.points;
+  inside_out.col(2) *= -1;
+  CHECK(check_validity(mesh, inside_out, detect_orientation(mesh)).invalid == 1);
+}
+
 }  // namespace cadmorph
