@@ -57,25 +57,10 @@ bool has_extension(const MeshFormat& format, const std::string& extension) {
 
 std::span<const MeshFormat> mesh_formats() {
   static const MeshFormat formats[] = {
-      abaqus_format(),
-      ansys_format(),
-      cgns_format(),
-      exodus_format(),
-      fluent_format(),
-      fluent_hdf5_format(),
-      gmsh_format(),
-      ls_dyna_format(),
-      med_format(),
-      medit_format(),
-      mfem_format(),
-      nastran_format(),
-      netgen_format(),
-      openfoam_format(),
-      su2_format(),
-      ugrid_format(),
-      vtk_format(),
-      vtkhdf_format(),
-      xdmf_format(),
+      abaqus_format(),      ansys_format(),   cgns_format(),    exodus_format(),   fluent_format(),
+      fluent_hdf5_format(), gmsh_format(),    ls_dyna_format(), med_format(),      medit_format(),
+      mfem_format(),        nastran_format(), netgen_format(),  openfoam_format(), su2_format(),
+      ugrid_format(),       vtk_format(),     vtkhdf_format(),  xdmf_format(),
   };
   return formats;
 }
