@@ -21,15 +21,7 @@ namespace fs = std::filesystem;
 namespace cadmorph {
 namespace {
 
-constexpr Index kHighestNumber = Index{1} << 40;
 constexpr std::size_t kFieldWidth = 20;  // what Abaqus allows and CalculiX reads of a number
-
-std::string upper(std::string_view text) {
-  std::string result(text);
-  std::ranges::transform(result, result.begin(),
-                         [](unsigned char c) { return char(std::toupper(c)); });
-  return result;
-}
 
 std::string_view unquoted(std::string_view text) {
   if (text.size() >= 2 && text.front() == '"' && text.back() == '"')

@@ -20,19 +20,6 @@ namespace fs = std::filesystem;
 namespace cadmorph {
 namespace {
 
-constexpr Index kHighestNumber = Index{1} << 40;
-
-std::string upper(std::string_view text) {
-  std::string result(text);
-  std::ranges::transform(result, result.begin(),
-                         [](unsigned char c) { return char(std::toupper(c)); });
-  return result;
-}
-
-std::string_view columns(std::string_view line, std::size_t first, std::size_t count) {
-  return first < line.size() ? line.substr(first, count) : std::string_view();
-}
-
 /// The fields of a command, "NBLOCK,6,SOLID", in capitals.
 std::vector<std::string> command_fields(std::string_view line) {
   line = line.substr(0, std::min(line.find('!'), line.size()));

@@ -18,15 +18,6 @@ namespace fs = std::filesystem;
 namespace cadmorph {
 namespace {
 
-constexpr Index kHighestNumber = Index{1} << 40;
-
-std::string upper(std::string_view text) {
-  std::string result(text);
-  std::ranges::transform(result, result.begin(),
-                         [](unsigned char c) { return char(std::toupper(c)); });
-  return result;
-}
-
 /// Columns of a keyword's integers and coordinates.
 enum class Width { Standard, Long, I10 };
 

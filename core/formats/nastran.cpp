@@ -20,19 +20,6 @@ namespace cadmorph {
 namespace {
 
 constexpr std::size_t kSmall = 8, kLarge = 16;  // columns of a field
-constexpr Index kHighestNumber = Index{1} << 40;
-
-std::string upper(std::string_view text) {
-  std::string result(text);
-  std::ranges::transform(result, result.begin(),
-                         [](unsigned char c) { return char(std::toupper(c)); });
-  return result;
-}
-
-std::string_view columns(std::string_view line, std::size_t first, std::size_t count) {
-  return first < line.size() ? line.substr(first, count) : std::string_view();
-}
-
 std::string_view without_comment(std::string_view line) {
   return line.substr(0, std::min(line.find('$'), line.size()));
 }

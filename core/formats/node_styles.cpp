@@ -12,10 +12,6 @@ namespace {
 
 constexpr RealField kFreeField{.width = 20};  // what Abaqus allows and CalculiX reads
 
-std::string_view columns(std::string_view line, std::size_t first, std::size_t count) {
-  return first < line.size() ? line.substr(first, count) : std::string_view();
-}
-
 }  // namespace
 
 std::string_view FreeNodeLine::read(std::string_view record, Eigen::RowVector3d& point) const {

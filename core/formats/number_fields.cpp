@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 
@@ -87,6 +88,17 @@ bool read_real(std::string_view field, double& value) {
   if (text.empty()) return true;
   constexpr std::size_t kLongest = 64;
   return parse(text, value) || (text.size() <= kLongest && parse(with_letter(text), value));
+}
+
+std::string upper(std::string_view text) {
+  std::string result(text);
+  std::ranges::transform(result, result.begin(),
+                         [](unsigned char c) { return char(std::toupper(c)); });
+  return result;
+}
+
+std::string_view columns(std::string_view line, std::size_t first, std::size_t count) {
+  return first < line.size() ? line.substr(first, count) : std::string_view();
 }
 
 bool read_integer(std::string_view field, Index& value) {

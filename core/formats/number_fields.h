@@ -11,6 +11,15 @@ namespace cadmorph {
 
 std::string_view trimmed(std::string_view field);
 
+/// Decks know no case.
+std::string upper(std::string_view text);
+
+/// The characters of a line from `first` on, `count` at most; empty behind its end.
+std::string_view columns(std::string_view line, std::size_t first, std::size_t count);
+
+/// The highest number of a node or an element that is taken: sums of such do not overflow.
+inline constexpr Index kHighestNumber = Index{1} << 40;
+
 /// Reads "1.5", ".5", "1.d+3", "1.5-3" (for 1.5e-3), with blanks around; a blank field is 0. False
 /// when it is no finite number.
 bool read_real(std::string_view field, double& value);
