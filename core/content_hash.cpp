@@ -35,18 +35,33 @@ std::string content_hash(std::string_view bytes) {
   return to_hex(XXH3_128bits(bytes.data(), bytes.size()));
 }
 
+struct ContentHasher::State {
+  std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> xxh3{XXH3_createState(),
+                                                                       XXH3_freeState};
+};
+
+ContentHasher::ContentHasher() : state_(std::make_unique<State>()) {
+  XXH3_128bits_reset(state_->xxh3.get());
+}
+
+ContentHasher::~ContentHasher() = default;
+
+void ContentHasher::add(std::string_view bytes) {
+  XXH3_128bits_update(state_->xxh3.get(), bytes.data(), bytes.size());
+}
+
+std::string ContentHasher::hash() const { return to_hex(XXH3_128bits_digest(state_->xxh3.get())); }
+
 std::string file_hash(const std::filesystem::path& path) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(
       std::fopen(path.c_str(), "rb"), [](std::FILE* f) { return std::fclose(f); });
   if (!file) fail(path);
-  const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(),
-                                                                              XXH3_freeState);
-  XXH3_128bits_reset(state.get());
+  ContentHasher hasher;
   std::vector<char> block(kBlock);
   while (const std::size_t count = std::fread(block.data(), 1, kBlock, file.get()))
-    XXH3_128bits_update(state.get(), block.data(), count);
+    hasher.add({block.data(), count});
   if (std::ferror(file.get())) fail(path);
-  return to_hex(XXH3_128bits_digest(state.get()));
+  return hasher.hash();
 }
 
 }  // namespace cadmorph

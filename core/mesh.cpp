@@ -278,10 +278,23 @@ void add_polyhedron(Mesh& mesh, std::span<const std::vector<Index>> faces) {
 }
 
 void tidy_groups(Mesh& mesh) {
+  std::vector<bool> is_member;
   for (NodeGroup& group : mesh.groups) {
-    std::ranges::sort(group.nodes);
-    const auto double_nodes = std::ranges::unique(group.nodes);
-    group.nodes.erase(double_nodes.begin(), double_nodes.end());
+    if (group.nodes.empty()) continue;
+    // Large groups name most nodes many times: a pass over all numbers sorts them sooner.
+    const auto end = std::size_t(std::ranges::max(group.nodes)) + 1;
+    if (group.nodes.size() < end / 8) {
+      std::ranges::sort(group.nodes);
+      const auto double_nodes = std::ranges::unique(group.nodes);
+      group.nodes.erase(double_nodes.begin(), double_nodes.end());
+      continue;
+    }
+    is_member.assign(end, false);
+    for (const Index node : group.nodes) is_member[std::size_t(node)] = true;
+    group.nodes.clear();
+    for (std::size_t node = 0; node < end; ++node)
+      if (is_member[node]) group.nodes.push_back(Index(node));
+    group.nodes.shrink_to_fit();
   }
 }
 

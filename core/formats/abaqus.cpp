@@ -503,8 +503,10 @@ class Reader {
   void read_node(std::string_view line) {
     Index number = 0;
     Eigen::RowVector3d point;
-    const std::size_t end =
-        std::min(line.find_first_of(", \t", line.find_first_not_of(" \t")), line.size());
+    const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
+    std::size_t end = 0;
+    while (end < line.size() && is_blank(line[end])) ++end;
+    while (end < line.size() && line[end] != ',' && !is_blank(line[end])) ++end;
     if (!read_integer(line.substr(0, end), number) || number < 1 || number > kHighestNumber)
       fail_number("the number of a node", line.substr(0, end));
     const std::string_view bad = style_->read(line, point);
@@ -617,12 +619,12 @@ class Reader {
     if (is_generated_) return read_range(line);
     while (fields.next(field)) {
       const std::string_view word = unquoted(trimmed(field));
+      Index number = 0;
       if (word.empty()) continue;
-      SetLines::Member member = member_of(word);
-      if (member.set.empty() && member.instance.empty())
-        set.numbers.push_back(member.number);
+      if (instance_.empty() && read_integer(word, number))
+        set.numbers.push_back(number);
       else
-        set.members.push_back(std::move(member));
+        set.members.push_back(member_of(word));
     }
   }
 
@@ -720,52 +722,44 @@ class Reader {
   }
 
   void add_groups(const Part& part, const Placed& home) {
+    GroupNodes nodes(assembly_.node_count());
     for (const SetTable* table : {&part.nodes, &part.elements, &part.surfaces})
       for (const SetLines& set : table->sets) {
+        add_nodes(home, set, nodes);
         NodeGroup group{.name = home.instance.empty() ? set.name : home.instance + "." + set.name,
                         .kind = set.kind,
-                        .nodes = {}};
-        collect_nodes(home, set, group.nodes);
+                        .nodes = nodes.take()};
         if (!group.nodes.empty()) assembly_.mesh().groups.push_back(std::move(group));
       }
   }
 
-  void collect_nodes(const Placed& home, const SetLines& set, std::vector<Index>& nodes) const {
-    const auto add_cells = [&](const std::vector<Index>& cells, const SetLines::Member& member) {
-      for (const Index cell : cells) add_face(cell, member, nodes);
+  void add_nodes(const Placed& home, const SetLines& set, GroupNodes& nodes) const {
+    std::vector<Index> found;
+    const auto add_found = [&](bool is_of_elements, const SetLines::Member& member) {
+      if (is_of_elements)
+        for (const Index cell : found) add_face(cell, member, nodes);
+      else
+        nodes.add(found);
+      found.clear();
     };
-    for (const Index number : set.numbers) {
-      std::vector<Index> found;
-      collect(home, {.number = number}, set.is_of_elements, 0, found);
-      if (set.is_of_elements)
-        add_cells(found, {});
-      else
-        nodes.insert(nodes.end(), found.begin(), found.end());
-    }
+    collect_numbers(home, set.numbers, set.is_of_elements, found);
+    add_found(set.is_of_elements, {});
     for (const SetLines::Member& member : set.members) {
-      // The nodes of a set of elements.
-      const bool is_by_elements = member.set.starts_with('\n');
       SetLines::Member plain = member;
+      const bool is_by_elements = plain.set.starts_with('\n');  // the nodes of a set of elements
       if (is_by_elements) plain.set.erase(0, 1);
-      std::vector<Index> found;
       collect(home, plain, set.is_of_elements || is_by_elements, 0, found);
-      if (set.is_of_elements || is_by_elements)
-        add_cells(found, member);
-      else
-        nodes.insert(nodes.end(), found.begin(), found.end());
+      add_found(set.is_of_elements || is_by_elements, member);
     }
   }
 
-  void add_face(Index cell, const SetLines::Member& member, std::vector<Index>& nodes) const {
+  void add_face(Index cell, const SetLines::Member& member, GroupNodes& nodes) const {
     const Mesh& mesh = assembly_.mesh();
     const auto cell_nodes = mesh.cell(cell);
-    if (member.face == 0) {
-      nodes.insert(nodes.end(), cell_nodes.begin(), cell_nodes.end());
-      return;
-    }
+    if (member.face == 0) return nodes.add(cell_nodes);
     const bool is_edge = member.is_edge || is_plane(cell);
     for (const int node : face_nodes(mesh.types[std::size_t(cell)], is_edge, member.face))
-      nodes.push_back(cell_nodes[std::size_t(node)]);
+      nodes.add(cell_nodes[std::size_t(node)]);
   }
 
   bool is_plane(Index cell) const {
@@ -777,8 +771,18 @@ class Reader {
     return false;
   }
 
-  /// Appends the nodes, or cells, of a member; numbers and names of nothing are left out, as the
-  /// solvers do.
+  /// Appends the nodes, or cells, of numbers; those of nothing are left out, as the solvers do.
+  static void collect_numbers(const Placed& in, std::span<const Index> numbers, bool is_of_elements,
+                              std::vector<Index>& found) {
+    for (const Index number : numbers) {
+      const Index row = is_of_elements ? in.elements.find(number) : in.nodes.rows.find(number);
+      if (row < 0) continue;
+      found.push_back(is_of_elements ? in.nodes.first_cell + row
+                                     : in.nodes.nodes[std::size_t(row)]);
+    }
+  }
+
+  /// Appends the nodes, or cells, of a member; a name of nothing is left out too.
   void collect(const Placed& home, const SetLines::Member& member, bool is_of_elements, int depth,
                std::vector<Index>& found) const {
     constexpr int kDeepest = 32;
@@ -790,18 +794,10 @@ class Reader {
       if (placed == placed_.end()) return;
       in = &*placed;
     }
-    if (member.set.empty()) {
-      const Index row =
-          is_of_elements ? in->elements.find(member.number) : in->nodes.rows.find(member.number);
-      if (row >= 0)
-        found.push_back(is_of_elements ? in->nodes.first_cell + row
-                                       : in->nodes.nodes[std::size_t(row)]);
-      return;
-    }
+    if (member.set.empty()) return collect_numbers(*in, {&member.number, 1}, is_of_elements, found);
     const SetLines* set = (is_of_elements ? in->part->elements : in->part->nodes).find(member.set);
     if (!set) return;
-    for (const Index number : set->numbers)
-      collect(*in, {.number = number}, is_of_elements, depth + 1, found);
+    collect_numbers(*in, set->numbers, is_of_elements, found);
     for (const SetLines::Member& inner : set->members)
       collect(*in, inner, is_of_elements, depth + 1, found);
   }

@@ -43,6 +43,7 @@ Index node_of(const std::vector<Index>& nodes, Index row) {
 /// The changed coordinates in the order of the file.
 std::vector<Edit> edits_of(const TextPlaces& places, const Points& before, const Points& after) {
   std::vector<Edit> edits;
+  edits.reserve(places.tokens.size());
   const Index rows = std::ssize(places.tokens) / places.components;
   for (Index row = 0; row < rows; ++row) {
     const Index node = node_of(places.nodes, row);
@@ -62,29 +63,28 @@ std::vector<Edit> edits_of(const TextPlaces& places, const Points& before, const
   return edits;
 }
 
-void write_text(const SourceFile& source, const TextPlaces& places, const Points& before,
-                const Points& after, const fs::path& target) {
-  const std::vector<Edit> edits = edits_of(places, before, after);
-  if (edits.empty()) return write_unchanged(source, target);
-  const std::string bytes = read_again(source);
-  const std::string_view old_text = bytes;
-  constexpr Index kBlock = 1 << 14;
-  const Index count = std::ssize(edits);
-  std::vector<std::string> blocks((count + kBlock - 1) / kBlock);
-  parallel_for(count, kBlock, [&](Index begin, Index end) {
-    std::string& text = blocks[begin / kBlock];
-    std::size_t at = begin == 0 ? 0 : edits[begin].token.place;
-    for (Index i = begin; i < end; ++i) {
-      const TextToken token = edits[i].token;
-      text.append(old_text, at, token.place - at);
-      places.write(after(edits[i].node, edits[i].component),
-                   old_text.substr(token.place, token.length), text);
-      at = token.place + token.length;
-    }
-    const std::size_t next = end < count ? std::size_t(edits[end].token.place) : old_text.size();
-    text.append(old_text, at, next - at);
-  });
-  write_pieces(target, {blocks.begin(), blocks.end()}, source.is_compressed);
+/// The changed coordinates in the style of their file.
+class ChangedNumbers : public ReplacedText {
+ public:
+  ChangedNumbers(const TextPlaces& places, const Points& before, const Points& after)
+      : edits_(edits_of(places, before, after)), after_(after), write_number_(places.write) {}
+
+  Index count() const override { return std::ssize(edits_); }
+  TextToken place(Index part) const override { return edits_[std::size_t(part)].token; }
+  void write(Index part, std::string_view old_text, std::string& text) const override {
+    const Edit& edit = edits_[std::size_t(part)];
+    write_number_(after_(edit.node, edit.component), old_text, text);
+  }
+
+ private:
+  std::vector<Edit> edits_;
+  const Points& after_;
+  NumberWriter write_number_;
+};
+
+void write_text(const SourceFile& source, const ChangedNumbers& numbers, const fs::path& target) {
+  if (numbers.count() == 0) return write_unchanged(source, target);  // gzip's bytes too
+  write_replaced(source, numbers, target);
 }
 
 template <class Bits>
@@ -234,7 +234,7 @@ void check_components(const BinaryPlaces& places, const Points& before, const Po
 void write_copy(const SourceFile& source, const CoordinatePlaces& places, const Points& before,
                 const Points& after, const fs::path& target) {
   if (const auto* text = std::get_if<TextPlaces>(&places))
-    write_text(source, *text, before, after, target);
+    write_text(source, ChangedNumbers(*text, before, after), target);
   else
     write_binary(source, std::get<BinaryPlaces>(places), before, after, target);
 }

@@ -99,36 +99,34 @@ std::vector<Edit> edits_of(const std::vector<NodeRecords>& all, std::size_t file
 }
 
 /// Appends the new record.
-void write_record(const Edit& edit, std::string_view old_text, const Points& before,
+void write_record(const Edit& edit, std::string_view record, const Points& before,
                   const Points& after, double least, std::string& text) {
-  const std::string_view record = old_text.substr(edit.place.place, edit.place.length);
   Eigen::RowVector3d in_file;
   edit.records->style->read(record, in_file);
   const NewCoordinates wanted = new_coordinates(edit, in_file, before, after);
   edit.records->style->write(record, wanted.point, wanted.is_changed, least, text);
 }
 
-std::vector<std::string> new_text(std::string_view old_text, const std::vector<Edit>& edits,
-                                  const Points& before, const Points& after) {
-  constexpr Index kBlock = 1 << 13;
-  const Index count = std::ssize(edits);
-  const double least = kRounding * size_of(before);
-  std::vector<std::string> blocks(std::size_t((count + kBlock - 1) / kBlock));
-  parallel_for(count, kBlock, [&](Index begin, Index end) {
-    std::string& text = blocks[std::size_t(begin / kBlock)];
-    std::size_t at = begin == 0 ? 0 : std::size_t(edits[std::size_t(begin)].place.place);
-    for (Index i = begin; i < end; ++i) {
-      const Edit& edit = edits[std::size_t(i)];
-      text.append(old_text, at, edit.place.place - at);
-      write_record(edit, old_text, before, after, least, text);
-      at = edit.place.place + edit.place.length;
-    }
-    const std::size_t next =
-        end < count ? std::size_t(edits[std::size_t(end)].place.place) : old_text.size();
-    text.append(old_text, at, next - at);
-  });
-  return blocks;
-}
+/// The records that change, in the style of their file.
+class ChangedRecords : public ReplacedText {
+ public:
+  ChangedRecords(std::vector<Edit> edits, const Points& before, const Points& after)
+      : edits_(std::move(edits)),
+        before_(before),
+        after_(after),
+        least_(kRounding * size_of(before)) {}
+
+  Index count() const override { return std::ssize(edits_); }
+  TextToken place(Index part) const override { return edits_[std::size_t(part)].place; }
+  void write(Index part, std::string_view old_text, std::string& text) const override {
+    write_record(edits_[std::size_t(part)], old_text, before_, after_, least_, text);
+  }
+
+ private:
+  std::vector<Edit> edits_;
+  const Points &before_, &after_;
+  double least_;
+};
 
 bool is_same_file(const fs::path& a, const fs::path& b) {
   std::error_code error;
@@ -202,7 +200,8 @@ class DeckCopier : public MeshCopier {
         for (Index i = begin; i < end; ++i) {
           const Edit& edit = edits[std::size_t(i)];
           text.clear();
-          write_record(edit, bytes, before, after, least, text);
+          const auto record = std::string_view(bytes).substr(edit.place.place, edit.place.length);
+          write_record(edit, record, before, after, least, text);
           Eigen::RowVector3d point;
           edit.records->style->read(text, point);
           result.row(edit.node) = to_mesh(*edit.records, point);
@@ -228,10 +227,9 @@ class DeckCopier : public MeshCopier {
   void write_file(std::size_t file, const fs::path& path, const Points& before,
                   const Points& after) const {
     const SourceFile& source = files_[file].source;
-    const std::vector<Edit> edits = edits_of(records_, file, before, after);
+    std::vector<Edit> edits = edits_of(records_, file, before, after);
     if (edits.empty()) return write_unchanged(source, path);
-    const std::vector<std::string> blocks = new_text(read_again(source), edits, before, after);
-    write_pieces(path, {blocks.begin(), blocks.end()}, source.is_compressed);
+    write_replaced(source, ChangedRecords(std::move(edits), before, after), path);
   }
 
   static void remove(const std::set<fs::path>& written) {

@@ -3,7 +3,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
-#include <deque>
+#include <forward_list>
 #include <map>
 #include <span>
 #include <utility>
@@ -41,51 +41,59 @@ bool is_free(std::string_view line) { return line.find(',') != std::string_view:
 /// What stands in the first field of a line.
 std::string_view name_field(std::string_view line) {
   if (is_free(line)) return trimmed(line.substr(0, line.find(',')));
-  const std::size_t tab = line.find('\t');
-  return trimmed(line.substr(0, std::min({tab, kSmall, line.size()})));
+  const std::string_view field = line.substr(0, kSmall);
+  return trimmed(field.substr(0, field.find('\t')));
 }
 
 bool is_continuation(std::string_view line) {
+  if (std::isalpha(static_cast<unsigned char>(line.front()))) return false;  // most lines
   const std::string_view name = name_field(line);
   return name.empty() || name.front() == '+' || name.front() == '*';
 }
 
 /// The fields of a card, 8 a line (4 of large ones) without its name and marks of continuation.
-struct Card {
-  std::vector<std::string_view> fields;
-  std::deque<std::string> lines;  ///< those whose tabs were replaced
+class Card {
+ public:
+  explicit Card(std::string_view record);
 
+  /// Blank where the card has no such field, or is longer than any that is read.
   std::string_view field(std::size_t i) const {
-    return i < fields.size() ? fields[i] : std::string_view();
+    return i < count_ ? fields_[i] : std::string_view();
   }
+
+ private:
+  void append_line(std::string_view line);
+
+  std::array<std::string_view, 32> fields_;
+  std::size_t count_ = 0;
+  std::forward_list<std::string> lines_;  ///< those whose tabs were replaced
 };
 
-void append_fields(std::string_view line, Card& card) {
-  const bool is_large = name_field(line).find('*') != std::string_view::npos;
-  const std::size_t count = is_large ? 4 : 8;
-  if (is_free(line)) {
+void Card::append_line(std::string_view line) {
+  const bool has_commas = is_free(line);
+  const std::string_view name = name_field(has_commas ? line : line.substr(0, kSmall));
+  const bool is_large = name.find('*') != std::string_view::npos;
+  const std::size_t width = is_large ? kLarge : kSmall;
+  const std::size_t end = std::min(count_ + (is_large ? 4 : 8), fields_.size());
+  if (has_commas) {
     FreeFields free_fields(line);
     std::string_view field;
     free_fields.next(field);
-    for (std::size_t i = 0; i < count; ++i)
-      card.fields.emplace_back(free_fields.next(field) ? trimmed(field) : std::string_view());
-    return;
+    while (count_ < end && free_fields.next(field)) fields_[count_++] = trimmed(field);
+  } else {
+    const bool has_tabs = line.find('\t') != std::string_view::npos;
+    const std::string_view plain = has_tabs ? lines_.emplace_front(without_tabs(line)) : line;
+    for (std::size_t at = kSmall; count_ < end && at < plain.size(); at += width)
+      fields_[count_++] = trimmed(plain.substr(at, width));
   }
-  const bool has_tabs = line.find('\t') != std::string_view::npos;
-  const std::string_view plain = has_tabs ? card.lines.emplace_back(without_tabs(line)) : line;
-  const std::size_t width = is_large ? kLarge : kSmall;
-  for (std::size_t i = 0; i < count; ++i)
-    card.fields.emplace_back(trimmed(columns(plain, kSmall + i * width, width)));
+  count_ = end;  // what the line does not have is blank
 }
 
-Card parse_card(std::string_view record) {
-  Card card;
-  card.fields.reserve(32);
+Card::Card(std::string_view record) {
   for (std::size_t at = 0; at < record.size();) {
     const std::string_view line = without_comment(take_line(record, at));
-    if (!trimmed(line).empty()) append_fields(line, card);
+    if (!trimmed(line).empty()) append_line(line);
   }
-  return card;
 }
 
 /// GRID, number, system, x, y, z, ...: what moves is written in large fields.
@@ -94,7 +102,7 @@ class GridCard : public NodeStyle {
   explicit GridCard(std::string newline) : newline_(std::move(newline)) {}
 
   std::string_view read(std::string_view record, Eigen::RowVector3d& point) const override {
-    const Card card = parse_card(record);
+    const Card card(record);
     for (int c = 0; c < 3; ++c)
       if (!read_real(card.field(std::size_t(2 + c)), point(c))) return trimmed(record);
     return {};
@@ -103,15 +111,16 @@ class GridCard : public NodeStyle {
   void write(std::string_view record, const Eigen::RowVector3d& point,
              const std::array<bool, 3>& is_changed, double least,
              std::string& text) const override {
-    const Card card = parse_card(record);
-    std::vector<std::string> fields(card.fields.begin(), card.fields.end());
-    fields.resize(std::max<std::size_t>(fields.size(), 8));
+    const Card card(record);
+    Fields fields;
+    for (std::size_t i = 0; i < fields.size(); ++i) fields[i] = card.field(i);
+    std::array<std::string, 3> numbers;
     for (std::size_t c = 0; c < 3; ++c) {
-      std::string& field = fields[2 + c];
+      std::string_view& field = fields[2 + c];
       if (!is_changed[c] || (field.empty() && std::abs(point(Index(c))) <= least)) continue;
-      field.clear();
       write_real(point(Index(c)), {.width = kLarge, .needs_point = true, .has_letter = false},
-                 field);
+                 numbers[c]);
+      field = numbers[c];
     }
     if (is_plain_large(record))
       replace_columns(record, fields, text);
@@ -120,6 +129,8 @@ class GridCard : public NodeStyle {
   }
 
  private:
+  using Fields = std::array<std::string_view, 8>;
+
   /// Whether a record is one of two lines of large fields with all coordinates in their columns.
   static bool is_plain_large(std::string_view record) {
     std::size_t at = 0;
@@ -130,21 +141,20 @@ class GridCard : public NodeStyle {
            record.find_first_of("$\t") == std::string_view::npos;
   }
 
-  static void replace_columns(std::string_view record, const std::vector<std::string>& fields,
-                              std::string& text) {
+  static void replace_columns(std::string_view record, const Fields& fields, std::string& text) {
     const std::size_t begin = text.size();
     text += record;
     const std::size_t second = record.find('\n') + 1;
     const std::size_t places[] = {kSmall + 2 * kLarge, kSmall + 3 * kLarge, second + kSmall};
     for (std::size_t c = 0; c < 3; ++c) {
-      const std::string& field = fields[2 + c];
+      const std::string_view field = fields[2 + c];
       if (trimmed(record.substr(places[c], kLarge)) == field) continue;
-      text.replace(begin + places[c], kLarge, std::string(kLarge - field.size(), ' ') + field);
+      text.replace(begin + places[c], kLarge - field.size(), kLarge - field.size(), ' ');
+      text.replace(begin + places[c] + kLarge - field.size(), field.size(), field);
     }
   }
 
-  void write_large(std::string_view record, const std::vector<std::string>& fields,
-                   std::string& text) const {
+  void write_large(std::string_view record, const Fields& fields, std::string& text) const {
     text += "GRID*   ";
     for (std::size_t i = 0; i < 4; ++i) put(fields[i], text);
     text += newline_ + "*       ";
@@ -256,7 +266,9 @@ class Reader {
   /// Where the bulk data begin.
   static std::size_t end_of_control(std::string_view text) {
     for (std::size_t at = 0; at < text.size();) {
-      const std::string line = upper(trimmed(take_line(text, at)).substr(0, 40));
+      const std::string_view full = trimmed(take_line(text, at));
+      if (!full.starts_with('B') && !full.starts_with('b')) continue;
+      const std::string line = upper(full.substr(0, 40));
       if (!line.starts_with("BEGIN")) continue;
       if (trimmed(std::string_view(line).substr(5)).starts_with("BULK")) return at;
     }
@@ -290,7 +302,11 @@ class Reader {
     here_ = place;
     std::string_view field = name_field(without_comment(record.substr(0, record.find('\n'))));
     if (field.ends_with('*')) field.remove_suffix(1);
-    const std::string name = upper(trimmed(field));
+    if (field != last_field_) {
+      last_field_ = field;
+      name_ = upper(trimmed(field));
+    }
+    const std::string& name = name_;
     if (name == "GRID") return read_grid(record);
     if (name == "ENDDATA") {
       has_ended_ = true;
@@ -327,7 +343,7 @@ class Reader {
   }
 
   void read_grid(std::string_view record) {
-    const Card card = parse_card(record);
+    const Card card(record);
     Grid grid{.place = here_, .length = record.size(), .point = {}};
     if (record.size() > 0xffff) sources_.fail(here_, "the card is too long");
     grid.number = number_of(card.field(0), "the number of a node", false);
@@ -341,12 +357,12 @@ class Reader {
   }
 
   void read_default(std::string_view record) {
-    const Card card = parse_card(record);
+    const Card card(record);
     default_system_ = number_of(card.field(1), "the number of a coordinate system", true);
   }
 
   void read_system(const std::string& name, std::string_view record) {
-    const Card card = parse_card(record);
+    const Card card(record);
     const Index number = number_of(card.field(0), "the number of a coordinate system", false);
     System system{.place = here_, .name = name};
     if (name == "CORD2R" || name == "CORD2C") {
@@ -373,7 +389,7 @@ class Reader {
   }
 
   void read_element(const ElementCard& element, std::string_view record) {
-    const Card card = parse_card(record);
+    const Card card(record);
     const Index number = number_of(card.field(0), "the number of an element", false);
     Index property = 0;
     if (element.nodes_at == 2)
@@ -495,6 +511,7 @@ class Reader {
   DeckPlace here_;
   bool has_ended_ = false;
   std::vector<Index> nodes_;
+  std::string last_field_, name_;  ///< of the card read last; and in capitals
   const ElementCard* last_element_ = nullptr;
   std::map<std::string, Index> left_out_;
   Index incomplete_ = 0;

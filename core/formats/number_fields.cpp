@@ -63,13 +63,15 @@ std::string without_zero(std::string text) {
 /// The most digits after the point that fit, fixed or with an exponent; empty when none do.
 std::string fitted(double value, std::chars_format format, const RealField& field) {
   std::array<char, 400> buffer;
-  for (int digits = int(field.width); digits >= 0; --digits) {
+  for (int digits = int(field.width); digits >= 0;) {
     const auto [end, error] =
         std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, format, digits);
-    if (error != std::errc()) continue;
-    std::string text = spelled({buffer.data(), end}, field);
+    std::string text = error == std::errc() ? spelled({buffer.data(), end}, field) : std::string();
     if (text.size() > field.width) text = without_zero(std::move(text));
-    if (text.size() <= field.width) return text;
+    if (!text.empty() && text.size() <= field.width) return text;
+    // Each digit less is a character less.
+    const int surplus = std::max(1, int(text.size()) - int(field.width));
+    digits = digits > 0 ? std::max(0, digits - surplus) : -1;
   }
   return {};
 }
@@ -119,6 +121,11 @@ void write_real(double value, const RealField& field, std::string& text) {
     return;
   }
   const std::string fixed = fitted(value, std::chars_format::fixed, field);
+  // An exponent takes more characters than the zeros that it saves.
+  if (std::abs(value) >= 0.01 && !fixed.empty()) {
+    text += fixed;
+    return;
+  }
   const std::string scientific = fitted(value, std::chars_format::scientific, field);
   const auto error_of = [&](const std::string& candidate) {
     double found = 0;

@@ -55,6 +55,7 @@ void append_cells(const NumberedMesh& part, const NumberTable& table,
   mesh.types.insert(mesh.types.end(), part.types.begin(), part.types.end());
   mesh.regions.insert(mesh.regions.end(), part.regions.begin(), part.regions.end());
   mesh.connectivity.reserve(mesh.connectivity.size() + part.connectivity.size());
+  mesh.offsets.reserve(mesh.offsets.size() + part.types.size());
   for (std::size_t e = 0; e < part.types.size(); ++e) {
     for (Index i = part.offsets[e]; i < part.offsets[e + 1]; ++i) {
       const Index row = table.find(part.connectivity[std::size_t(i)]);
@@ -74,20 +75,19 @@ void append_sets(const NumberedMesh& part, const MeshAssembly::Placed& placed, M
   const bool has_elements =
       std::ranges::any_of(part.sets, [](const NumberedSet& set) { return set.is_of_elements; });
   const NumberTable elements = has_elements ? NumberTable(part.element_numbers) : NumberTable();
+  GroupNodes nodes(placed.nodes.empty() ? 0 : std::ranges::max(placed.nodes) + 1);
   for (const NumberedSet& set : part.sets) {
-    NodeGroup group{.name = set.name, .kind = set.kind, .nodes = {}};
     const auto add_row = [&](Index row) {
       if (row < 0) return;
-      if (!set.is_of_elements) {
-        group.nodes.push_back(placed.nodes[std::size_t(row)]);
-        return;
-      }
-      const auto cell = mesh.cell(placed.first_cell + row);
-      group.nodes.insert(group.nodes.end(), cell.begin(), cell.end());
+      if (set.is_of_elements)
+        nodes.add(mesh.cell(placed.first_cell + row));
+      else
+        nodes.add(placed.nodes[std::size_t(row)]);
     };
     for (const Index number : set.numbers)
       add_row(set.is_of_elements ? elements.find(number) : placed.rows.find(number));
     for (const Index row : set.rows) add_row(row);
+    NodeGroup group{.name = set.name, .kind = set.kind, .nodes = nodes.take()};
     if (!group.nodes.empty()) mesh.groups.push_back(std::move(group));
   }
 }

@@ -3,6 +3,7 @@
 #include <span>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "core/formats/deck.h"
@@ -57,6 +58,29 @@ struct NumberedMesh {
                    DeckPlace place);
 };
 
+/// Gathers the nodes of one group after another, each node once a group.
+class GroupNodes {
+ public:
+  explicit GroupNodes(Index node_count) : last_group_(std::size_t(node_count), 0) {}
+
+  void add(Index node) {
+    if (std::exchange(last_group_[std::size_t(node)], group_) != group_) nodes_.push_back(node);
+  }
+  void add(std::span<const Index> nodes) {
+    for (const Index node : nodes) add(node);
+  }
+  /// Ends the group.
+  std::vector<Index> take() {
+    ++group_;
+    return std::exchange(nodes_, {});
+  }
+
+ private:
+  std::vector<int> last_group_;  ///< that each node is in
+  int group_ = 1;
+  std::vector<Index> nodes_;
+};
+
 /// Makes one mesh of the parts of a deck.
 class MeshAssembly {
  public:
@@ -76,6 +100,7 @@ class MeshAssembly {
 
   Mesh& mesh() { return mesh_; }
   const Mesh& mesh() const { return mesh_; }
+  Index node_count() const { return std::ssize(points_) / 3; }
   std::vector<NodeRecords>& records() { return records_; }
 
   /// The mesh and its copier. `region_array` names the regions, which stay where there are several.

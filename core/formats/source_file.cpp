@@ -10,10 +10,12 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "core/content_hash.h"
 #include "core/errors.h"
 #include "core/formats/mesh_format.h"
+#include "core/parallel.h"
 #include "core/temporary_file.h"
 
 namespace fs = std::filesystem;
@@ -26,24 +28,39 @@ bool is_gzip(std::string_view bytes) { return bytes.starts_with("\x1f\x8b"); }
 // zlib's counts are 32 bits wide.
 constexpr std::size_t kLargestBlock = std::size_t{1} << 30;
 
-/// Reads up to `size` bytes; a plain file as it is.
-std::string read_through_zlib(const fs::path& path, std::size_t size) {
-  const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rbe"), gzclose);
-  if (!file) fail_reading(path, std::strerror(errno));
-  gzbuffer(file.get(), 1 << 18);
-  std::string bytes;
-  for (std::size_t block = 1 << 22; bytes.size() < size;) {
+/// Reads a file piece after piece, uncompressed where it is a gzip file.
+class SourceReader {
+ public:
+  explicit SourceReader(const fs::path& path)
+      : path_(path), file_(gzopen(path.c_str(), "rbe"), gzclose) {
+    if (!file_) fail_reading(path, std::strerror(errno));
+    gzbuffer(file_.get(), 1 << 18);
+  }
+
+  /// Appends up to `size` bytes; false at the end of the file.
+  bool append(std::size_t size, std::string& bytes) {
     const std::size_t begin = bytes.size();
-    bytes.resize(std::min(size, begin + block));
-    const int got = gzread(file.get(), bytes.data() + begin, unsigned(bytes.size() - begin));
+    bytes.resize(begin + std::min(size, kLargestBlock));
+    const int got = gzread(file_.get(), bytes.data() + begin, unsigned(bytes.size() - begin));
     bytes.resize(begin + std::size_t(std::max(got, 0)));
     int code = Z_OK;
-    const char* message = gzerror(file.get(), &code);
+    const char* message = gzerror(file_.get(), &code);
     if (got < 0 || code == Z_BUF_ERROR)
-      fail_reading(path, "it is damaged or cut off (" + std::string(message) + ")");
-    if (got == 0) break;
-    block = std::min(kLargestBlock, 2 * block);
+      fail_reading(path_, "it is damaged or cut off (" + std::string(message) + ")");
+    return got > 0;
   }
+
+ private:
+  const fs::path& path_;
+  std::unique_ptr<gzFile_s, int (*)(gzFile)> file_;
+};
+
+/// Reads up to `size` bytes; a plain file as it is.
+std::string read_through_zlib(const fs::path& path, std::size_t size) {
+  SourceReader reader(path);
+  std::string bytes;
+  for (std::size_t block = 1 << 22; bytes.size() < size; block = std::min(kLargestBlock, 2 * block))
+    if (!reader.append(std::min(block, size - bytes.size()), bytes)) break;
   return bytes;
 }
 
@@ -111,6 +128,66 @@ class Deflater {
   off_t place_ = 0;
 };
 
+/// A file that is written piece after piece, compressed or not, and appears whole or not at all.
+class PieceWriter {
+ public:
+  PieceWriter(const fs::path& target, bool is_compressed) : file_(target) {
+    if (is_compressed) deflater_.emplace(file_, target);
+  }
+
+  void put(std::string_view piece) {
+    if (deflater_) return deflater_->put(piece);
+    file_.write(piece.data(), piece.size(), place_);
+    place_ += off_t(piece.size());
+  }
+  void commit() {
+    if (deflater_) deflater_->finish();
+    file_.commit();
+  }
+
+ private:
+  TemporaryFile file_;
+  std::optional<Deflater> deflater_;
+  off_t place_ = 0;
+};
+
+/// The pieces of a chunk of a file with parts `begin` to `end` replaced; `at` is the place in the
+/// file where the chunk begins. `pieces` keep their memory from chunk to chunk.
+void replace_parts(std::string_view chunk, std::uint64_t at, const ReplacedText& parts, Index begin,
+                   Index end, std::vector<std::string>& pieces) {
+  constexpr Index kBlock = 1 << 12;
+  const std::size_t count = std::size_t(std::max<Index>(1, (end - begin + kBlock - 1) / kBlock));
+  pieces.resize(count);
+  parallel_for(std::ssize(pieces), 1, [&](Index first, Index last) {
+    for (Index p = first; p < last; ++p) {
+      std::string& piece = pieces[std::size_t(p)];
+      piece.clear();
+      const Index first_part = begin + p * kBlock, end_part = std::min(end, first_part + kBlock);
+      std::size_t from = p == 0 ? 0 : std::size_t(parts.place(first_part).place - at);
+      for (Index part = first_part; part < end_part; ++part) {
+        const TextToken token = parts.place(part);
+        const auto place = std::size_t(token.place - at);
+        piece.append(chunk, from, place - from);
+        parts.write(part, chunk.substr(place, token.length), piece);
+        from = place + token.length;
+      }
+      const std::size_t to =
+          end_part < end ? std::size_t(parts.place(end_part).place - at) : chunk.size();
+      piece.append(chunk, from, to - from);
+    }
+  });
+}
+
+[[noreturn]] void fail_changed(const fs::path& path) {
+  fail_reading(path, "it has changed while it was in use; run again");
+}
+
+class NoReplacedText : public ReplacedText {
+  Index count() const override { return 0; }
+  TextToken place(Index /*part*/) const override { return {}; }
+  void write(Index /*part*/, std::string_view /*old_text*/, std::string& /*text*/) const override {}
+};
+
 }  // namespace
 
 SourceBytes read_source(const fs::path& path) {
@@ -126,8 +203,7 @@ SourceBytes read_source(const fs::path& path) {
 
 std::string read_again(const SourceFile& source) {
   SourceBytes again = read_source(source.path);
-  if (again.source.hash != source.hash)
-    fail_reading(source.path, "it has changed while it was in use; run again");
+  if (again.source.hash != source.hash) fail_changed(source.path);
   return std::move(again.bytes);
 }
 
@@ -141,22 +217,45 @@ std::string read_start(const fs::path& path, std::size_t size) {
 
 void write_pieces(const fs::path& target, const std::vector<std::string_view>& pieces,
                   bool is_compressed) {
-  TemporaryFile file(target);
-  if (is_compressed) {
-    Deflater deflater(file, target);
-    for (const std::string_view piece : pieces) deflater.put(piece);
-    deflater.finish();
-  } else {
-    off_t place = 0;
-    for (const std::string_view piece : pieces) {
-      file.write(piece.data(), piece.size(), place);
-      place += off_t(piece.size());
+  PieceWriter writer(target, is_compressed);
+  for (const std::string_view piece : pieces) writer.put(piece);
+  writer.commit();
+}
+
+void write_replaced(const SourceFile& source, const ReplacedText& parts, const fs::path& target) {
+  constexpr std::size_t kChunk = 1 << 22;
+  SourceReader reader(source.path);
+  PieceWriter writer(target, source.is_compressed);
+  ContentHasher hasher;
+  std::string chunk;
+  std::vector<std::string> pieces;
+  std::uint64_t at = 0;  // of the chunk in the file
+  Index next = 0;
+  for (bool goes_on = true; goes_on;) {
+    const std::size_t kept = chunk.size();
+    goes_on = reader.append(kChunk, chunk);
+    hasher.add(std::string_view(chunk).substr(kept));
+    Index end = next;
+    for (; end < parts.count(); ++end) {
+      const TextToken token = parts.place(end);
+      if (token.place + token.length > at + chunk.size()) break;
     }
+    // A part that is cut off here waits for its rest.
+    const std::size_t size =
+        end < parts.count() ? std::min<std::uint64_t>(parts.place(end).place - at, chunk.size())
+                            : chunk.size();
+    replace_parts(std::string_view(chunk).substr(0, size), at, parts, next, end, pieces);
+    for (const std::string& piece : pieces) writer.put(piece);
+    chunk.erase(0, size);
+    at += size;
+    next = end;
   }
-  file.commit();
+  if (next < parts.count() || hasher.hash() != source.hash) fail_changed(source.path);
+  writer.commit();
 }
 
 void write_unchanged(const SourceFile& source, const fs::path& target) {
+  if (!source.is_compressed) return write_replaced(source, NoReplacedText(), target);
   read_again(source);
   write_pieces(target, {read_plain(source.path)}, false);
 }

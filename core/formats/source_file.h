@@ -5,6 +5,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/formats/text_scanner.h"
+
 namespace cadmorph {
 
 /// A file that was read and is to be copied later: what tells that it is still the same.
@@ -34,6 +36,22 @@ std::string read_start(const std::filesystem::path& path, std::size_t size);
 /// Throws IoError.
 void write_pieces(const std::filesystem::path& target, const std::vector<std::string_view>& pieces,
                   bool is_compressed);
+
+/// Parts of a file that a copy has other text for, in the order of the file.
+class ReplacedText {
+ public:
+  virtual ~ReplacedText() = default;
+
+  virtual Index count() const = 0;
+  virtual TextToken place(Index part) const = 0;
+  /// Appends what stands there instead of `old_text`. Called by several threads.
+  virtual void write(Index part, std::string_view old_text, std::string& text) const = 0;
+};
+
+/// Writes a copy in which those parts are replaced. Throws IoError, leaving nothing behind, also
+/// when the file has changed since. Memory: some ten MB, whatever the file.
+void write_replaced(const SourceFile& source, const ReplacedText& parts,
+                    const std::filesystem::path& target);
 
 /// Writes a copy with the same bytes. Throws IoError, also when the file has changed since.
 void write_unchanged(const SourceFile& source, const std::filesystem::path& target);
