@@ -303,14 +303,13 @@ struct Part {
 using Centres = std::vector<Vector3d>;
 
 // Measures a face from cell c unless that was done from the other side.
-void check_face(Corners corners, Index other, const Centres& centres, Index c, double sign,
-                Part& part) {
+void check_face(Corners corners, Index other, const Vector3d& from, const Vector3d& other_centre,
+                Index c, double sign, Part& part) {
   if (other >= 0 && other < c) return;
   const FaceShape face = face_shape(corners);
   if (face.area.isZero(0)) return;
-  const Vector3d from = centres[c];
   if (other >= 0) {
-    const Vector3d d = centres[other] - from;
+    const Vector3d d = other_centre - from;
     part.add_angle({sign * face.area, d}, c);
     part.add_skewness(squared_skewness(corners, face, from, d, kInside), c);
   } else {
@@ -330,21 +329,41 @@ void check_cells(PlacedCells cells, Index begin, Index end, Centres& centres, Pa
   }
 }
 
-void check_faces(PlacedCells cells, Index begin, Index end, const Centres& centres, Part& part) {
-  for (Index c = begin; c < end; ++c) {
-    const bool is_tetra = is_proper_tetra(cells, c);
-    if (!is_tetra && !cells.is_solid(c)) continue;
-    const double sign = cells.sign(c);
-    if (is_tetra) {
+// The tetrahedra of some cells. Neighbours lie anywhere in memory: the centres of all are read
+// first, so that their loads overlap.
+void check_tetra_faces(const PlacedCells& cells, std::span<const Index> tetras,
+                       const Centres& centres, Part& part) {
+  constexpr std::size_t kBlock = 32;
+  std::array<Vector3d, 4 * kBlock> others;
+  for (; !tetras.empty(); tetras = tetras.subspan(std::min(kBlock, tetras.size()))) {
+    const auto block = tetras.first(std::min(kBlock, tetras.size()));
+    Vector3d* other_centre = others.data();
+    for (const Index c : block)
+      for (int f = 0; f < 4; ++f, ++other_centre)
+        *other_centre = centres[std::max(cells.others(c)[f], c)];
+    other_centre = others.data();
+    for (const Index c : block) {
       const Tetra tetra(cells, c);
-      for (int f = 0; f < 4; ++f)
-        check_face(tetra.corners(f), cells.others(c)[f], centres, c, sign, part);
-    } else {
+      for (int f = 0; f < 4; ++f, ++other_centre)
+        check_face(tetra.corners(f), cells.others(c)[f], centres[c], *other_centre, c,
+                   cells.sign(c), part);
+    }
+  }
+}
+
+void check_faces(PlacedCells cells, Index begin, Index end, const Centres& centres, Part& part) {
+  std::vector<Index> tetras;
+  for (Index c = begin; c < end; ++c) {
+    if (is_proper_tetra(cells, c)) {
+      tetras.push_back(c);
+    } else if (cells.is_solid(c)) {
       cells.for_each_face(c, [&](const PlacedFace& face) {
-        check_face(face.corners, face.other, centres, c, sign, part);
+        check_face(face.corners, face.other, centres[c], centres[std::max(face.other, c)], c,
+                   cells.sign(c), part);
       });
     }
   }
+  check_tetra_faces(cells, tetras, centres, part);
 }
 
 }  // namespace

@@ -1,9 +1,10 @@
 #include "volume/components.h"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <numeric>
-#include <unordered_map>
+#include <utility>
 
 namespace cadmorph {
 namespace {
@@ -14,36 +15,65 @@ class DisjointSets {
     std::iota(parent_.begin(), parent_.end(), Index{0});
   }
 
+  Index add() {
+    parent_.push_back(std::ssize(parent_));
+    return parent_.back();
+  }
+
   Index find(Index i) {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
     return i;
   }
 
-  void join(Index a, Index b) { parent_[find(a)] = find(b); }
+  void join(Index a, Index b) {
+    a = find(a);
+    b = find(b);
+    if (a != b) parent_[a] = b;
+  }
 
  private:
   std::vector<Index> parent_;
 };
 
-// Joins cells that share a node: any node in the same region, a free one in different regions.
-DisjointSets join_cells(const Mesh& mesh, const std::vector<char>& is_prescribed) {
-  DisjointSets sets(mesh.cell_count());
-  std::vector<Index> last_at(static_cast<std::size_t>(mesh.node_count()), -1);
-  std::unordered_map<Index, std::map<int, Index>> last_in_region;  // of prescribed nodes, by region
-  const bool has_regions = !mesh.regions.empty();
-  const int top = dimension(mesh);
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    if (dimension(mesh.types[c]) != top) continue;
-    for (const Index n : mesh.cell(c)) {
-      Index& last = has_regions && is_prescribed[n]
-                        ? last_in_region[n].try_emplace(mesh.region(c), -1).first->second
-                        : last_at[n];
-      if (last >= 0) sets.join(c, last);
-      last = c;
+// The nodes of all cells, joined where a cell has both. A prescribed node joins cells of one region
+// only: it counts once a region.
+class JoinedNodes {
+ public:
+  JoinedNodes(const Mesh& mesh, const std::vector<char>& is_prescribed)
+      : mesh_(mesh), is_prescribed_(is_prescribed), sets_(mesh.node_count()) {
+    if (!mesh.regions.empty()) first_region_.assign(std::size_t(mesh.node_count()), kNoRegion);
+    const int top = dimension(mesh);
+    for (Index c = 0; c < mesh.cell_count(); ++c) {
+      if (dimension(mesh.types[c]) != top) continue;
+      const auto nodes = mesh.cell(c);
+      const Index first = id(nodes[0], c);
+      for (const Index n : nodes.subspan(1)) sets_.join(id(n, c), first);
     }
   }
-  return sets;
-}
+
+  // What all nodes of joined cells share.
+  Index set_of(Index cell) { return sets_.find(id(mesh_.cell(cell)[0], cell)); }
+
+ private:
+  static constexpr int kNoRegion = std::numeric_limits<int>::min();
+
+  Index id(Index node, Index cell) {
+    if (first_region_.empty() || !is_prescribed_[node]) return node;
+    const int region = mesh_.region(cell);
+    int& first = first_region_[node];
+    if (first == kNoRegion) first = region;
+    if (first == region) return node;
+    const auto [found, is_new] = other_ids_.try_emplace({node, region});
+    if (is_new) found->second = sets_.add();
+    return found->second;
+  }
+
+  const Mesh& mesh_;
+  const std::vector<char>& is_prescribed_;
+  DisjointSets sets_;
+  std::vector<int> first_region_;  ///< of each prescribed node
+  std::map<std::pair<Index, int>, Index> other_ids_;
+};
 
 }  // namespace
 
@@ -54,14 +84,14 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
     is_prescribed[surface_nodes[i]] = 1;
     position[surface_nodes[i]] = static_cast<Index>(i);
   }
-  DisjointSets sets = join_cells(mesh, is_prescribed);
+  JoinedNodes joined(mesh, is_prescribed);
   const int top = dimension(mesh);
   std::map<Index, std::size_t> component_of;
   std::vector<Component> components(1);
   std::vector<Index> taken_by(static_cast<std::size_t>(mesh.node_count()), -1);
   for (Index c = 0; c < mesh.cell_count(); ++c) {
     if (dimension(mesh.types[c]) != top) continue;
-    const auto [it, is_new] = component_of.try_emplace(sets.find(c), component_of.size());
+    const auto [it, is_new] = component_of.try_emplace(joined.set_of(c), component_of.size());
     if (is_new && it->second == components.size()) components.emplace_back();
     for (const Index n : mesh.cell(c)) {
       const auto id = static_cast<Index>(it->second);

@@ -1,5 +1,6 @@
-// passes [N]: the time of each pass over a mesh of 6 N^3 tetrahedra, and over one of about as many
-// corners in hexahedra (N: 95, 885,000 nodes). The passes run for the base mesh and, from the
+// passes [N | FILE]: the time of each pass over a mesh of 6 N^3 tetrahedra, and over one of about
+// as many corners in hexahedra (N: 95, 885,000 nodes); or over the mesh of a file, whose nodes and
+// cells need not lie in memory as they lie in space. The passes run for the base mesh and, from the
 // quality on, for each variant. Wall time is the best of three runs, processor time that of all
 // threads in it.
 
@@ -11,9 +12,12 @@
 #include <ctime>
 #include <functional>
 #include <string>
+#include <utility>
 
 #include "../core/sample_meshes.h"
 #include "core/boundary.h"
+#include "core/edge_lengths.h"
+#include "core/mesh_file.h"
 #include "core/parallel.h"
 #include "core/quality_checks.h"
 #include "core/validity.h"
@@ -55,9 +59,7 @@ Points wavy(const Points& points, int n) {
   return result;
 }
 
-void measure(const char* name, CellType type, int n) {
-  Mesh mesh = testing::cube(type, n);
-  mesh.points = wavy(mesh.points, n);
+void measure(const char* name, const Mesh& mesh) {
   const Index cells = mesh.cell_count();
   std::printf("%s: %lld cells, %lld nodes, %d threads; wall, processor\n", name,
               static_cast<long long>(cells), static_cast<long long>(mesh.node_count()),
@@ -79,6 +81,7 @@ void measure(const char* name, CellType type, int n) {
   print("finite-volume checks",
         best_of_three([&] { checks = check_quality(mesh, mesh.points, neighbours, orientation); }),
         cells);
+  print("edges at nodes", best_of_three([&] { incident_edges(mesh); }), cells);
   std::printf(
       "  %lld facets, smallest scaled Jacobian %.17g, mean %.17g, invalid %lld,\n"
       "  non-orthogonality %.17g, mean %.17g, skewness %.17g, aspect %.17g\n\n",
@@ -91,12 +94,18 @@ void measure(const char* name, CellType type, int n) {
 }  // namespace cadmorph
 
 int main(int argc, char** argv) {
-  const int n = argc > 1 ? std::atoi(argv[1]) : 95;
-  if (n < 2) {
-    std::fprintf(stderr, "usage: passes [N]\n");
-    return 1;
+  using namespace cadmorph;
+  const std::string argument = argc > 1 ? argv[1] : "95";
+  const int n = std::atoi(argument.c_str());
+  if (n == 0) {
+    measure(argument.c_str(), MeshFile(argument).mesh());
+    return 0;
   }
-  cadmorph::measure("Tetrahedra", cadmorph::CellType::Tetra, n);
-  cadmorph::measure("Hexahedra", cadmorph::CellType::Hexahedron, n);
+  for (const auto& [name, type] :
+       {std::pair("Tetrahedra", CellType::Tetra), std::pair("Hexahedra", CellType::Hexahedron)}) {
+    Mesh mesh = testing::cube(type, std::max(2, n));
+    mesh.points = wavy(mesh.points, n);
+    measure(name, mesh);
+  }
   return 0;
 }
