@@ -111,6 +111,13 @@ void Distortion::add_polyhedron_samples(Cell& cell, const MatrixXd& base, int si
   }
 }
 
+double Distortion::size() const {
+  double nodes = 0;
+  for (const Cell& cell : cells_)
+    for (const NodeRows& gradients : cell.gradients) nodes += double(gradients.rows());
+  return nodes;
+}
+
 VectorXd Distortion::stiffness() const {
   VectorXd result = VectorXd::Zero(free_.unknowns());
   for (const Cell& cell : cells_) {

@@ -23,6 +23,8 @@ class Distortion {
   /// Energy at the unknowns x with its gradient; remembers the smallest determinant. O(cells).
   double operator()(const Eigen::VectorXd& x, double epsilon, Eigen::VectorXd& gradient);
 
+  /// What an evaluation costs: the nodes of all samples.
+  double size() const;
   double least_determinant() const { return least_; }
   const Eigen::VectorXd& stiffness_diagonal() const { return stiffness_; }
   const FreeNodes& free_nodes() const { return free_; }

@@ -46,7 +46,8 @@ struct UntangleResult {
 /// determinant; polyhedra by tetrahedra over the means of their faces and nodes. Starts at
 /// `positions` (N x 3). Nodes with `is_fixed` true (N) do not move, or slide. Cells that the fixed
 /// nodes hold inverted (is_held) are left out. When some cells stay invalid, the positions with the
-/// fewest are returned: `report.after` tells. Nothing moves when all are valid.
+/// fewest are returned: `report.after` tells; what 100 passes over the mesh don't repair (more on
+/// small meshes) is left. Nothing moves when all are valid.
 UntangleResult untangle(const Mesh& mesh, const Points& positions,
                         const std::vector<char>& is_fixed, const Orientation& orientation,
                         const UntangleOptions& options = {});
