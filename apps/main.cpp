@@ -10,6 +10,7 @@
 #include "apps/summary/json_report.h"
 #include "apps/version.h"
 #include "core/blas.h"
+#include "core/interrupt.h"
 
 namespace {
 
@@ -100,6 +101,7 @@ int main(int argc, char** argv) {
   use_fitting_blas_kernel();
   // A full disk or a file size limit is an error to report, not a signal to die from.
   std::signal(SIGXFSZ, SIG_IGN);
+  remove_temporaries_at_interrupt();
   Action action;
   try {
     parse(argc, argv, action);
