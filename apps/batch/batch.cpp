@@ -332,7 +332,7 @@ class BatchRun {
     row.message = joined(report.warnings);
     if (is_done) return;
     row.exit_code = static_cast<int>(ExitCode::Quality);
-    row.message = refusal_text(report, options_.pipeline);
+    row.message = refusal_text(report);
   }
 
   const BatchOptions& options_;

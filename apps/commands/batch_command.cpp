@@ -15,6 +15,7 @@
 #include "apps/summary/progress_bar.h"
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
+#include "apps/summary/whole_progress.h"
 #include "apps/version.h"
 #include "core/content_hash.h"
 #include "core/formats/mesh_format.h"
@@ -137,7 +138,9 @@ class BatchDisplay {
   explicit BatchDisplay(bool is_quiet) : bar_(!is_quiet) {}
 
   Progress phases() {
-    return [this](std::string_view phase, double fraction) { bar_.show(phase, fraction); };
+    return [this](std::string_view phase, double fraction) {
+      bar_.show(phase, kSetUpShare * whole_(phase, fraction));
+    };
   }
 
   void take(const ResultRow& row, const BatchCount& count) {
@@ -147,7 +150,8 @@ class BatchDisplay {
     const double left = static_cast<double>(count.total - finished) / rate;
     bar_.show(format("%lld of %lld variants, %.3g/s, %.0f s left", static_cast<long long>(finished),
                      static_cast<long long>(count.total), rate, left),
-              static_cast<double>(finished) / static_cast<double>(count.total));
+              kSetUpShare + (1 - kSetUpShare) * static_cast<double>(finished) /
+                                static_cast<double>(count.total));
   }
 
   void end(const BatchCommand& command, const BatchCount& count) {
@@ -174,13 +178,19 @@ class BatchDisplay {
     std::string text = with_commas(count.done) + " of " + with_commas(count.total) +
                        " variants done in " + command.folder.string();
     if (count.kept > 0) text += "; " + with_commas(count.kept) + " kept from before";
-    text += format("; %.3g s", count.seconds);
-    if (fresh > 0) text += format(", %.3g s a variant", count.seconds / static_cast<double>(fresh));
+    const double seconds = process_seconds();
+    text += format("; %.3g s", seconds);
+    if (fresh > 0)
+      text += format(", %.3g s of them before the first variant and %.3g s a variant",
+                     seconds - count.seconds, count.seconds / static_cast<double>(fresh));
     if (count.cache.use != CacheUse::None) text += "; base set-up " + cache_text(count.cache);
     return text + "\n";
   }
 
+  static constexpr double kSetUpShare = 0.1;  // of the bar
+
   ProgressBar bar_;
+  WholeProgress whole_;
   std::vector<ResultRow> failed_;
 };
 

@@ -40,10 +40,17 @@ std::string nodes_text(const CompareCommand& command, const MeshComparison& comp
                           ? format("%g", *command.options.absolute)
                           : format("%g of the shortest edge there", command.options.tolerance)) +
                      "; the worst:\n";
-  std::vector<std::vector<std::string>> rows = {{"node", "distance (mesh unit)", "shortest edge"}};
-  for (const NodeDifference& node : comparison.nodes)
-    rows.push_back(
-        {std::to_string(node.node), format("%.3g", node.distance), format("%.3g", node.edge)});
+  // In the order of what they are judged by, which comes first.
+  std::vector<std::vector<std::string>> rows = {{"node", "distance (mesh unit)"}};
+  if (!command.options.absolute)
+    rows[0] = {"node", "of the shortest edge", "distance (mesh unit)", "shortest edge"};
+  for (const NodeDifference& node : comparison.nodes) {
+    const std::string distance = format("%.3g", node.distance);
+    rows.push_back({std::to_string(node.node), distance});
+    if (!command.options.absolute)
+      rows.back() = {std::to_string(node.node), format("%.3g", node.distance / node.edge), distance,
+                     format("%.3g", node.edge)};
+  }
   return text + align(rows);
 }
 

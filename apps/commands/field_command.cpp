@@ -9,6 +9,7 @@
 #include "apps/summary/json_report.h"
 #include "apps/summary/progress_bar.h"
 #include "apps/summary/summary.h"
+#include "apps/summary/whole_progress.h"
 #include "core/formats/mesh_format.h"
 #include "core/parallel.h"
 
@@ -50,7 +51,10 @@ std::string field_summary(const FieldReport& report) {
 ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
   set_thread_count(command.threads);
   ProgressBar bar(!command.is_quiet);
-  options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+  WholeProgress whole(static_cast<int>(command.files.via.size()) + 1);
+  options.progress = [&](std::string_view phase, double fraction) {
+    bar.show(phase, whole(phase, fraction));
+  };
   const FieldReport report = field_files(command.files, options);
   bar.erase();
   std::vector<std::string> warnings = report.morph.warnings;

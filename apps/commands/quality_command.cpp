@@ -8,6 +8,7 @@
 #include "apps/pipeline/output_file.h"
 #include "apps/summary/json_report.h"
 #include "apps/summary/summary.h"
+#include "apps/summary/text_table.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -52,7 +53,9 @@ ExitCode run_quality(const QualityCommand& command) {
     std::fprintf(stderr, "cadmorph: error: %s: %s\n", command.mesh.c_str(),
                  quality.inverted + validity.invalid > 0
                      ? "inverted elements"
-                     : "the smallest scaled Jacobian is below what was asked");
+                     : format("the smallest scaled Jacobian is %.4g, below the %g asked for",
+                              quality.min, *command.min_scaled_jacobian)
+                           .c_str());
   return code;
 }
 
