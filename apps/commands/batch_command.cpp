@@ -12,6 +12,7 @@
 #include "apps/batch/step_worker.h"
 #include "apps/batch/variant_pictures.h"
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/report/overview_page.h"
@@ -322,6 +323,10 @@ void add_step_reader(CLI::App& app, Action& action) {
 void add_batch_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<BatchCommand>();
   CLI::App* parser = app.add_subcommand("batch", "morph onto many variants");
+  parser->footer(
+      help_end({"batch wing.step wing.vtu variants/*.step -o out --report out/overview.html",
+                "batch wing.step wing.vtu --manifest variants.csv -o out --resume"},
+               {0, 1, 2, 4, 6, 8}));
   add_options(*parser, *command);
   parser->callback([parser, &action, command] {
     check_extension("--report", command->report, {".html", ".htm"});

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/summary/json_text.h"
@@ -135,6 +136,9 @@ ExitCode run_compare(const CompareCommand& command) {
 void add_compare_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<CompareCommand>();
   CLI::App* parser = app.add_subcommand("compare", "tell what differs between two meshes");
+  parser->footer(help_end({"compare nightly/part_b.vtu part_b.vtu --tolerance 1e-9",
+                           "compare wing.vtu wing_thick.vtu --difference moved.vtu"},
+                          {0, 1, 2, 6, 7}));
   parser->add_option("REFERENCE", command->reference, "mesh of any format in docs/formats.md")
       ->required();
   parser->add_option("MESH", command->mesh, "mesh of any format in docs/formats.md")->required();

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/field_files.h"
 #include "apps/summary/field_summary.h"
@@ -78,6 +79,8 @@ ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
 void add_field_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<FieldCommand>();
   CLI::App* parser = app.add_subcommand("field", "write the deformation to move other points by");
+  parser->footer(
+      help_end({"field wing.step wing_thick.step wing.vtu -o thick.cmf"}, {0, 1, 2, 3, 4, 5, 6}));
   parser->add_option("BASE", command->files.base_cad, "STEP file the mesh was made for")
       ->required();
   parser->add_option("VARIANT", command->files.variant_cad, "STEP file to move the mesh onto")

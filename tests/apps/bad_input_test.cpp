@@ -22,7 +22,8 @@ void check_failure(const Workplace& place, const std::string& arguments, int exi
   CHECK(line_count(result.err) <= 2);
   if (exit_code > 1) {
     const std::string section = "Exit code " + std::to_string(exit_code);
-    CHECK_THAT(result.err, Catch::Matchers::Contains("\"" + section + "\" in troubleshooting.md"));
+    CHECK_THAT(result.err,
+               Catch::Matchers::Contains("cadmorph help exit-codes " + std::to_string(exit_code)));
     CHECK_THAT(place.read(source_file("docs/troubleshooting.md")),
                Catch::Matchers::Contains("## " + section + ":"));
   }
