@@ -7,9 +7,11 @@
 #include <new>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/summary/json_report.h"
 #include "apps/version.h"
 #include "core/blas.h"
+#include "core/interrupt.h"
 
 namespace {
 
@@ -25,25 +27,11 @@ constexpr const char* kDescription =
     "  cadmorph field BASE.step VARIANT.step MESH -o FIELD.cmf [options]\n"
     "  cadmorph apply FIELD.cmf MESH [-o OUT] [options]\n"
     "  cadmorph compare REFERENCE MESH [options]\n"
+    "  cadmorph help exit-codes [CODE]\n"
     "\n"
     "Both STEP files must have the same topology; MESH is the mesh of the first, in the format it\n"
     "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: docs/formats.md), and so is OUT. The\n"
     "result has the same elements, each surface node on the new CAD.";
-
-constexpr const char* kExamples =
-    "Examples:\n"
-    "  cadmorph wing.step wing_thick.step wing.vtu -o wing_thick.vtu\n"
-    "  cadmorph part.step part_b.step part.vtu --mesh-unit m --json report.json\n"
-    "  cadmorph part.step part_b.step part.vtu --min-scaled-jacobian 0.1 --improve 0.2\n"
-    "  cadmorph quality wing_thick.vtu\n"
-    "  cadmorph match part.step part_b.step\n"
-    "  cadmorph compare nightly/part_b.vtu part_b.vtu --tolerance 1e-9\n"
-    "\n"
-    "Exit codes: 0 done; 1 bad usage; 2 an input can't be read or is invalid; 3 the CAD models do\n"
-    "not correspond; 4 the mesh does not lie on the base CAD; 5 inverted elements remain or "
-    "quality\n"
-    "is below what was asked (the mesh goes to OUT's <stem>.failed.<ext>); 6 resources or "
-    "numerics; 7 compare: the meshes differ; 8 batch: some variants failed.";
 
 int fail(const std::string& message, ExitCode code, const std::string& json) {
   std::fprintf(stderr, "cadmorph: error: %s\n", message.c_str());
@@ -73,8 +61,12 @@ std::string suggestion(const CLI::App& app, int argc, char** argv) {
 void parse(int argc, char** argv, Action& action) {
   CLI::App app(kDescription, "cadmorph");
   app.set_version_flag("--version", std::string("cadmorph ") + kVersion);
-  app.footer(kExamples);
-  app.get_formatter()->column_width(34);
+  app.formatter(help_formatter());
+  app.footer(help_end(
+      {"wing.step wing_thick.step wing.vtu -o wing_thick.vtu",
+       "part.step part_b.step part.vtu --mesh-unit m --report part_b.html",
+       "part.step part_b.step part.vtu --min-scaled-jacobian 0.1 --improve 0.2", "batch --help"},
+      {0, 1, 2, 3, 4, 5, 6}));
   add_morph_command(app, action);
   add_quality_command(app, action);
   add_match_command(app, action);
@@ -82,6 +74,7 @@ void parse(int argc, char** argv, Action& action) {
   add_field_command(app, action);
   add_apply_command(app, action);
   add_compare_command(app, action);
+  add_help_command(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& request) {
@@ -100,6 +93,7 @@ int main(int argc, char** argv) {
   use_fitting_blas_kernel();
   // A full disk or a file size limit is an error to report, not a signal to die from.
   std::signal(SIGXFSZ, SIG_IGN);
+  remove_temporaries_at_interrupt();
   Action action;
   try {
     parse(argc, argv, action);

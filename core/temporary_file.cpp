@@ -98,6 +98,7 @@ TemporaryFile::TemporaryFile(const fs::path& target) : target_(resolve(target)) 
     return file_ >= 0;
   };
   if (!create_beside(target_, path_, create)) fail(target_, std::strerror(errno));
+  removal_.emplace(path_);
 }
 
 TemporaryFile::~TemporaryFile() {
@@ -127,6 +128,7 @@ void TemporaryFile::commit() {
 TemporaryFolder::TemporaryFolder(const fs::path& target) : target_(resolve_folder(target)) {
   const auto create = [](const fs::path& path) { return mkdir(path.c_str(), 0777) == 0; };
   if (!create_beside(target_, path_, create)) fail(target_, std::strerror(errno));
+  removal_.emplace(path_);
 }
 
 TemporaryFolder::~TemporaryFolder() {

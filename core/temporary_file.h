@@ -4,10 +4,14 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
+
+#include "core/interrupt.h"
 
 namespace cadmorph {
 
-/// A new file beside the one to write; gone again unless it took that one's place. Its members
+/// A new file beside the one to write; gone again, also at an interrupt, unless it took that one's
+/// place. Its members
 /// throw IoError.
 class TemporaryFile {
  public:
@@ -29,6 +33,7 @@ class TemporaryFile {
  private:
   std::filesystem::path target_;
   std::filesystem::path path_;
+  std::optional<InterruptRemoval> removal_;
   int file_ = -1;
 };
 
@@ -53,6 +58,7 @@ class TemporaryFolder {
 
   std::filesystem::path target_;
   std::filesystem::path path_;
+  std::optional<InterruptRemoval> removal_;
 };
 
 }  // namespace cadmorph

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <span>
 
 #include "core/jacobian_samples.h"
 #include "core/orient3d.h"
@@ -222,6 +224,25 @@ void test_cells(const Mesh& mesh, const Points& points, const Orientation& orien
   batch.flush(signs);
 }
 
+std::span<const Index> corners_of(const Facet& facet) {
+  const auto count = static_cast<Index>(facet.nodes.size());
+  return std::span(facet.nodes).first(corner_count(facet.type, count));
+}
+
+// +1 where two rings of the same corners go the same way round, -1 where they go against each
+// other, 0 where they are no such rings.
+int common_sense(std::span<const Index> a, std::span<const Index> b) {
+  const auto place = std::ranges::find(b, a[0]);
+  if (a.size() != b.size() || place == b.end()) return 0;
+  const auto start = static_cast<std::size_t>(place - b.begin()), n = a.size();
+  bool is_same = true, is_opposite = true;
+  for (std::size_t i = 1; i < n; ++i) {
+    is_same &= a[i] == b[(start + i) % n];
+    is_opposite &= a[i] == b[(start + n - i) % n];
+  }
+  return is_same ? 1 : is_opposite ? -1 : 0;
+}
+
 }  // namespace
 
 ValidityReport check_validity(const Mesh& mesh, const Points& points,
@@ -240,6 +261,27 @@ ValidityReport check_validity(const Mesh& mesh, const Points& points,
   }
   report.invalid = static_cast<Index>(report.invalid_cells.size());
   return report;
+}
+
+std::vector<Index> misordered_cells(const Mesh& mesh, const CellNeighbours& neighbours,
+                                    const Orientation& orientation,
+                                    const std::vector<Index>& invalid_cells) {
+  const auto sign = [&](Index c) { return orientation[static_cast<std::size_t>(mesh.types[c])]; };
+  const auto is_misordered = [&](Index c) {
+    if (dimension(mesh.types[c]) != 3) return false;
+    const auto facets = cell_facets(mesh, c);
+    for (std::size_t f = 0; f < facets.size(); ++f) {
+      const Index other = neighbours.neighbour[neighbours.offsets[c] + static_cast<Index>(f)];
+      if (other < 0 || other == c || std::ranges::binary_search(invalid_cells, other)) continue;
+      for (const Facet& facet : cell_facets(mesh, other))
+        if (common_sense(corners_of(facets[f]), corners_of(facet)) * sign(c) * sign(other) > 0)
+          return true;
+    }
+    return false;
+  };
+  std::vector<Index> result;
+  std::ranges::copy_if(invalid_cells, std::back_inserter(result), is_misordered);
+  return result;
 }
 
 }  // namespace cadmorph

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/cell_faces.h"
 #include "core/quality.h"
 
 namespace cadmorph {
@@ -29,5 +30,13 @@ struct ValidityReport {
 /// position is not finite. Parallel; O(cells).
 ValidityReport check_validity(const Mesh& mesh, const Points& points,
                               const Orientation& orientation);
+
+/// Of `invalid_cells` (ids, ascending) of solids: those whose nodes are named in another order than
+/// the cells around expect, as when two nodes are swapped. Such a cell goes round a face it shares
+/// with a cell that is not invalid the same way as that does; a cell that nodes in wrong places
+/// invert does not. `neighbours`: find_cell_neighbours of the mesh.
+std::vector<Index> misordered_cells(const Mesh& mesh, const CellNeighbours& neighbours,
+                                    const Orientation& orientation,
+                                    const std::vector<Index>& invalid_cells);
 
 }  // namespace cadmorph

@@ -373,7 +373,7 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
   const double size = size_of(surface);
   if (size < kBeyondCad * base.diagonal())
     refuse(base, boundary, surface, example, unmatched, outside,
-           "; and the mesh reaches no further than the CAD, so they are no far field.");
+           "; the mesh is hardly larger than the CAD, so they are no far field.");
   refuse_left_behind(base, boundary, surface, association, outside);
 }
 

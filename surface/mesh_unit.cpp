@@ -30,6 +30,7 @@ constexpr double kNearSample = 1.5;  // of a face's sample spacing: farther is b
 constexpr double kClearlyBetter = 1.1;
 constexpr double kComparable = 0.5;  // of the best score
 constexpr double kFits = 0.02;       // a lower score is chance
+constexpr double kLies = 0.9;        // share and span of a mesh that lies on the CAD
 constexpr Index kFacesTried = 4;
 
 /// A surface node, in the mesh's unit.
@@ -84,12 +85,13 @@ class FitFinder {
   explicit FitFinder(const CadModel& base)
       : base_(base), samples_(sample_faces(base, kSamples)), tree_(samples_.points) {}
 
-  Fit operator()(const Unit& unit, const std::vector<Probe>& probes, double mesh_size) const {
+  Fit operator()(const Unit& unit, const std::vector<Probe>& probes, double mesh_size,
+                 const Eigen::Vector3d& shift = Eigen::Vector3d::Zero()) const {
     Fit fit{.unit = unit};
     Eigen::AlignedBox3d box;
     Index found = 0;
     for (const Probe& probe : probes) {
-      const Eigen::Vector3d x = unit.mm * probe.point;
+      const Eigen::Vector3d x = unit.mm * probe.point + shift;
       if (!is_on_cad(x, kOnCad * unit.mm * probe.edge)) continue;
       ++found;
       box.extend(x);
@@ -152,6 +154,25 @@ double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& 
   keep([](const Fit& fit) { return fit.is_of_one_size; });
   if (fits.size() > 1) refuse(fits[0], fits[1]);
   return fits.front().unit.mm;
+}
+
+std::optional<MeshPlace> find_place(const CadModel& cad, const Mesh& mesh, const Boundary& boundary,
+                                    double mm) {
+  const Eigen::Vector3d lower = mesh.points.colwise().minCoeff();
+  const Eigen::Vector3d upper = mesh.points.colwise().maxCoeff();
+  const double size = (upper - lower).norm();
+  const std::vector<Probe> probes = choose_probes(mesh, boundary);
+  const FitFinder find(cad);
+  const auto lies = [](const Fit& fit) { return fit.share >= kLies && fit.span >= kLies; };
+  std::vector<Unit> units = {{mm, ""}};
+  units.insert(units.end(), kUnits.begin(), kUnits.end());
+  for (const Unit& unit : units)
+    if (lies(find(unit, probes, size))) return MeshPlace{.mm = unit.mm};
+  for (const Unit& unit : units) {
+    const Eigen::Vector3d shift = (cad.lower() + cad.upper()) / 2 - unit.mm * (lower + upper) / 2;
+    if (lies(find(unit, probes, size, shift))) return MeshPlace{.mm = unit.mm, .shift = shift};
+  }
+  return std::nullopt;
 }
 
 std::string mesh_unit_name(double mm_per_unit) {

@@ -316,20 +316,21 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
           const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve, nodes.joint_uv);
           return map_face(fine, pair, motion, nodes.uv, nodes.points);
         },
-        "its wires had to be sampled finer");
+        "wires sampled finer");
   for (int steps = 2; !folds.empty() && steps <= kMostSteps && !nodes.domain->is_closed();
        steps *= 2)
     improve([&] { return map_face(*nodes.domain, pair, motion, nodes.uv, nodes.points, steps); },
-            "the motion of its wires had to be split into steps");
+            "motion of the wires split into steps");
   if (!folds.empty() && !mapped.is_projected)
     improve([&] { return project_face(*nodes.domain, pair, motion, nodes.points); },
-            "its parameter warp folded; predicted positions were projected instead");
-  const std::string where = name_of(pair.base, pair.match, face) + ": ";
+            "parameter warp folded, predicted positions projected instead");
+  const std::string name = name_of(pair.base, pair.match, face);
   result.folded_facets.insert(result.folded_facets.end(), folds.begin(), folds.end());
   if (!folds.empty())
-    result.folds.push_back(where + std::to_string(folds.size()) + " of its facets are folded");
+    result.folds.push_back(name + ": " + std::to_string(folds.size()) +
+                           " of its facets are folded");
   else if (!note.empty())
-    result.warnings.push_back(where + note);
+    result.remedies[note].push_back(name);
 }
 
 // Of the nodes on faces: how far the warp put them on the carrier surface beyond the trimmed face.

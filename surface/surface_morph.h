@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -41,6 +42,8 @@ struct SurfaceMorphResult {
   std::vector<std::string> folds;     ///< faces with folded facets: a line each
   std::vector<Index> folded_facets;   ///< of the boundary, by face
   std::vector<std::string> warnings;  ///< other remarks: a line each
+  /// What faces took that would fold else, and the faces; nothing to do about.
+  std::map<std::string, std::vector<std::string>> remedies;
 };
 
 /// A line for each base face with nodes beyond the wires of its variant.

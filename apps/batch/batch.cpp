@@ -329,10 +329,12 @@ class BatchRun {
     report.written = folder_.path_of(row.out);
     report.rounding = staged.rounding;
     row.figures = figures_of(report);
+    if (options_.on_result)
+      options_.on_result(*work.read.variant, job_->of(*work.result), *work.result);
     row.message = joined(report.warnings);
     if (is_done) return;
     row.exit_code = static_cast<int>(ExitCode::Quality);
-    row.message = refusal_text(report, options_.pipeline);
+    row.message = refusal_text(report);
   }
 
   const BatchOptions& options_;

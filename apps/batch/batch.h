@@ -18,7 +18,9 @@ struct BatchOptions {
   bool has_diagnostics = false;
   double timeout_s = 300;  ///< for reading one STEP file
   PipelineOptions pipeline;
-  std::string program;       ///< name and version, for batch.json
+  std::string program;  ///< name and version, for batch.json
+  /// Called with the result of each variant that has one, from one thread at a time.
+  std::function<void(const Variant&, const MorphJob&, const MorphResult&)> on_result = {};
   std::string options_text;  ///< all options that bear on the results
 };
 

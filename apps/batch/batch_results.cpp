@@ -239,7 +239,7 @@ std::vector<std::string> whole_lines(const fs::path& path) {
 }  // namespace
 
 bool is_results_name(const std::string& id) {
-  return id == "results" || id.starts_with("results.") || id == "batch";
+  return id == "results" || id.starts_with("results.") || id == "batch" || id == "pictures";
 }
 
 bool is_results_column(const std::string& column) {
@@ -338,6 +338,16 @@ void BatchFolder::begin(const BatchIdentity& identity, const VariantList& list, 
 }
 
 VariantList BatchFolder::read_list() const { return list_of(impl_->read_plan()); }
+
+BatchIdentity BatchFolder::read_identity() const {
+  const Json identity = impl_->read_plan().at("identity");
+  return {.program = identity.value("program", ""),
+          .base = identity.value("base", ""),
+          .base_hash = identity.value("base_hash", ""),
+          .mesh = identity.value("mesh", ""),
+          .mesh_hash = identity.value("mesh_hash", ""),
+          .options = identity.value("options", "")};
+}
 
 std::map<std::string, ResultRow> BatchFolder::read_rows() const {
   std::map<std::string, ResultRow> rows;

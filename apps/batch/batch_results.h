@@ -62,8 +62,9 @@ class BatchFolder {
   /// not resumed.
   void begin(const BatchIdentity& identity, const VariantList& list, bool is_resumed);
 
-  /// Reads batch.json. Throws IoError when there is none, InvalidInputError when it is damaged.
+  /// Read batch.json. Throw IoError when there is none, InvalidInputError when it is damaged.
   VariantList read_list() const;
+  BatchIdentity read_identity() const;
 
   /// The newest rows in the folder by id, those of other shards too. Half-written last lines are
   /// left out.

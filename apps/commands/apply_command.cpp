@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/field_files.h"
 #include "apps/summary/field_summary.h"
@@ -65,6 +66,9 @@ ExitCode run_apply(const ApplyCommand& command) {
 void add_apply_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<ApplyCommand>();
   CLI::App* parser = app.add_subcommand("apply", "move the points of a mesh by a field file");
+  parser->footer(
+      help_end({"apply thick.cmf finer.vtu -o finer_thick.vtu", "apply thick.cmf sensors.csv"},
+               {0, 1, 2, 5, 6}));
   parser->add_option("FIELD", command->field, "file written by cadmorph field")->required();
   parser->add_option("MESH", command->mesh, "mesh or points to move, of any format")->required();
   parser

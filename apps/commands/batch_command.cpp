@@ -10,11 +10,16 @@
 
 #include "apps/batch/batch.h"
 #include "apps/batch/step_worker.h"
+#include "apps/batch/variant_pictures.h"
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
+#include "apps/pipeline/output_file.h"
+#include "apps/report/overview_page.h"
 #include "apps/summary/progress_bar.h"
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
+#include "apps/summary/whole_progress.h"
 #include "apps/version.h"
 #include "core/content_hash.h"
 #include "core/formats/mesh_format.h"
@@ -28,7 +33,7 @@ namespace fs = std::filesystem;
 constexpr int kListed = 10;  // failed or missing variants named at the end
 
 struct BatchCommand {
-  fs::path base, mesh, folder, manifest, collected;
+  fs::path base, mesh, folder, manifest, collected, report;
   std::vector<fs::path> steps;
   MorphOptions options;
   std::string shard;
@@ -84,6 +89,9 @@ void add_options(CLI::App& app, BatchCommand& command) {
   app.add_flag("--diagnostics", command.has_diagnostics,
                "add displacement, CAD entity, (u,v) and scaled Jacobian to the meshes");
   app.add_flag("--quiet", command.is_quiet, "print errors only");
+  app.add_option("--report", command.report,
+                 "write a page to look at: all variants with pictures, quality, time and errors")
+      ->type_name("FILE.html");
   add_threads_option(app, command.threads);
   add_morph_options(app, command.options);
 }
@@ -91,8 +99,8 @@ void add_options(CLI::App& app, BatchCommand& command) {
 // The options given, but for those that leave the results as they are.
 std::string options_text(const CLI::App& parser, const BatchCommand& command) {
   static const std::set<std::string> ignored = {
-      "BASE",   "MESH",    "VARIANT", "output",  "manifest", "resume", "shard",
-      "shards", "timeout", "quiet",   "threads", "help",     "map",    "cache"};
+      "BASE",    "MESH",  "VARIANT", "output", "manifest", "resume", "shard", "shards",
+      "timeout", "quiet", "threads", "help",   "map",      "cache",  "report"};
   std::string text;
   for (const CLI::Option* option : parser.get_options()) {
     const std::string name = option->get_single_name();
@@ -137,7 +145,9 @@ class BatchDisplay {
   explicit BatchDisplay(bool is_quiet) : bar_(!is_quiet) {}
 
   Progress phases() {
-    return [this](std::string_view phase, double fraction) { bar_.show(phase, fraction); };
+    return [this](std::string_view phase, double fraction) {
+      bar_.show(phase, kSetUpShare * whole_(phase, fraction));
+    };
   }
 
   void take(const ResultRow& row, const BatchCount& count) {
@@ -147,7 +157,8 @@ class BatchDisplay {
     const double left = static_cast<double>(count.total - finished) / rate;
     bar_.show(format("%lld of %lld variants, %.3g/s, %.0f s left", static_cast<long long>(finished),
                      static_cast<long long>(count.total), rate, left),
-              static_cast<double>(finished) / static_cast<double>(count.total));
+              kSetUpShare + (1 - kSetUpShare) * static_cast<double>(finished) /
+                                static_cast<double>(count.total));
   }
 
   void end(const BatchCommand& command, const BatchCount& count) {
@@ -174,15 +185,45 @@ class BatchDisplay {
     std::string text = with_commas(count.done) + " of " + with_commas(count.total) +
                        " variants done in " + command.folder.string();
     if (count.kept > 0) text += "; " + with_commas(count.kept) + " kept from before";
-    text += format("; %.3g s", count.seconds);
-    if (fresh > 0) text += format(", %.3g s a variant", count.seconds / static_cast<double>(fresh));
+    const double seconds = process_seconds();
+    text += format("; %.3g s", seconds);
+    if (fresh > 0)
+      text += format(", %.3g s of them before the first variant and %.3g s a variant",
+                     seconds - count.seconds, count.seconds / static_cast<double>(fresh));
     if (count.cache.use != CacheUse::None) text += "; base set-up " + cache_text(count.cache);
-    return text + "\n";
+    text += "\n";
+    return command.report.empty() ? text : text + "report: " + command.report.string() + "\n";
   }
 
+  static constexpr double kSetUpShare = 0.1;  // of the bar
+
   ProgressBar bar_;
+  WholeProgress whole_;
   std::vector<ResultRow> failed_;
 };
+
+// The page of all variants, from the rows that the folder holds, those of all shards.
+void write_overview(const fs::path& page, const BatchFolder& folder,
+                    const VariantPictures& pictures) {
+  const BatchIdentity identity = folder.read_identity();
+  const VariantList list = folder.read_list();
+  const std::map<std::string, ResultRow> rows = folder.read_rows();
+  Overview overview{.base = identity.base,
+                    .mesh = identity.mesh,
+                    .carried_columns = list.carried_columns,
+                    .variants = {},
+                    .no_picture = pictures.failure()};
+  for (const Variant& variant : list.variants) {
+    const auto row = rows.find(variant.id);
+    const bool is_done = row != rows.end();
+    const bool has_result = is_done && row->second.figures;
+    overview.variants.push_back({.id = variant.id,
+                                 .carried = variant.carried,
+                                 .row = is_done ? std::optional(row->second) : std::nullopt,
+                                 .picture = has_result ? pictures.read(variant.id) : ""});
+  }
+  write_text(page, overview_page(overview));
+}
 
 ExitCode code_of(const BatchCount& count) {
   if (count.is_stopped) return static_cast<ExitCode>(128 + interrupt);
@@ -194,10 +235,23 @@ ExitCode run(const BatchCommand& command, BatchOptions options) {
   take_interrupts();
   BatchDisplay display(command.is_quiet);
   options.pipeline.progress = display.phases();
+  VariantPictures pictures(command.folder);
+  if (!command.report.empty())
+    options.on_result = [&](const Variant& variant, const MorphJob& job,
+                            const MorphResult& result) { pictures.draw(variant.id, job, result); };
   const BatchCount count =
       run_batch(options, is_interrupted,
                 [&](const ResultRow& row, const BatchCount& c) { display.take(row, c); });
+  if (!command.report.empty()) {
+    pictures.finish();
+    // Those of one shard don't make the page: --collect does, of all.
+    if (options.shard.count == 1)
+      write_overview(command.report, BatchFolder(command.folder, {}), pictures);
+  }
   display.end(command, count);
+  if (!pictures.failure().empty() && !command.is_quiet)
+    std::fprintf(stderr, "cadmorph: warning: there is no picture: %s\n",
+                 pictures.failure().c_str());
   return code_of(count);
 }
 
@@ -207,6 +261,8 @@ ExitCode collect(const BatchCommand& command) {
   const VariantList list = folder.read_list();
   const std::map<std::string, ResultRow> rows = folder.read_rows();
   folder.write_rows(list, rows);
+  if (!command.report.empty())
+    write_overview(command.report, folder, VariantPictures(command.collected));
   BatchCount count{.total = static_cast<Index>(list.variants.size())};
   std::string missing, failed;
   Index missing_count = 0, failed_count = 0;
@@ -267,8 +323,14 @@ void add_step_reader(CLI::App& app, Action& action) {
 void add_batch_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<BatchCommand>();
   CLI::App* parser = app.add_subcommand("batch", "morph onto many variants");
+  parser->footer(
+      help_end({"batch wing.step wing.vtu variants/*.step -o out --report out/overview.html",
+                "batch wing.step wing.vtu --manifest variants.csv -o out --resume"},
+               {0, 1, 2, 4, 6, 8}));
   add_options(*parser, *command);
   parser->callback([parser, &action, command] {
+    check_extension("--report", command->report, {".html", ".htm"});
+    check_outputs({{"--report", command->report}}, {command->base, command->mesh});
     if (!command->collected.empty()) {
       action.run = [command] { return collect(*command); };
       return;

@@ -59,8 +59,8 @@ std::string did_you_mean(const std::string& word, const std::vector<std::string>
 }
 
 std::string troubleshooting_line(ExitCode code) {
-  return "cadmorph: more under \"Exit code " + std::to_string(static_cast<int>(code)) +
-         "\" in troubleshooting.md of the documentation\n";
+  return "cadmorph: what to do about it: cadmorph help exit-codes " +
+         std::to_string(static_cast<int>(code)) + "\n";
 }
 
 void print(const std::string& text) {

@@ -27,8 +27,9 @@ void add_batch_command(CLI::App& app, Action& action);
 void add_field_command(CLI::App& app, Action& action);
 void add_apply_command(CLI::App& app, Action& action);
 void add_compare_command(CLI::App& app, Action& action);
+void add_help_command(CLI::App& app, Action& action);
 
-/// Where the docs say more about an exit code, as a line for stderr.
+/// Which command says more about an exit code, as a line for stderr.
 std::string troubleshooting_line(ExitCode code);
 
 /// Writes to stdout. Throws OutputError.

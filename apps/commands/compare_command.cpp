@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/summary/json_text.h"
@@ -40,10 +41,17 @@ std::string nodes_text(const CompareCommand& command, const MeshComparison& comp
                           ? format("%g", *command.options.absolute)
                           : format("%g of the shortest edge there", command.options.tolerance)) +
                      "; the worst:\n";
-  std::vector<std::vector<std::string>> rows = {{"node", "distance (mesh unit)", "shortest edge"}};
-  for (const NodeDifference& node : comparison.nodes)
-    rows.push_back(
-        {std::to_string(node.node), format("%.3g", node.distance), format("%.3g", node.edge)});
+  // In the order of what they are judged by, which comes first.
+  std::vector<std::vector<std::string>> rows = {{"node", "distance (mesh unit)"}};
+  if (!command.options.absolute)
+    rows[0] = {"node", "of the shortest edge", "distance (mesh unit)", "shortest edge"};
+  for (const NodeDifference& node : comparison.nodes) {
+    const std::string distance = format("%.3g", node.distance);
+    rows.push_back({std::to_string(node.node), distance});
+    if (!command.options.absolute)
+      rows.back() = {std::to_string(node.node), format("%.3g", node.distance / node.edge), distance,
+                     format("%.3g", node.edge)};
+  }
   return text + align(rows);
 }
 
@@ -128,6 +136,9 @@ ExitCode run_compare(const CompareCommand& command) {
 void add_compare_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<CompareCommand>();
   CLI::App* parser = app.add_subcommand("compare", "tell what differs between two meshes");
+  parser->footer(help_end({"compare nightly/part_b.vtu part_b.vtu --tolerance 1e-9",
+                           "compare wing.vtu wing_thick.vtu --difference moved.vtu"},
+                          {0, 1, 2, 6, 7}));
   parser->add_option("REFERENCE", command->reference, "mesh of any format in docs/formats.md")
       ->required();
   parser->add_option("MESH", command->mesh, "mesh of any format in docs/formats.md")->required();

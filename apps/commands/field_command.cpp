@@ -3,12 +3,14 @@
 #include <memory>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/field_files.h"
 #include "apps/summary/field_summary.h"
 #include "apps/summary/json_report.h"
 #include "apps/summary/progress_bar.h"
 #include "apps/summary/summary.h"
+#include "apps/summary/whole_progress.h"
 #include "core/formats/mesh_format.h"
 #include "core/parallel.h"
 
@@ -50,7 +52,10 @@ std::string field_summary(const FieldReport& report) {
 ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
   set_thread_count(command.threads);
   ProgressBar bar(!command.is_quiet);
-  options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+  WholeProgress whole(static_cast<int>(command.files.via.size()) + 1);
+  options.progress = [&](std::string_view phase, double fraction) {
+    bar.show(phase, whole(phase, fraction));
+  };
   const FieldReport report = field_files(command.files, options);
   bar.erase();
   std::vector<std::string> warnings = report.morph.warnings;
@@ -74,6 +79,8 @@ ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
 void add_field_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<FieldCommand>();
   CLI::App* parser = app.add_subcommand("field", "write the deformation to move other points by");
+  parser->footer(
+      help_end({"field wing.step wing_thick.step wing.vtu -o thick.cmf"}, {0, 1, 2, 3, 4, 5, 6}));
   parser->add_option("BASE", command->files.base_cad, "STEP file the mesh was made for")
       ->required();
   parser->add_option("VARIANT", command->files.variant_cad, "STEP file to move the mesh onto")

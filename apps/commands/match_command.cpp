@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/summary/json_report.h"
 #include "apps/summary/summary.h"
@@ -43,6 +44,9 @@ ExitCode run_match(const MatchCommand& command) {
 void add_match_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<MatchCommand>();
   CLI::App* parser = app.add_subcommand("match", "show which CAD face became which");
+  parser->footer(
+      help_end({"match part.step part_b.step", "match part.step part_b.step --map pairs.csv"},
+               {0, 1, 2, 3, 6}));
   parser->add_option("BASE", command->base, "STEP file")->required();
   parser->add_option("VARIANT", command->variant, "STEP file")->required();
   add_face_map_option(*parser, command->face_map);

@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -9,6 +10,7 @@
 #include "apps/summary/progress_bar.h"
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
+#include "apps/summary/whole_progress.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -89,23 +91,36 @@ void check_files(const MorphCommand& command) {
   check_format(files.output, files.mesh);
 }
 
-void complain(const PipelineReport& report, const PipelineOptions& options) {
-  std::fprintf(stderr, "cadmorph: error: %s\n%s%s", refusal_text(report, options).c_str(),
+void complain(const PipelineReport& report) {
+  std::fprintf(stderr, "cadmorph: error: %s\n%s%s", refusal_text(report).c_str(),
                diagnosis_text(*report.diagnosis).c_str(),
                troubleshooting_line(ExitCode::Quality).c_str());
 }
 
 ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
+  const double start_up = process_seconds();
   set_thread_count(command.threads);
   ProgressBar bar(!command.is_quiet);
-  options.progress = [&bar](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+  WholeProgress whole(static_cast<int>(command.files.via.size()) + 1);
+  options.progress = [&](std::string_view phase, double fraction) {
+    bar.show(phase, whole(phase, fraction));
+  };
+  std::vector<std::string> told;
+  options.notice = [&](const std::string& warning) {
+    if (command.is_quiet || std::ranges::find(told, warning) != told.end()) return;
+    bar.erase();
+    std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
+    told.push_back(warning);
+  };
   MorphShowing showing(command.show);
   MorphFiles files = command.files;
   if (!command.show.is_empty())
     files.on_result = [&](const MorphJob& job, const MorphResult& result) {
       showing.collect(job, result);
     };
-  const PipelineReport report = morph_files(files, options);
+  PipelineReport report = morph_files(files, options);
+  report.phases.insert(report.phases.begin(), {"start", start_up});
+  report.seconds += start_up;
   ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
   std::vector<std::string> warnings = mesh_remarks(report.mesh_file, report.remarks);
   warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());
@@ -116,7 +131,8 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   warnings.insert(warnings.end(), shown.warnings.begin(), shown.warnings.end());
   bar.erase();
   for (const std::string& warning : warnings)
-    if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
+    if (!command.is_quiet && std::ranges::find(told, warning) == told.end())
+      std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
   std::string summary = summary_text(report);
   if (!shown.written.report.empty()) summary += labelled("Report", shown.written.report.string());
   if (!shown.written.picture.empty())
@@ -124,7 +140,7 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   hand_over(command.json, command.is_quiet, summary, to_json(report, static_cast<int>(code)));
   for (const std::string& failure : shown.failures)
     std::fprintf(stderr, "cadmorph: error: %s\n", failure.c_str());
-  if (report.outcome != Outcome::Done) complain(report, options);
+  if (report.outcome != Outcome::Done) complain(report);
   return code;
 }
 

@@ -3,11 +3,13 @@
 #include <memory>
 
 #include "apps/commands/command.h"
+#include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
 #include "apps/picture/picture_process.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/summary/json_report.h"
 #include "apps/summary/summary.h"
+#include "apps/summary/text_table.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -52,7 +54,9 @@ ExitCode run_quality(const QualityCommand& command) {
     std::fprintf(stderr, "cadmorph: error: %s: %s\n", command.mesh.c_str(),
                  quality.inverted + validity.invalid > 0
                      ? "inverted elements"
-                     : "the smallest scaled Jacobian is below what was asked");
+                     : format("the smallest scaled Jacobian is %.4g, below the %g asked for",
+                              quality.min, *command.min_scaled_jacobian)
+                           .c_str());
   return code;
 }
 
@@ -61,6 +65,9 @@ ExitCode run_quality(const QualityCommand& command) {
 void add_quality_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<QualityCommand>();
   CLI::App* parser = app.add_subcommand("quality", "measure the elements of a mesh");
+  parser->footer(help_end(
+      {"quality wing.vtu", "quality wing.vtu --min-scaled-jacobian 0.1 --picture wing.png"},
+      {0, 1, 2, 5, 6}));
   parser->add_option("MESH", command->mesh, "mesh of any format in docs/formats.md")->required();
   parser
       ->add_option("--min-scaled-jacobian", command->min_scaled_jacobian,

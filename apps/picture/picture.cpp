@@ -12,6 +12,7 @@
 #include "apps/picture/visible_surface.h"
 #include "apps/pipeline/exit_code.h"
 #include "apps/pipeline/output_file.h"
+#include "core/interrupt.h"
 #include "core/mesh_file.h"
 
 namespace cadmorph {
@@ -113,6 +114,7 @@ int main(int argc, char** argv) {
       "Draws a mesh before and after morphing: both surfaces, and both cut open with the "
       "worst elements in red."};
   vtkObject::GlobalWarningDisplayOff();  // failures are told once, by us
+  cadmorph::remove_temporaries_at_interrupt();
   try {
     cadmorph::run(cadmorph::parse(app, argc, argv));
     return 0;

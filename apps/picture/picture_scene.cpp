@@ -155,6 +155,17 @@ Picture overview_of_morph(const DrawnMesh& drawn, bool is_quality) {
   return picture;
 }
 
+Picture picture_of(const char* output, const Panel& panel, double high) {
+  Picture result;
+  result.output = output;
+  result.width = 640;
+  result.height = 480;
+  result.is_transparent = true;
+  result.high = high;
+  result.panels = {panel};
+  return result;
+}
+
 }  // namespace
 
 void write_surfaces(const DrawnMesh& drawn, const fs::path& folder) {
@@ -172,21 +183,20 @@ Picture overview(const DrawnMesh& drawn, bool is_quality) {
 }
 
 std::vector<Picture> separate_pictures(const DrawnMesh& drawn) {
-  const auto picture = [](const char* output, const Panel& panel, double high) {
-    Picture result;
-    result.output = output;
-    result.width = 640;
-    result.height = 480;
-    result.is_transparent = true;
-    result.high = high;
-    result.panels = {panel};
-    return result;
-  };
-  return {picture("base.png", surface_panel(false, Colouring::Plain, ""), 1),
-          picture("variant.png", surface_panel(true, Colouring::Plain, ""), 1),
-          picture("displacement.png", surface_panel(true, Colouring::Scale, "displacement"),
-                  largest_displacement(drawn)),
-          picture("cut.png", cut_panel(true), 1)};
+  return {picture_of("base.png", surface_panel(false, Colouring::Plain, ""), 1),
+          picture_of("variant.png", surface_panel(true, Colouring::Plain, ""), 1),
+          picture_of("displacement.png", surface_panel(true, Colouring::Scale, "displacement"),
+                     largest_displacement(drawn)),
+          picture_of("cut.png", cut_panel(true), 1)};
+}
+
+Picture thumbnail(const DrawnMesh& drawn) {
+  Picture picture =
+      picture_of("thumbnail.png", surface_panel(true, Colouring::Scale, "displacement"),
+                 largest_displacement(drawn));
+  picture.width = 400;
+  picture.height = 300;
+  return picture;
 }
 
 void write_scene(const fs::path& folder, const Scene& scene) {

@@ -65,6 +65,9 @@ Picture overview(const DrawnMesh& drawn, bool is_quality = false);
 /// The pictures of the report, without words: base.png, variant.png, displacement.png and cut.png.
 std::vector<Picture> separate_pictures(const DrawnMesh& drawn);
 
+/// The small picture of an overview: the moved surface, coloured by displacement.
+Picture thumbnail(const DrawnMesh& drawn);
+
 /// scene.json in `folder`. Throw what write_text does; IoError, InvalidInputError.
 void write_scene(const std::filesystem::path& folder, const Scene& scene);
 Scene read_scene(const std::filesystem::path& folder);

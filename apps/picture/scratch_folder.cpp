@@ -15,6 +15,7 @@ ScratchFolder::ScratchFolder() {
   if (error || !mkdtemp(pattern.data()))
     throw OutputError("can't make a temporary folder " + pattern + "; set TMPDIR to a folder");
   path_ = pattern;
+  removal_.emplace(path_);
 }
 
 ScratchFolder::~ScratchFolder() {

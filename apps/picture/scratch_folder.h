@@ -1,11 +1,14 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+
+#include "core/interrupt.h"
 
 namespace cadmorph {
 
 /// A new folder below the system's one for temporary files; gone, with all in it, when the object
-/// is.
+/// is, and at an interrupt.
 class ScratchFolder {
  public:
   /// Throws OutputError when it can't be made.
@@ -18,6 +21,7 @@ class ScratchFolder {
 
  private:
   std::filesystem::path path_;
+  std::optional<InterruptRemoval> removal_;
 };
 
 }  // namespace cadmorph

@@ -14,9 +14,12 @@ namespace cadmorph {
 
 /// Why a morphed mesh was refused, and where to look.
 struct Diagnosis {
-  Index bad_cells = 0;      ///< inverted, or below the asked quality
-  Index bad_in_base = 0;    ///< of these: inverted in the input already
-  Index held_cells = 0;     ///< inverted and held so by their surface nodes (is_held)
+  Index bad_cells = 0;     ///< inverted, or below the asked quality
+  Index bad_in_base = 0;   ///< of these: inverted in the input already
+  Index poor_in_base = 0;  ///< of these: below the asked quality in the input already
+  Index misordered = 0;    ///< inverted in the input by the order of their nodes
+  Index held_cells =
+      0;  ///< inverted and held so by their surface nodes (is_held), not in the input
   Index folded_shells = 0;  ///< shell cells that lie folded on their CAD face
   Index worst_cell = -1;
   Eigen::Vector3d location = Eigen::Vector3d::Zero();  ///< of its centroid, in the mesh's unit

@@ -81,10 +81,21 @@ void MorphBase::fill_report() {
   report.can_repair = options.can_repair;
   report.threads = thread_count();
   report.blas_kernel = blas_kernel();
-  if (validity.invalid > 0)
-    report.warnings.push_back("the input mesh has " + std::to_string(validity.invalid) +
-                              " inverted cells already, the first is cell " +
-                              std::to_string(validity.invalid_cells.front()));
+  if (validity.invalid > 0) warn_of_inverted();
+}
+
+// Before the work goes on: what is inverted already may take long to no end.
+void MorphBase::warn_of_inverted() {
+  misordered = misordered_cells(mesh(), neighbours, orientation, validity.invalid_cells);
+  std::string text = "the input mesh has " + std::to_string(validity.invalid) +
+                     " inverted cells already, the first is cell " +
+                     std::to_string(validity.invalid_cells.front());
+  if (!misordered.empty())
+    text += "; the nodes of " + std::to_string(misordered.size()) +
+            " of them are in a wrong order (cell " + std::to_string(misordered.front()) +
+            "): mend that where the mesh comes from, no repair is tried there";
+  report.warnings.push_back(text);
+  if (options.notice) options.notice(text);
 }
 
 CadFigures figures_of(const CadModel& cad) {
@@ -117,6 +128,8 @@ Points MorphBase::prescribed(const Points& surface_positions) const {
 std::vector<char> MorphBase::fixed_nodes() const {
   std::vector<char> is_fixed(mesh().node_count(), 0);
   for (const Index row : rows) is_fixed[boundary.nodes[row]] = 1;
+  for (const Index c : misordered)
+    for (const Index node : mesh().cell(c)) is_fixed[node] = 1;
   return is_fixed;
 }
 

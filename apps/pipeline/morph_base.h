@@ -15,7 +15,8 @@ struct MorphBase : BaseSide {
   /// Of a position for each boundary node: those of the prescribed nodes alone.
   Points prescribed(const Points& surface_positions) const;
 
-  /// A flag a mesh node: prescribed.
+  /// A flag a mesh node: prescribed, or of a cell whose node order is wrong, so that no repair
+  /// takes to that.
   std::vector<char> fixed_nodes() const;
 
   /// The way of the prescribed nodes to `prescribed_positions`, which must outlive it: where faces
@@ -25,12 +26,14 @@ struct MorphBase : BaseSide {
   PipelineOptions options;
   std::shared_ptr<const CadModel> cad;
   std::shared_ptr<const MeshFile> mesh_file;
-  std::optional<Mesh> moved;  ///< the file's mesh where the job starts elsewhere
-  PipelineReport report;      ///< of the base side
+  std::vector<Index> misordered;  ///< see misordered_cells
+  std::optional<Mesh> moved;      ///< the file's mesh where the job starts elsewhere
+  PipelineReport report;          ///< of the base side
 
  private:
   void set_start(Points start);
   void fill_report();
+  void warn_of_inverted();
 };
 
 CadFigures figures_of(const CadModel& cad);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,11 @@ namespace cadmorph {
 struct Histogram {
   double low = 0, high = 1;
   std::vector<Index> before, after;
+
+  bool is_empty() const {
+    const auto is_zero = [](Index count) { return count == 0; };
+    return std::ranges::all_of(before, is_zero) && std::ranges::all_of(after, is_zero);
+  }
 };
 
 /// One of the worst elements of a morphed mesh.

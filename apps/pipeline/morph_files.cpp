@@ -1,16 +1,24 @@
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <fstream>
 #include <future>
 #include <numeric>
+#include <sstream>
 
 #include "apps/pipeline/pipeline.h"
 #include "cad/step_reader.h"
+#include "surface/mesh_unit.h"
 
 namespace cadmorph {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kNoShift = 1e-4;  // of the diagonal
 
 // Adds times to those of phases of the same names.
 void add_phases(std::vector<PhaseTime>& all, const std::vector<PhaseTime>& more) {
@@ -26,6 +34,35 @@ void add_phases(std::vector<PhaseTime>& all, const std::vector<PhaseTime>& more)
 double sum(const std::vector<PhaseTime>& phases) {
   return std::accumulate(phases.begin(), phases.end(), 0.0,
                          [](double total, const PhaseTime& p) { return total + p.seconds; });
+}
+
+// What the user is likely to have taken for another where a mesh does not lie on the base; empty
+// where nothing that is known fits.
+std::string likely_mistake(const CadModel& base, const CadModel& variant, const Mesh& mesh,
+                           double mm) {
+  const Boundary boundary = extract_boundary(mesh);
+  if (const auto place = find_place(base, mesh, boundary, mm)) {
+    std::ostringstream text;
+    text.precision(6);
+    const bool is_shifted = place->shift.norm() > kNoShift * base.diagonal();
+    text << "the mesh fits " << base.file_name();
+    if (std::abs(place->mm / mm - 1) > 1e-9) text << " in " << mesh_unit_name(place->mm);
+    if (is_shifted) {
+      const Eigen::Vector3d shift =
+          (place->shift.array().abs() > kNoShift * base.diagonal()).select(place->shift, 0.0);
+      text << " after a shift by (" << shift.x() << ", " << shift.y() << ", " << shift.z()
+           << ") mm: bring both into one frame";
+    } else {
+      text << ": give --mesh-unit so";
+    }
+    return text.str() + "; ";
+  }
+  if (const auto place = find_place(variant, mesh, boundary, mm);
+      place && place->shift.norm() <= kNoShift * variant.diagonal())
+    return "the mesh lies on " + variant.file_name() + ", the second CAD model, not on " +
+           base.file_name() +
+           ", the first: swap the two, or give the mesh that was made of the first; ";
+  return "";
 }
 
 // The morphs of one trip, one after the other.
@@ -76,8 +113,11 @@ class Trip {
   }
 
   void run_leg() {
-    job_.emplace(base_, mesh_, leg_options(), std::move(result_.positions));
+    set_up();
+    PhaseClock clock;
+    clock.start("reading");
     base_ = std::make_shared<const CadModel>(variant_.get());
+    add_phases(phases_, clock.phases());
     read_ahead(leg_ + 1);
     result_ = job_->morph(*base_);
     const PipelineReport& report = result_.report;
@@ -87,11 +127,24 @@ class Trip {
     add_phases(phases_, report.phases);
   }
 
+  void set_up() {
+    try {
+      job_.emplace(base_, mesh_, leg_options(), std::move(result_.positions));
+    } catch (const AssociationError& error) {
+      if (leg_ > 0) throw;
+      const double given = options_.surface.association.mesh_unit_mm;
+      throw AssociationError(
+          likely_mistake(*base_, variant_.get(), mesh_->mesh(), given > 0 ? given : 1.0) +
+          error.what());
+    }
+  }
+
   void add_leg(const PipelineReport& report) {
     legs_.push_back({report.variant_cad, report.matched_by, report.after, report.stepping,
                      report.untangling, sum(report.phases)});
     const std::string name = "on the way to " + targets_[leg_].string() + ": ";
     for (const std::string& warning : report.warnings) warnings_.push_back(name + warning);
+    for (const std::string& note : report.notes) notes_.push_back(name + note);
   }
 
   PipelineReport write() {
@@ -109,6 +162,8 @@ class Trip {
     PipelineReport report = is_series() ? series_report() : result_.report;
     report.written = written.path;
     report.rounding = written.rounding;
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start_;
+    phases_.push_back({"other", std::max(0.0, elapsed.count() - sum(phases_))});
     report.phases = phases_;
     report.seconds = sum(phases_);
     report.peak_memory = peak_memory();
@@ -122,6 +177,7 @@ class Trip {
     report.cache = whole_.cache;
     report.is_unit_detected = whole_.is_unit_detected;
     report.warnings = std::move(warnings_);
+    report.notes = std::move(notes_);
     report.max_displacement =
         report.mesh_unit_mm *
         (result_.positions - mesh_->mesh().points).rowwise().norm().maxCoeff();
@@ -133,6 +189,7 @@ class Trip {
   const PipelineOptions& options_;
   std::vector<fs::path> targets_;  ///< a leg each
   std::size_t leg_ = 0;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::shared_ptr<const CadModel> base_;
   std::shared_ptr<const MeshFile> mesh_;
   std::future<CadModel> variant_;
@@ -140,7 +197,7 @@ class Trip {
   MorphResult result_;
   PipelineReport whole_;  ///< of the first leg
   std::vector<LegReport> legs_;
-  std::vector<std::string> warnings_;
+  std::vector<std::string> warnings_, notes_;
   std::vector<PhaseTime> phases_;
 };
 
@@ -150,6 +207,21 @@ std::vector<fs::path> MorphFiles::inputs() const {
   std::vector<fs::path> all = {base_cad, variant_cad, mesh};
   all.insert(all.end(), via.begin(), via.end());
   return all;
+}
+
+double process_seconds() {
+  // The 22nd field, counted after the name in brackets, is the start in clock ticks since boot.
+  std::ifstream file("/proc/self/stat");
+  std::string text;
+  std::getline(file, text);
+  std::istringstream fields(text.substr(std::min(text.size(), text.rfind(')') + 1)));
+  std::string field;
+  for (int i = 3; i <= 21; ++i) fields >> field;
+  double ticks = 0;
+  timespec now{};
+  if (!(fields >> ticks) || clock_gettime(CLOCK_BOOTTIME, &now) != 0) return 0;
+  const double seconds = static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  return std::max(0.0, seconds - ticks / static_cast<double>(sysconf(_SC_CLK_TCK)));
 }
 
 double peak_memory() {

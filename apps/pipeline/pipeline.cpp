@@ -52,6 +52,11 @@ void move_surface(const MorphBase& base, const CadModel& variant, MorphResult& r
   result.surface_positions = base.prescribed(result.surface.positions);
   result.report.warnings.insert(result.report.warnings.end(), result.surface.warnings.begin(),
                                 result.surface.warnings.end());
+  for (const auto& [what, faces] : result.surface.remedies) {
+    std::string note = what + ": ";
+    for (const std::string& face : faces) note += (face == faces.front() ? "" : "; ") + face;
+    result.report.notes.push_back(std::move(note));
+  }
 }
 
 // Numbers of CAD entities as `cadmorph match` prints them, from 1.

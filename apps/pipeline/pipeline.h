@@ -48,6 +48,8 @@ struct PipelineOptions {
   std::filesystem::path cache = {};
   /// Called through the whole trip.
   Progress progress;
+  /// Called before the work goes on with a warning that is not for later; the report has it, too.
+  std::function<void(const std::string& warning)> notice = {};
 };
 
 /// Counts of a CAD model.
@@ -137,12 +139,14 @@ struct PipelineReport {
   std::optional<UntangleReport> untangling;
   std::optional<ImproveReport> improving;
   bool can_repair = true;              ///< see PipelineOptions
+  double min_asked = 0;                ///< PipelineOptions::min_scaled_jacobian, or 0
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
   std::vector<LegReport> legs;         ///< all of a series of morphs; else empty
   CacheReport cache = {};
   std::vector<std::string> warnings;
+  std::vector<std::string> notes;  ///< what took an effort and asks for nothing
   std::vector<PhaseTime> phases;
-  double seconds = 0;      ///< sum of the phases
+  double seconds = 0;      ///< sum of the phases: from the trip's start to its end
   double peak_memory = 0;  ///< bytes, of the process so far
   int threads = 1;
   std::string blas_kernel;        ///< OpenBLAS core name; empty for another BLAS
@@ -244,6 +248,9 @@ class MorphJob {
 
 /// Largest memory of this process so far, bytes.
 double peak_memory();
+
+/// Time since this process was started, seconds.
+double process_seconds();
 
 struct MorphFiles {
   std::filesystem::path base_cad, variant_cad, mesh, output;

@@ -73,33 +73,44 @@ Index held_among(const std::vector<Index>& inverted, const MorphBase& base, cons
 
 std::vector<std::string> advice(const PipelineOptions& options, const PipelineReport& figures) {
   std::vector<std::string> lines;
-  if (static_cast<double>(figures.diagnosis->bad_cells) >
-      kWrongPairs * static_cast<double>(figures.cells))
+  const Diagnosis& found = *figures.diagnosis;
+  const bool is_inverted = figures.outcome == Outcome::Inverted;
+  const Index made = found.bad_cells - found.bad_in_base;
+  if (is_inverted && static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.cells))
     lines.push_back(
         "look at the pairs of faces ('cadmorph match'): so many cells invert where faces are "
         "paired "
         "wrongly (set pairs by --map), or the variant is a mirror image");
-  if (figures.diagnosis->bad_in_base > 0)
-    lines.push_back("repair the input mesh: " + std::to_string(figures.diagnosis->bad_in_base) +
-                    " of these cells are inverted in it already");
-  if (figures.diagnosis->held_cells > 0)
+  if (found.misordered > 0)
     lines.push_back(
-        "refine the mesh: " + std::to_string(figures.diagnosis->held_cells) +
+        "put the nodes of cells in the order of their type where the mesh comes from: " +
+        std::to_string(found.misordered) + " are inverted in the input by their order alone");
+  if (found.bad_in_base > found.misordered)
+    lines.push_back(
+        "repair the input mesh: " + std::to_string(found.bad_in_base - found.misordered) +
+        " of these cells are inverted in it already");
+  if (!is_inverted && found.poor_in_base > 0)
+    lines.push_back(
+        "ask for less, or better the input mesh: " + std::to_string(found.poor_in_base) +
+        " of these cells are below in it already, whose smallest scaled Jacobian is " +
+        short_number(figures.before.min_scaled_jacobian));
+  if (found.held_cells > 0)
+    lines.push_back(
+        "refine the mesh: " + std::to_string(found.held_cells) +
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
         "the surface, or facets on it turn an edge or a corner inwards)");
-  if (figures.diagnosis->folded_shells > 0)
+  if (found.folded_shells > 0)
     lines.push_back(
         "go there by CAD models between (--via), and look whether all sheets still meet where they "
         "did");
   if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)
     lines.push_back("raise the poor cells: --improve " +
                     short_number(*options.min_scaled_jacobian));
-  if (figures.outcome == Outcome::Inverted && options.can_repair &&
-      options.untangle == UntangleMode::Never)
+  if (is_inverted && made > 0 && options.can_repair && options.untangle == UntangleMode::Never)
     lines.push_back("let the inverted cells be repaired: --untangle auto");
-  if (figures.outcome == Outcome::Inverted && options.stepping.steps > 0)
+  if (is_inverted && made > 0 && options.stepping.steps > 0)
     lines.push_back("let the number of steps grow: --steps auto");
-  const double share = figures.diagnosis->first_inversion;
+  const double share = found.first_inversion;
   if (share > 0 && share < 1)
     lines.push_back(
         "morph to a smaller change (below " + percent(share) +
@@ -123,9 +134,11 @@ std::vector<Index> bad_cells(const MorphBase& base, const MorphResult& result) {
 
 void judge(const MorphBase& base, MorphResult& result) {
   const auto inverted = inverted_cells(base, result);
-  const auto bad = sorted_union(inverted, poor_cells(base, result));
+  const auto poor = poor_cells(base, result);
+  const auto bad = sorted_union(inverted, poor);
   if (bad.empty()) return;
   PipelineReport& figures = result.report;
+  figures.min_asked = base.options.min_scaled_jacobian.value_or(0);
   figures.outcome = inverted.empty() ? Outcome::PoorQuality : Outcome::Inverted;
   const Points full = base.volume->morph(result.surface_positions);
   const auto positions_at = [&](double share) -> Points {
@@ -135,7 +148,11 @@ void judge(const MorphBase& base, MorphResult& result) {
                                bad, base.orientation, positions_at);
   figures.diagnosis->folded_shells = static_cast<Index>(folded_shells(base, result).size());
   figures.after.invalid += figures.diagnosis->folded_shells;
-  figures.diagnosis->held_cells = held_among(inverted, base, full);
+  figures.diagnosis->poor_in_base = std::ranges::count_if(
+      poor, [&](Index c) { return base.quality.values[c] < *base.options.min_scaled_jacobian; });
+  figures.diagnosis->misordered = std::ssize(base.misordered);
+  figures.diagnosis->held_cells =
+      held_among(sorted_difference(inverted, base.validity.invalid_cells), base, full);
   figures.diagnosis->worst_cell = worst_of(bad, result.quality);
   figures.diagnosis->location =
       centre_of(base.mesh().cell(figures.diagnosis->worst_cell), result.positions);

@@ -68,13 +68,17 @@ void MorphShowing::describe(const MorphJob& job, const MorphResult& result) {
   contents_.surface_note = surface_note(surface);
 }
 
-ShowReport MorphShowing::write(const PipelineReport& report, int exit_code) {
+ShowReport MorphShowing::write(PipelineReport& report, int exit_code) {
   ShowReport result;
   if (!failure_.empty()) {
     result.failures.push_back("can't show the result: " + failure_);
     return result;
   }
+  PhaseClock clock;
+  clock.start("pictures");
   DrawnPictures drawn = drawing_->wait();
+  report.phases.push_back(clock.phases().front());
+  report.seconds += report.phases.back().seconds;
   contents_.pictures = std::move(drawn.bytes);
   contents_.no_picture = std::move(drawn.failure);
   if (!contents_.no_picture.empty())

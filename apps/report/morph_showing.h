@@ -36,7 +36,7 @@ class MorphShowing {
 
   /// Waits for the pictures and writes the files. What can't be drawn is left out and told in the
   /// warnings.
-  ShowReport write(const PipelineReport& report, int exit_code);
+  ShowReport write(PipelineReport& report, int exit_code);
 
  private:
   void draw(const MorphJob& job, const MorphResult& result);

@@ -49,13 +49,15 @@ add_custom_command(
   COMMAND ${CMAKE_COMMAND} -DOUT=${report_work}/assets.cpp -DFOLDER=${report_source}
     -DSCRIPT=${report_script} -DLICENCES=${report_licences} -P ${report_source}/embed.cmake
   DEPENDS
-    ${report_source}/bin_table.mustache ${report_source}/embed.cmake ${report_source}/page.css
+    ${report_source}/bin_table.mustache ${report_source}/embed.cmake ${report_source}/overview.mustache
+    ${report_source}/page.css
     ${report_source}/page.mustache ${report_script} ${report_licences})
 
 target_sources(cadmorph PRIVATE
   picture/picture_process.cpp
   report/base64.cpp
   report/morph_showing.cpp
+  report/overview_page.cpp
   report/report_page.cpp
   report/surface_data.cpp
   ${report_work}/assets.cpp)

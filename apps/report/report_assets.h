@@ -8,6 +8,7 @@ namespace cadmorph {
 // empty in a build without npm or its packages.
 extern const std::string_view kPageTemplate;
 extern const std::string_view kBinTableTemplate;
+extern const std::string_view kOverviewTemplate;
 extern const std::string_view kPageStyle;
 extern const std::string_view kPageScript;
 extern const std::string_view kPageLicences;

@@ -35,7 +35,10 @@ list cards(const PipelineReport& report) {
   const auto card = [](const char* label, const std::string& value, const std::string& note) {
     return row({{"label", label}, {"value", value}, {"note", note}});
   };
-  return {card("Elements", with_commas(report.cells), with_commas(report.nodes) + " nodes"),
+  std::string beside = with_commas(report.nodes) + " nodes";
+  if (report.other_cells > 0)
+    beside += ", " + with_commas(report.other_cells) + " of lower dimension";
+  return {card("Elements", with_commas(report.cells - report.other_cells), beside),
           card("Largest move", millimetres(report.max_displacement),
                format("%.2g of the diagonal", report.max_displacement / report.base_cad.diagonal)),
           card("Least scaled Jacobian",
@@ -198,6 +201,8 @@ std::string outcome_text(const PipelineReport& report) {
 
 std::string deviation_note(const MorphDetails& details) {
   if (details.exact_before + details.exact_after == 0) return "";
+  if (details.deviation.is_empty())
+    return "All surface nodes lie on their CAD entities, before and after: no chart is drawn.";
   return "Nearer than " + format("%.0e", std::pow(10, details.deviation.low)) +
          " mm, and not counted above: " + with_commas(details.exact_before) + " nodes before, " +
          with_commas(details.exact_after) + " after.";
@@ -205,7 +210,10 @@ std::string deviation_note(const MorphDetails& details) {
 
 std::string match_note(const PipelineReport& report) {
   std::string text = "Matched by " + report.matched_by +
-                     format("; least confidence of a face %.2f.", report.least_confidence);
+                     format(
+                         "; least confidence of a face %.2f. Seams, and vertices that only "
+                         "cut a smooth edge, are no matter of matching and not counted here.",
+                         report.least_confidence);
   if (!report.legs.empty())
     text = "Of the last of " + std::to_string(report.legs.size()) +
            " morphs in series, as the 3D view, the pictures and the charts are. " + text;
@@ -225,7 +233,12 @@ void set_words(data& page, const PipelineReport& report) {
   for (const std::string& warning : report.warnings) warnings.push_back(warning);
   page.set("has_warnings", !warnings.empty());
   page.set("warnings", warnings);
-  if (report.diagnosis) page.set("diagnosis", diagnosis_text(*report.diagnosis));
+  if (report.diagnosis)
+    page.set("diagnosis", bad_cells_text(report) + "\n" + diagnosis_text(*report.diagnosis));
+  list notes;
+  for (const std::string& note : report.notes) notes.push_back(note);
+  page.set("has_notes", !notes.empty());
+  page.set("notes", notes);
   page.set("unit", unit_name(report.mesh_unit_mm));
   page.set("match_note", match_note(report));
   page.set("seconds", format("%.2f", report.seconds));
@@ -265,6 +278,7 @@ std::string report_page(const PipelineReport& report, const PageContents& conten
   page.set("quality", before_after(quality_rows(report.before, report.after)));
   page.set("distances", before_after(distance_rows(report)));
   page.set("jacobian", bins(contents.details.scaled_jacobian, "%.2f", false));
+  page.set("has_deviation", !contents.details.deviation.is_empty());
   page.set("deviation", bins(contents.details.deviation, "%.1e", true));
   page.set("deviation_note", deviation_note(contents.details));
   page.set("bin_table", partial([] { return std::string(kBinTableTemplate); }));

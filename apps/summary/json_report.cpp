@@ -83,6 +83,8 @@ Json to_json(const Diagnosis& diagnosis) {
     regions.push_back({{"region", region}, {"bad_cells", cells}});
   return {{"bad_cells", diagnosis.bad_cells},
           {"bad_in_base", diagnosis.bad_in_base},
+          {"poor_in_base", diagnosis.poor_in_base},
+          {"misordered", diagnosis.misordered},
           {"held_cells", diagnosis.held_cells},
           {"folded_shells", diagnosis.folded_shells},
           {"worst_cell", diagnosis.worst_cell},
@@ -211,6 +213,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   for (const LegReport& leg : report.legs) json["legs"].push_back(to_json(leg));
   if (report.cache.use != CacheUse::None) json["cache"] = to_json(report.cache);
   json["warnings"] = report.warnings;
+  json["notes"] = report.notes;
   json["seconds"] = to_json(report.phases);
   json["seconds"]["total"] = report.seconds;
   json["peak_memory_bytes"] = report.peak_memory;

@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kLabelWidth = 14;
 
-// A result is worth a hint when its smallest scaled Jacobian is below this, and below this part of
-// the base's.
+// A result is worth a hint when its smallest scaled Jacobian is below the first, and below the
+// second part of the base's, or the base's below the first, too.
 constexpr double kPoor = 0.1, kLoss = 0.5;
 
 std::string cad_line(const CadFigures& cad) {
@@ -142,17 +142,20 @@ std::string leg_text(const LegReport& leg) {
                 with_commas(leg.after.invalid).c_str(), leg.seconds);
 }
 
-// What would raise an element that the morph has made poor; empty where there is none.
+// What would raise the worst element where it is poor; empty where it is not.
 std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
-  if (report.outcome != Outcome::Done || report.improving || !report.can_repair || after >= kPoor ||
-      after >= kLoss * before)
-    return "";
-  return format(
-      "--improve %g raises elements like the worst one, whose scaled Jacobian fell from "
-      "%.4f to %.4f",
-      kPoor, before, after);
+  if (report.outcome != Outcome::Done || !report.can_repair || after >= kPoor) return "";
+  const std::string worst = format("the worst element's scaled Jacobian is %.4f", after);
+  const std::string of_input = format(", in the input %.4f", before);
+  if (report.improving)
+    return worst + of_input + ": --improve could not raise it further; " +
+           (before < kPoor ? "the input mesh is poor there already: mesh anew with other sizes"
+                           : "go by CAD models between (--via), or mesh finer there");
+  if (after < kLoss * before || before < kPoor)
+    return worst + of_input + format(": try --improve %g", kPoor);
+  return "";
 }
 
 // The physical edges and vertices, numbered from 1.
@@ -322,16 +325,18 @@ std::string summary_text(const PipelineReport& report) {
   return text;
 }
 
-std::string refusal_text(const PipelineReport& report, const PipelineOptions& options) {
+std::string bad_cells_text(const PipelineReport& report) {
   const Index bad = report.diagnosis->bad_cells;
-  std::string what = with_commas(bad) + (bad == 1 ? " element" : " elements");
+  const std::string what = with_commas(bad) + (bad == 1 ? " element" : " elements");
   if (report.outcome == Outcome::Inverted)
-    what += bad == 1 ? " is inverted" : " are inverted";
-  else
-    what +=
-        format(bad == 1 ? " has a scaled Jacobian below %g" : " have a scaled Jacobian below %g",
-               *options.min_scaled_jacobian);
-  return what + "; the refused mesh is " + report.written.string() + " (cell array cadmorph_bad)";
+    return what + (bad == 1 ? " is inverted" : " are inverted");
+  return what + (bad == 1 ? " has" : " have") +
+         format(" a scaled Jacobian below %g", report.min_asked);
+}
+
+std::string refusal_text(const PipelineReport& report) {
+  return bad_cells_text(report) + "; the refused mesh is " + report.written.string() +
+         " (cell array cadmorph_bad)";
 }
 
 std::string diagnosis_text(const Diagnosis& diagnosis) {

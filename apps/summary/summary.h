@@ -23,7 +23,10 @@ std::string rounding_text(const CoordinateRounding& rounding);
 std::string cache_text(const CacheReport& cache);
 
 /// Why a result was refused and where its mesh is, in one line.
-std::string refusal_text(const PipelineReport& report, const PipelineOptions& options);
+std::string refusal_text(const PipelineReport& report);
+
+/// How many elements it was refused for, and what they are.
+std::string bad_cells_text(const PipelineReport& report);
 
 /// The diagnosis of a refused result in a few lines.
 std::string diagnosis_text(const Diagnosis& diagnosis);

@@ -102,6 +102,29 @@ TEST_CASE("A bad variant fails alone, with the single command's exit code", "[ap
   CHECK(rows.at("good")["inverted"] == 0);
 }
 
+TEST_CASE("A batch has a page of all its variants", "[apps][batch]") {
+  const Workplace place;
+  place.write(
+      "list.csv",
+      "id,step,width\nlong,box_moved.step,12\n<odd>,box_chamfer.step,10\nsame,box.step,10\n");
+  // Without a display there are no pictures, and all else.
+  const RunResult result =
+      place.run("batch box.step box.vtu --manifest list.csv -o out --report page.html",
+                "unset DISPLAY; PATH=/nonexistent");
+  CHECK(result.exit_code == 8);
+  CHECK_THAT(result.out, Contains("page.html"));
+  CHECK_THAT(result.err, Contains("there is no picture"));
+  const std::string page = place.read("page.html");
+  CHECK_THAT(page, Contains("2 of 3 done, 1 failed") && Contains("There is no picture"));
+  CHECK_THAT(page, Contains("data-variant=\"long\"") && Contains(">width<"));
+  CHECK_THAT(page, Contains("&lt;odd&gt;") && !Contains("<odd>"));
+  CHECK_THAT(page, Contains("failed (3)") && Contains("faces"));  // and the reason
+  CHECK_THAT(page, !Contains("http://") && !Contains("https://"));
+  std::filesystem::remove(place.folder() / "page.html");
+  CHECK(place.run("batch --collect out --report page.html").exit_code == 8);
+  CHECK_THAT(place.read("page.html"), Contains("2 of 3 done, 1 failed"));
+}
+
 TEST_CASE("A refused result goes to its own file", "[apps][batch]") {
   const Workplace place;
   const std::string bore = source_file("models/bore/").string();

@@ -60,6 +60,24 @@ TEST_CASE("A moved node is found, named and measured in edges", "[apps][compare]
   compare(place, "--absolute 0.0051", 0);
 }
 
+TEST_CASE("The worst nodes are shown in the order of the first figure", "[apps][compare]") {
+  const Workplace place;
+  // Of two nodes that moved alike, the one with the shorter edge moved farther in edges.
+  const auto squeeze = [](Mesh& mesh, ExtraArrays&) { mesh.points(0, 0) += 4; };
+  write_box(place, "a.vtu", squeeze);
+  write_box(place, "b.vtu", [&](Mesh& mesh, ExtraArrays& extra) {
+    squeeze(mesh, extra);
+    mesh.points(0, 1) += 0.1;
+    mesh.points(mesh.node_count() - 1, 1) -= 0.2;
+  });
+  const std::string out = place.run("compare a.vtu b.vtu").out;
+  CHECK_THAT(out, Catch::Contains("of the shortest edge"));
+  const auto first = out.find("\n0 "), second = out.find("\n" + std::to_string(44) + " ");
+  CAPTURE(out);
+  REQUIRE(first != std::string::npos);
+  CHECK(first < second);
+}
+
 TEST_CASE("The differences of positions can be written as an array", "[apps][compare]") {
   const Workplace place;
   write_box(place, "a.vtu", unchanged);

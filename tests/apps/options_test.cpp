@@ -1,5 +1,6 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "command_line.h"
 
@@ -80,6 +81,39 @@ TEST_CASE("Slips of the pen are told from unknown words", "[apps][options]") {
   const RunResult option = place.run("box.step box_moved.step box.vtu --outptu x.vtu");
   CHECK(option.exit_code == 1);
   CHECK_THAT(option.err, Catch::Contains("did you mean '--output'"));
+}
+
+TEST_CASE("What an exit code means is told without a file to look for", "[apps][options]") {
+  const Workplace place;
+  const RunResult one = place.run("help exit-codes 4");
+  CHECK(one.exit_code == 0);
+  CHECK_THAT(one.out, Catch::StartsWith("## Exit code 4: the mesh does not lie on the base CAD"));
+  CHECK_THAT(one.out, !Catch::Contains("Exit code 5"));
+  CHECK_THAT(place.run("help exit-codes").out, Catch::Contains("## Exit code 8"));
+  CHECK_THAT(place.run("help exit-code").err, Catch::Contains("did you mean 'exit-codes'"));
+  CHECK(place.run("help exit-codes 99").exit_code == 1);
+}
+
+TEST_CASE("Each command's help ends with its own examples and exit codes", "[apps][options]") {
+  const Workplace place;
+  for (const std::string command :
+       {"", "quality", "match", "batch", "field", "apply", "compare", "help"}) {
+    CAPTURE(command);
+    const std::string help = place.run(command + " --help").out;
+    CHECK_THAT(help, Catch::Contains("Example"));
+    CHECK_THAT(help, Catch::Contains("Exit codes: 0 done; "));
+    CHECK_THAT(help, Catch::Contains(command.empty() ? "  cadmorph wing.step"
+                                                     : "  cadmorph " + command + " "));
+    CHECK((help.find("the meshes differ") != std::string::npos) == (command == "compare"));
+    CHECK((help.find("some variants failed") != std::string::npos) == (command == "batch"));
+    CHECK_THAT(help, !Catch::Contains("kb(=1000b)"));
+    std::istringstream lines(help);
+    for (std::string line; std::getline(lines, line);) {
+      CAPTURE(line);
+      // The names of all kernels are one word.
+      CHECK((line.size() <= 100 || line.starts_with("  --kernel")));
+    }
+  }
 }
 
 TEST_CASE("An output of another kind than its name is refused", "[apps][options]") {

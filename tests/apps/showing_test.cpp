@@ -3,7 +3,9 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
@@ -229,6 +231,21 @@ TEST_CASE("A picture that can't be prepared costs nothing else", "[apps][report]
   CHECK(place.has("out.vtu"));
   CHECK(place.run("quality box.vtu --picture p.png", nowhere).exit_code == 0);
   CHECK_FALSE(place.has("p.png"));
+}
+
+TEST_CASE("An interrupt while pictures are drawn leaves nothing behind", "[apps][report]") {
+  namespace fs = std::filesystem;
+  const testing::Workplace place;
+  fs::copy_file(CADMORPH_PROGRAM, place.folder() / "cadmorph");
+  place.write("cadmorph-picture", "#!/bin/sh\nkill -INT $PPID\nexec sleep 2\n");
+  fs::permissions(place.folder() / "cadmorph-picture", fs::perms::owner_all);
+  fs::create_directory(place.folder() / "tmp");
+  const std::string command = "cd '" + place.folder().string() +
+                              "' && TMPDIR=tmp ./cadmorph box.step box_moved.step box.vtu "
+                              "-o out.vtu --report page.html > out.txt 2>&1";
+  std::system(command.c_str());
+  CHECK(fs::is_empty(place.folder() / "tmp"));
+  CHECK_FALSE(place.has("page.html"));
 }
 
 TEST_CASE("A report that can't be written costs neither mesh nor summary", "[apps][report]") {

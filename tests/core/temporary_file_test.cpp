@@ -1,9 +1,14 @@
 #include "core/temporary_file.h"
 
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
+#include <csignal>
 #include <fstream>
 
 #include "core/errors.h"
+#include "core/interrupt.h"
 #include "tests/core/formats/format_checks.h"
 
 namespace fs = std::filesystem;
@@ -51,6 +56,27 @@ TEST_CASE("A temporary folder does not take the place of a file", "[core]") {
   REQUIRE_THROWS_AS(TemporaryFolder(folder / "file"), IoError);
   REQUIRE_THROWS_AS(TemporaryFolder(folder / "none/new"), IoError);
   CHECK(count_entries(folder / "") == 1);
+}
+
+TEST_CASE("An interrupt takes temporary files and folders along", "[core]") {
+  const FormatFolder folder;
+  const int signal = GENERATE(SIGINT, SIGTERM, SIGHUP);
+  const pid_t child = fork();
+  if (child == 0) {
+    std::signal(signal, SIG_DFL);
+    remove_temporaries_at_interrupt();
+    const TemporaryFolder unfinished(folder / "new");
+    std::ofstream(unfinished.path() / "file") << "text";
+    const TemporaryFile file(folder / "file");
+    kill(getpid(), signal);
+    pause();
+    _exit(0);
+  }
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  CHECK(WIFSIGNALED(status));
+  CHECK(WTERMSIG(status) == signal);
+  CHECK(count_entries(folder / "") == 0);
 }
 
 }  // namespace cadmorph::test

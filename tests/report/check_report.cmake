@@ -7,6 +7,7 @@ if(NOT HAS_VIEWER OR NOT BROWSER)
 endif()
 
 file(COPY ${SOURCE}/package.json ${SOURCE}/package-lock.json ${SOURCE}/page_test.mjs
+  ${SOURCE}/overview_test.mjs
   DESTINATION ${WORK})
 if(NOT EXISTS ${WORK}/node_modules/puppeteer-core)
   execute_process(COMMAND ${NPM} ci --ignore-scripts --no-audit --no-fund --prefer-offline
@@ -42,4 +43,18 @@ if(BREAK)
   endif()
 elseif(failed)
   message(FATAL_ERROR "the page does not work:\n${output}")
+else()
+  file(REMOVE_RECURSE ${WORK}/many)
+  execute_process(
+    COMMAND ${PROGRAM} batch ${bore}/base.step ${bore}/hex.vtu ${bore}/step20.step ${bore}/step05.step
+      ${MODELS}/pipe/base.step -o ${WORK}/many --report ${WORK}/overview.html
+    RESULT_VARIABLE code OUTPUT_QUIET ERROR_VARIABLE errors)
+  if(NOT code EQUAL 8)
+    message(FATAL_ERROR "exit code ${code} of a batch with one bad variant:\n${errors}")
+  endif()
+  execute_process(COMMAND ${NODE} overview_test.mjs ${WORK}/overview.html ${BROWSER}
+    WORKING_DIRECTORY ${WORK} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(failed)
+    message(FATAL_ERROR "the overview does not work:\n${output}")
+  endif()
 endif()

@@ -74,6 +74,13 @@ async function checkViewer(page, data) {
 
   await page.click('tr[data-worst="0"]');
   assert.equal(await page.$eval('#show-worst', (box) => box.checked), true, 'a row shows its element');
+  assert.equal(await page.$eval('#canvas', (canvas) => canvas.dataset.chosen), '0', 'which is marked');
+  const first = await picture(page);
+  await page.click('tr[data-worst="1"]');
+  assert.deepEqual(await page.$$eval('tr.chosen', (rows) => rows.map((row) => row.dataset.worst)), ['1']);
+  assert.ok(await picture(page) !== first, 'another element is marked otherwise');
+  const ground = await page.$eval('#legend', (legend) => getComputedStyle(legend).backgroundColor);
+  assert.doesNotMatch(ground, /(, 0|\/ 0)\)$/, 'the legend has a ground of its own');
 }
 
 async function checkTables(page, data) {
@@ -82,7 +89,10 @@ async function checkTables(page, data) {
   for (const name of ['before', 'after'])
     assert.equal(sum(shown[name]), report.mesh.cells, `the histogram ${name} counts every element`);
   assert.equal(await page.$$eval('#jacobian-chart svg path', (paths) => paths.length), 4, 'two areas with lines');
-  for (const chart of ['jacobian', 'deviation']) {
+  const isExact = sum(details.deviation.before) + sum(details.deviation.after) === 0;
+  assert.equal(await page.$('#deviation-chart') === null, isExact, 'no chart of nothing');
+  if (isExact) assert.match(await page.$eval('#deviation', (section) => section.textContent), /All surface nodes lie/);
+  for (const chart of isExact ? ['jacobian'] : ['jacobian', 'deviation']) {
     const labels = await page.$$eval(`#${chart}-chart .ct-label.ct-horizontal`,
       (all) => all.map((label) => label.textContent));
     assert.ok(labels.length >= 2, 'the axis is labelled');

@@ -19,6 +19,7 @@ function ticks(low, high, most, steps) {
 
 function drawHistogram(id, histogram, axisTitle, tickSteps, label) {
   const element = document.getElementById(id);
+  if (!element) return null;  // nothing to count
   const most = element.clientWidth < 420 ? 6 : 11;
   const series = ['before', 'after'].map((name) => ({
     name,

@@ -15,6 +15,7 @@ endfunction()
 
 embed(kPageTemplate ${FOLDER}/page.mustache)
 embed(kBinTableTemplate ${FOLDER}/bin_table.mustache)
+embed(kOverviewTemplate ${FOLDER}/overview.mustache)
 embed(kPageStyle ${FOLDER}/page.css)
 embed(kPageScript ${SCRIPT})
 embed(kPageLicences ${LICENCES})

@@ -117,14 +117,15 @@ const surfaceVertex = `
     gl_Position = projectionMatrix * seen;
   }`;
 
-// Flat faces, lit from the eye and from above the left shoulder.
+// Flat faces, lit from the eye, from above the left shoulder, and a little from below on the right.
 const surfaceFragment = `
   uniform sampler2D colours;
   varying float vValue;
   varying vec3 vPosition;
   void main() {
     vec3 normal = normalize(cross(dFdx(vPosition), dFdy(vPosition)));
-    float light = 0.42 + 0.38 * abs(normal.z) + 0.22 * max(dot(normal, normalize(vec3(-0.5, 0.7, 0.5))), 0.0);
+    float light = 0.42 + 0.38 * abs(normal.z) + 0.22 * max(dot(normal, normalize(vec3(-0.5, 0.7, 0.5))), 0.0)
+      + 0.14 * max(dot(normal, normalize(vec3(0.5, -0.7, 0.3))), 0.0);
     vec3 colour = vValue < -0.001 ? vec3(0.80, 0.83, 0.87)
       : texture2D(colours, vec2(clamp(vValue, 0.0, 1.0), 0.5)).rgb;
     gl_FragColor = vec4(colour * light, 1.0);
@@ -190,9 +191,11 @@ class Viewer {
   addWorst(worst) {
     this.worst = new Group();
     const ball = new SphereGeometry(this.radius / 90, 16, 12);
-    const material = new MeshBasicMaterial({ color: '#e01e2e', depthTest: false, transparent: true, opacity: 0.85 });
+    const look = (color, opacity) => new MeshBasicMaterial({ color, depthTest: false, transparent: true, opacity });
+    this.worstMaterial = look('#e01e2e', 0.6);
+    this.chosenMaterial = look('#ffb300', 1);
     for (const element of worst) {
-      const marker = new Mesh(ball, material);
+      const marker = new Mesh(ball, this.worstMaterial);
       marker.position.set(...element.centre);
       marker.renderOrder = 1;
       this.worst.add(marker);
@@ -232,10 +235,19 @@ class Viewer {
 
   showElement(index) {
     this.worst.visible = true;
+    this.worst.children.forEach((marker, i) => {
+      const isChosen = i === index;
+      marker.material = isChosen ? this.chosenMaterial : this.worstMaterial;
+      marker.scale.setScalar(isChosen ? 1.6 : 1);
+      marker.renderOrder = isChosen ? 2 : 1;
+    });
+    this.canvas.dataset.chosen = index;
     this.controls.target.copy(this.worst.children[index].position);
     const direction = this.camera.position.clone().sub(this.controls.target).normalize();
     this.camera.position.copy(this.controls.target).addScaledVector(direction, 4 * this.radius);
     this.camera.zoom = 5;
+    for (const row of document.querySelectorAll('tr[data-worst]'))
+      row.classList.toggle('chosen', Number(row.dataset.worst) === index);
     this.camera.updateProjectionMatrix();
     this.controls.update();
     this.draw();
