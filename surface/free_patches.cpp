@@ -12,7 +12,7 @@
 #include "cad/face_sampler.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
-#include "core/rbf/rbf_system.h"
+#include "core/rbf/anchors.h"
 
 namespace cadmorph {
 namespace {
@@ -398,7 +398,7 @@ void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& mov
   }
   for (Index i = 0; i < targets.rows(); ++i)
     targets.row(i) = surface.points.row(patch.inner[static_cast<std::size_t>(i)]) * basis;
-  const RowMatrix d = RbfSystem(at, Kernel::biharmonic_2d()).solve(values).evaluate(targets);
+  const RowMatrix d = interpolate_bounded(at, values, Kernel::biharmonic_2d(), targets);
   for (Index i = 0; i < targets.rows(); ++i)
     moved.row(patch.inner[static_cast<std::size_t>(i)]) += d.row(i) * basis.transpose();
 }
