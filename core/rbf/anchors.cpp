@@ -199,11 +199,19 @@ class Search {
   // Those of the targets (rows of `among`, all where that is null) that moved farthest.
   bool add_farthest(const RowMatrix& displacements, const RowMatrix& points,
                     const std::vector<Index>* among) {
-    std::vector<Index> added = farthest_moved(motions(displacements, largest_), points, points_);
-    if (added.empty()) return false;
+    const VectorXd moved = motions(displacements, largest_);
+    const std::vector<Index> rows = farthest_moved(moved, points, points_);
+    if (rows.empty()) return false;
+    std::vector<Index> added = rows;
     if (among)
       for (Index& target : added) target = (*among)[static_cast<std::size_t>(target)];
-    add(added, means_.at(select(targets_, added)));
+    RowMatrix held = means_.at(select(targets_, added));
+    for (Index i = 0; i < held.rows(); ++i) {
+      const double least = held.row(i).norm() / largest_, most = moved(rows[i]);
+      const double part = std::min(1 / (most * most), (kWorthAdding - least) / (most - least));
+      held.row(i) += std::max(part, 0.0) * (displacements.row(rows[i]) - held.row(i));
+    }
+    add(added, held);
     return true;
   }
 

@@ -148,6 +148,9 @@ TEST_CASE("No node moves farther than 1.2 times the farthest of the surface",
     CHECK(rows_of(result, field.surface) == moved);
     CHECK(farthest(field.mesh.points, result) <= 1.2 * asked);
     const QualityReport quality = measure_quality(field.mesh, result, orientation);
+    if (std::getenv("TAB"))
+      std::printf("%-24s R %3g n %d overshoot %.3f min %.4f mean %.4f\n", name.c_str(), far, n,
+                  farthest(field.mesh.points, result) / asked, quality.min, quality.mean);
     CHECK(quality.min > (name == "flatten" || name == "turn" ? 0.7 : 0.83));
     // Of a body that the full interpolant does not run on from nothing changes.
     if (name == "shift")
