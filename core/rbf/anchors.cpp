@@ -25,7 +25,7 @@ using Eigen::VectorXd;
 // Anchors are added while a candidate moves farther than kEnough times the largest value; each time
 // those that move farther than kWorthAdding times it and kPartOfWorst of the farthest. What lies
 // between candidates has the rest up to kMostOvershoot.
-constexpr double kEnough = 1.12, kWorthAdding = 1.05, kPartOfWorst = 0.5;
+constexpr double kEnough = 1.15, kWorthAdding = 1.08, kPartOfWorst = 0.5;
 
 // Candidates are this part of their distance from the centres away from each other.
 constexpr double kGrading = 0.3;
