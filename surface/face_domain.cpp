@@ -8,6 +8,7 @@
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
 #include "core/kd_tree.h"
+#include "core/rbf/anchors.h"
 
 namespace cadmorph {
 namespace {
@@ -201,7 +202,11 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
     const std::lock_guard lock(mutex_);
     if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());
   }
-  return in_parameters(system_->solve(in_lengths(values)).evaluate(embed(at)));
+  const RowMatrix lengths = in_lengths(values), points = embed(at);
+  RowMatrix moved = system_->solve(lengths).evaluate(points);
+  if (overshoot(lengths, moved) > kMostOvershoot)
+    moved = interpolate_bounded(embed(sample_uv_), lengths, Kernel::biharmonic_2d(), points);
+  return in_parameters(moved);
 }
 
 // The linear part comes first, whole: half-way through a reversal the domain would be a point.

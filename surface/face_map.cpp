@@ -13,9 +13,10 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kSame = 1e-7;        // of the diagonal: one surface, whatever its parameters
-constexpr double kDifferent = 1e-6;   // of the diagonal: not the same point
-constexpr double kEqualPhase = 1e-6;  // of a period
+constexpr double kSame = 1e-7;             // of the diagonal: one surface, whatever its parameters
+constexpr double kSameParameters = 1e-12;  // of the diagonal: equal to rounding
+constexpr double kDifferent = 1e-6;        // of the diagonal: not the same point
+constexpr double kEqualPhase = 1e-6;       // of a period
 constexpr int kProbes = 24;
 // Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
 // correspond at all.
@@ -349,6 +350,17 @@ Deviation judge(const FaceDomain& domain, const ModelPair& pair, const Parameter
   return deviation;
 }
 
+// Whether nodes of the face leave their places.
+bool moves(const FaceDomain& domain, const ModelPair& pair, const Parameters& mapped,
+           const Points& points) {
+  const int variant = pair.match.faces[domain.face()];
+  return std::ranges::any_of(probe_rows(points.rows()), [&](Index i) {
+    const Vector3d x = points.row(i);
+    return (pair.variant.evaluate(variant, mapped.row(i)).point - x).norm() >
+           kSameParameters * pair.variant.diagonal();
+  });
+}
+
 bool samples_follow_alignment(const FaceDomain& domain, const ModelPair& pair,
                               const FaceMotion& motion) {
   const double tolerance = 2 * kDifferent * pair.variant.diagonal();
@@ -356,6 +368,39 @@ bool samples_follow_alignment(const FaceDomain& domain, const ModelPair& pair,
     const auto moved = motion_of(sample, pair, motion);
     return !moved || (moved->to - pair.match.alignment(moved->from)).norm() <= tolerance;
   });
+}
+
+// Whether no wire of the face, and no joint within it, moved: then nothing on it tells of a motion.
+bool samples_stay(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion) {
+  return std::ranges::all_of(domain.samples(), [&](const FaceDomain::Sample& sample) {
+    const auto moved = motion_of(sample, pair, motion);
+    return !moved || (moved->to - moved->from).norm() <=
+                         std::max(sample.tolerance, kSame * pair.variant.diagonal());
+  });
+}
+
+// The nodes where they are, on a variant that is the base's surface, whatever its parameters:
+// nothing if it is another, or the wires moved. A sphere that spins is the same sphere.
+std::optional<FaceMapResult> unchanged(const FaceDomain& domain, const ModelPair& pair,
+                                       const FaceMotion& motion, const Parameters& uv,
+                                       const Points& points) {
+  const int variant = pair.match.faces[domain.face()];
+  const double tolerance =
+      std::max(pair.variant.faces()[variant].tolerance, kSame * pair.variant.diagonal());
+  const std::vector<Index> probes = probe_rows(points.rows());
+  if (!samples_stay(domain, pair, motion) || !std::ranges::all_of(probes, [&](Index i) {
+        return project_globally(pair.variant, variant, points.row(i)).distance <= tolerance;
+      }))
+    return std::nullopt;
+  const bool has_same_parameters = std::ranges::all_of(probes, [&](Index i) {
+    const Vector3d x = points.row(i);
+    return (pair.variant.evaluate(variant, uv.row(i)).point - x).norm() <=
+           kSameParameters * pair.variant.diagonal();
+  });
+  if (!has_same_parameters) return project_points(pair, variant, points);
+  FaceMapResult result;
+  result.uv = uv;
+  return result;
 }
 
 double face_size(const CadModel& model, int face) {
@@ -382,6 +427,8 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const Fa
   for (Index i = 0; i < uv.rows(); ++i)
     result.uv.row(i) = wrap(variant, warp.linear(uv.row(i)) + result.uv.row(i).transpose());
   if (uv.rows() == 0) return result;
+  if (moves(domain, pair, result.uv, points))
+    if (auto still = unchanged(domain, pair, motion, uv, points)) return std::move(*still);
   const Deviation d = judge(domain, pair, result.uv, points);
   const double diagonal = pair.variant.diagonal();
   if (d.mapped > d.aligned + kDifferent * diagonal && d.off_surface < kSame * diagonal &&

@@ -2,9 +2,11 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <map>
+#include <numeric>
 #include <sstream>
 #include <utility>
 
@@ -12,7 +14,7 @@
 #include "cad/face_sampler.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
-#include "core/rbf/rbf_system.h"
+#include "core/rbf/anchors.h"
 
 namespace cadmorph {
 namespace {
@@ -42,11 +44,26 @@ bool is_unmatched_node(const Association& association, int n) {
 std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
                                    const Association& association) {
   std::vector<char> is_unmatched(surface.facets.size(), 0);
+  const std::vector<char> is_crack = find_cracks(surface, boundary, association);
   for (std::size_t f = 0; f < surface.facets.size(); ++f)
-    is_unmatched[f] = boundary.neighbour[f] < 0 &&
+    is_unmatched[f] = boundary.neighbour[f] < 0 && !is_crack[f] &&
                       std::any_of(surface.facets[f].begin(), surface.facets[f].end(),
                                   [&](int n) { return is_unmatched_node(association, n); });
   return is_unmatched;
+}
+
+// The first of the nodes at each place, of those that are asked about.
+std::vector<int> first_at_place(const SurfaceMesh& surface, const std::vector<int>& nodes) {
+  std::vector<int> order = nodes, first(static_cast<std::size_t>(surface.points.rows()));
+  std::iota(first.begin(), first.end(), 0);
+  const auto place = [&](int n) {
+    return std::array{surface.points(n, 0), surface.points(n, 1), surface.points(n, 2)};
+  };
+  std::ranges::sort(
+      order, [&](int a, int b) { return place(a) != place(b) ? place(a) < place(b) : a < b; });
+  for (std::size_t i = 1; i < order.size(); ++i)
+    if (place(order[i]) == place(order[i - 1])) first[order[i]] = first[order[i - 1]];
+  return first;
 }
 
 double size_of(const SurfaceMesh& surface) {
@@ -325,7 +342,67 @@ void refuse_left_behind(const CadModel& base, const Boundary& boundary, const Su
   }
 }
 
+// Whether unmatched nodes bound a space of their own: the facets at them use no other nodes.
+bool is_hole(const SurfaceMesh& surface, const Association& association,
+             const std::vector<char>& is_open) {
+  for (std::size_t f = 0; f < is_open.size(); ++f)
+    if (is_open[f] && !std::ranges::all_of(surface.facets[f], [&](int n) {
+          return is_unmatched_node(association, n);
+        }))
+      return false;
+  return true;
+}
+
 }  // namespace
+
+std::vector<char> find_cracks(const SurfaceMesh& surface, const Boundary& boundary,
+                              const Association& association) {
+  std::vector<char> is_crack(surface.facets.size(), 0);
+  std::vector<int> open, nodes;
+  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) {
+    const std::vector<int>& facet = surface.facets[f];
+    if (boundary.neighbour[f] >= 0 ||
+        std::ranges::none_of(facet, [&](int n) { return is_unmatched_node(association, n); }))
+      continue;
+    open.push_back(f);
+    nodes.insert(nodes.end(), facet.begin(), facet.end());
+  }
+  std::ranges::sort(nodes);
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  const std::vector<int> first = first_at_place(surface, nodes);
+  std::map<std::vector<int>, std::vector<int>> by_place;
+  for (const int f : open) {
+    std::vector<int> key;
+    for (const int n : surface.facets[f]) key.push_back(first[n]);
+    std::ranges::sort(key);
+    by_place[key].push_back(f);
+  }
+  for (const auto& [key, facets] : by_place)
+    if (facets.size() == 2 && area_vector(surface, surface.points, facets[0])
+                                      .dot(area_vector(surface, surface.points, facets[1])) < 0)
+      is_crack[facets[0]] = is_crack[facets[1]] = 1;
+  return is_crack;
+}
+
+std::string describe_cracks(const SurfaceMesh& surface, const Boundary& boundary,
+                            const Association& association) {
+  const std::vector<char> is_crack = find_cracks(surface, boundary, association);
+  std::vector<int> nodes;
+  for (std::size_t f = 0; f < is_crack.size(); ++f)
+    if (is_crack[f]) nodes.insert(nodes.end(), surface.facets[f].begin(), surface.facets[f].end());
+  if (nodes.empty()) return {};
+  std::ranges::sort(nodes);
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  constexpr std::size_t kNamed = 10;
+  std::ostringstream text;
+  text << "the mesh has a crack inside: " << std::ranges::count(is_crack, 1)
+       << " facets cancel in pairs, and nodes lie two at a place; both sides move together as "
+          "interior nodes do. Nodes of the crack:";
+  for (std::size_t i = 0; i < std::min(nodes.size(), kNamed); ++i)
+    text << " " << boundary.nodes[nodes[i]];
+  if (nodes.size() > kNamed) text << " and " << nodes.size() - kNamed << " more";
+  return text.str();
+}
 
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
                                          const Association& association) {
@@ -355,10 +432,13 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
                      Association& association) {
   Index outside = 0, unmatched = 0;
   int example = -1;
+  const std::vector<char> is_crack = find_cracks(surface, boundary, association);
   for (int n = 0; n < static_cast<int>(surface.points.rows()); ++n) {
     bool is_outside = false;
-    for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
-      is_outside |= boundary.neighbour[surface.incident_facets[i]] < 0;
+    for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
+      const int f = surface.incident_facets[i];
+      is_outside |= boundary.neighbour[f] < 0 && !is_crack[f];
+    }
     outside += is_outside;
     if (!is_unmatched_node(association, n)) continue;
     association.is_free[n] = !is_outside;
@@ -371,6 +451,10 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
     refuse(base, boundary, surface, example, unmatched, outside,
            other_part(base, surface, association.mesh_unit_mm));
   const double size = size_of(surface);
+  if (size < kBeyondCad * base.diagonal() &&
+      is_hole(surface, association, unmatched_facets(surface, boundary, association)))
+    refuse(base, boundary, surface, example, unmatched, outside,
+           "; they bound a hole inside of the mesh that the CAD does not have.");
   if (size < kBeyondCad * base.diagonal())
     refuse(base, boundary, surface, example, unmatched, outside,
            "; the mesh is hardly larger than the CAD, so they are no far field.");
@@ -398,7 +482,7 @@ void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& mov
   }
   for (Index i = 0; i < targets.rows(); ++i)
     targets.row(i) = surface.points.row(patch.inner[static_cast<std::size_t>(i)]) * basis;
-  const RowMatrix d = RbfSystem(at, Kernel::biharmonic_2d()).solve(values).evaluate(targets);
+  const RowMatrix d = interpolate_bounded(at, values, Kernel::biharmonic_2d(), targets);
   for (Index i = 0; i < targets.rows(); ++i)
     moved.row(patch.inner[static_cast<std::size_t>(i)]) += d.row(i) * basis.transpose();
 }

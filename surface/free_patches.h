@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "surface/association.h"
@@ -26,14 +27,23 @@ struct FreePatch {
   bool is_planar;
 };
 
+/// Marks the facets of the outside that cancel: two at one place with opposite normals, whose nodes
+/// lie two at a place, on no CAD face. They are a crack inside of the mesh, no surface of the part.
+std::vector<char> find_cracks(const SurfaceMesh& surface, const Boundary& boundary,
+                              const Association& association);
+
+/// What to tell of a crack; empty where there is none.
+std::string describe_cracks(const SurfaceMesh& surface, const Boundary& boundary,
+                            const Association& association);
+
 /// Splits the unmatched facets of the outside into patches: planar ones, and the curved rest.
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
                                          const Association& association);
 
-/// Marks unmatched nodes on interfaces between regions as free, and throws AssociationError where
-/// the unmatched outside can't be a far field or a symmetry plane: the mesh covers less than a
-/// quarter of the CAD's faces by half their area, or reaches no further than 1.2 times the CAD, or
-/// unmatched nodes lie by the CAD amid matched ones.
+/// Marks unmatched nodes on interfaces between regions and on cracks as free, and throws
+/// AssociationError where the unmatched outside can't be a far field or a symmetry plane: the mesh
+/// covers less than a quarter of the CAD's faces by half their area, or reaches no further than 1.2
+/// times the CAD, or unmatched nodes lie by the CAD amid matched ones.
 void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                      Association& association);
 

@@ -113,6 +113,7 @@ struct SurfaceMorph::Impl {
   Association association;
   std::vector<GroupConstraint> constraints;  // of the nodes, by their groups
   std::vector<FreePatch> patches;
+  std::string crack;  // what to tell of one inside of the mesh
   std::vector<FaceNodes> faces;
   Joints joints;
   Points feet;  // of all nodes on the base CAD, millimetres
@@ -403,6 +404,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
     apply_constraints(impl_->constraints, boundary, impl_->association);
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
   impl_->patches = find_free_patches(impl_->surface, boundary, impl_->association);
+  impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
   impl_->find_feet();
   impl_->joints = find_joints(*impl_->base, impl_->surface, impl_->association);
@@ -438,6 +440,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   if (std::string note = parted_joints(pair, maps, self.joints, self.surface, placed.feet);
       !note.empty())
     result.warnings.push_back(std::move(note));
+  if (!self.crack.empty()) result.warnings.push_back(self.crack);
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;
   keep_still(self.start, result.positions);

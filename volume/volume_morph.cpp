@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,6 +13,9 @@
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/parallel.h"
+#include "core/rbf/anchors.h"
+#include "core/rbf/point_order.h"
+#include "core/rbf/solver_choice.h"
 #include "volume/baselines/baseline.h"
 #include "volume/components.h"
 
@@ -21,6 +25,20 @@ namespace {
 // A slit in the part is narrower than these parts of a node's shortest and longest mesh edge: where
 // no edge spans it, and where one does.
 constexpr double kOpenSlit = 1e-4, kSpannedSlit = 3e-6;
+
+// Centres that carry a field well enough to choose anchors by.
+constexpr Index kMostCarriers = 1500;
+
+// Between the targets that anchors are chosen by others may move a little farther: then the
+// farthest of them become some, too.
+constexpr int kMostHolds = 8;
+
+// Carriers closer than this part of the diagonal would bring their system near to rounding.
+constexpr double kLeastSeparation = 1e-4;
+
+// What the centres of a field with anchors may miss counts in spacings, or in this part of the
+// largest displacement: the spacing of a far field is far larger than that.
+constexpr double kMostMissed = 0.5;
 
 std::vector<Index> at(const std::vector<Index>& list, const std::vector<Index>& positions) {
   std::vector<Index> result;
@@ -83,6 +101,7 @@ struct Part {
   Component nodes;
   RowMatrix centres;                // of its surface nodes
   Index dropped = 0;                // surface nodes that the other side of a slit stands for
+  Eigen::VectorXd lengths;          // local ones of the centres; may be empty
   std::optional<RbfSystem> system;  // none where no node is free
   std::optional<RbfTargets> targets;
 };
@@ -103,6 +122,7 @@ void add_system(Part& part, const NodeScales& scales, const VolumeMorphOptions& 
   rbf.local_length = scales.lengths(part.nodes.surface);
   // A node without an edge gives no scale of its own: leave the choice to the solver.
   if (rbf.local_length.minCoeff() <= 0) rbf.local_length.resize(0);
+  part.lengths = rbf.local_length;
   part.system.emplace(part.centres, options.kernel, rbf);
 }
 
@@ -120,7 +140,7 @@ Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surf
 Part restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
                   const VolumeMorphOptions& options, InputArchive& archive) {
   Part part;
-  archive(part.nodes, part.dropped);
+  archive(part.nodes, part.dropped, part.lengths);
   part.centres = centres_of(part.nodes, mesh, surface_nodes);
   if (!take<bool>(archive)) return part;
   part.system.emplace(part.centres, options.kernel, options.rbf, archive);
@@ -129,10 +149,91 @@ Part restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
 }
 
 void store_part(const Part& part, OutputArchive& archive) {
-  archive(part.nodes, part.dropped, part.system.has_value());
+  archive(part.nodes, part.dropped, part.lengths, part.system.has_value());
   if (!part.system) return;
   part.system->store(archive);
   part.targets->store(archive);
+}
+
+// The centres that a field rests on, or those of them that are farthest from each other.
+std::vector<Index> carriers_of(const RbfField& field, const RowMatrix& centres) {
+  std::vector<Index> carriers;
+  const double diagonal = (centres.colwise().maxCoeff() - centres.colwise().minCoeff()).norm();
+  if (centres.rows() <= kMostCarriers)
+    return clear_of_each_other(
+        centres, Eigen::VectorXd::Constant(centres.rows(), kLeastSeparation * diagonal));
+  const FieldTerms terms = field.terms();
+  const KdTree tree(centres);
+  for (Index i = 0; i < terms.centres.rows(); ++i) {
+    const Eigen::RowVector3d x = terms.origin + terms.unit * terms.centres.row(i);
+    carriers.push_back(tree.nearest(x.data(), 1).front().index);
+  }
+  std::ranges::sort(carriers);
+  const auto rest = std::ranges::unique(carriers);
+  carriers.erase(rest.begin(), rest.end());
+  if (static_cast<Index>(carriers.size()) <= kMostCarriers) return carriers;
+  PointOrder order = farthest_point_order(Points(centres(carriers, Eigen::all)));
+  order.rows.resize(kMostCarriers);
+  return at(carriers, order.rows);
+}
+
+// Full solvers that were asked for answer without anchors: they are what others compare with.
+bool is_bounded(const VolumeMorphOptions& options) {
+  const SolverKind asked = options.rbf.solver;
+  return (asked == SolverKind::Auto || asked == SolverKind::Adaptive) &&
+         is_triharmonic_3d(options.kernel, 3);
+}
+
+RbfField solve_with_anchors(const Part& part, const RowMatrix& values, const Anchors& anchors,
+                            const RowMatrix& targets, const VolumeMorphOptions& options) {
+  const RowMatrix points = targets(anchors.targets, Eigen::all);
+  const KdTree tree(part.centres);
+  RbfOptions rbf = options.rbf;
+  rbf.solver = SolverKind::Adaptive;  // others come near to rounding in a large far field
+  rbf.local_length.resize(0);
+  rbf.most_missed = kMostMissed * values.rowwise().norm().maxCoeff();
+  RowMatrix all(part.centres.rows() + points.rows(), 3), prescribed(all.rows(), 3);
+  all << part.centres, points;
+  prescribed << values, anchors.values;
+  if (part.lengths.size() > 0) {
+    rbf.local_length.resize(all.rows());
+    rbf.local_length.head(part.lengths.size()) = part.lengths;
+    for (Index i = 0; i < points.rows(); ++i)
+      rbf.local_length(part.lengths.size() + i) =
+          std::sqrt(tree.nearest(points.row(i).data(), 1).front().squared_distance);
+  }
+  return RbfSystem(all, options.kernel, rbf).solve(prescribed);
+}
+
+// A field with what it does at the volume nodes.
+struct BoundedField {
+  RbfField field;
+  RowMatrix displacements;
+  std::string remark;
+};
+
+// Holds a field by anchors among the volume nodes while one of them moves too far.
+void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targets,
+               const VolumeMorphOptions& options, BoundedField& bounded) {
+  const double at_first = overshoot(values, bounded.displacements);
+  if (!is_bounded(options) || at_first <= kMostOvershoot) return;
+  const std::vector<Index> carriers = carriers_of(bounded.field, part.centres);
+  Anchors anchors;
+  RowMatrix displacements(0, 3);
+  for (int hold = 0; hold < kMostHolds; ++hold) {
+    anchors = find_anchors(part.centres, values, carriers, options.kernel, targets, anchors,
+                           displacements);
+    bounded.field = solve_with_anchors(part, values, anchors, targets, options);
+    displacements = bounded.field.evaluate(targets);
+    if (overshoot(values, displacements) <= kMostOvershoot) break;
+  }
+  bounded.displacements = std::move(displacements);
+  char text[120];
+  std::snprintf(text, sizeof text,
+                "; %zu nodes inside hold the field, which ran on to %.3g times the motion of the "
+                "surface",
+                anchors.targets.size(), at_first);
+  bounded.remark = text;
 }
 
 // A mesh without a free node, such as a part's surface alone, has one field nevertheless: that of
@@ -294,13 +395,24 @@ VolumeMorph::Impl::PartFigures VolumeMorph::Impl::move_part(
     figures.errors[sound[s]] = solutions[s].error;
     if (solutions[s].error) continue;
     solved.push_back(sound[s]);
+    if (solved.size() - 1 != s) values[solved.size() - 1] = std::move(values[s]);
     figures.reports[sound[s]] = with_dropped(solutions[s].field.report(), part.dropped);
     fields.push_back(std::move(solutions[s].field));
   }
-  const std::vector<RowMatrix> displacements = part.targets->evaluate(fields);
-  for (std::size_t s = 0; s < solved.size(); ++s)
+  std::vector<RowMatrix> displacements = part.targets->evaluate(fields);
+  const RowMatrix targets = base(part.nodes.volume, Eigen::all);
+  for (std::size_t s = 0; s < solved.size(); ++s) {
+    const std::size_t r = solved[s];
+    BoundedField bounded{std::move(fields[s]), std::move(displacements[s]), {}};
+    try {
+      hold_back(part, values[s], targets, options, bounded);
+    } catch (const Error&) {
+      figures.errors[r] = std::current_exception();
+    }
+    figures.reports[r]->reason += bounded.remark;
     for (std::size_t i = 0; i < part.nodes.volume.size(); ++i)
-      results[solved[s]].positions.row(part.nodes.volume[i]) += displacements[s].row(i);
+      results[r].positions.row(part.nodes.volume[i]) += bounded.displacements.row(i);
+  }
   return figures;
 }
 
@@ -394,8 +506,14 @@ std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const
     if (part.nodes.surface.empty()) continue;
     Part whole = part;
     if (!whole.system) add_system(whole, impl_->scales, impl_->options);
-    result.push_back(
-        whole.system->solve(surface_positions(whole.nodes.surface, Eigen::all) - whole.centres));
+    const RowMatrix values = surface_positions(whole.nodes.surface, Eigen::all) - whole.centres;
+    const RowMatrix targets = impl_->base(whole.nodes.volume, Eigen::all);
+    BoundedField bounded{whole.system->solve(values), RowMatrix(0, 3), {}};
+    if (targets.rows() > 0) {
+      bounded.displacements = bounded.field.evaluate(targets);
+      hold_back(whole, values, targets, impl_->options, bounded);
+    }
+    result.push_back(std::move(bounded.field));
   }
   return result;
 }

@@ -170,7 +170,7 @@ std::optional<AdaptiveSolver::Impl::Attempt> AdaptiveSolver::Impl::attempt(
   MatrixXd left = residual(*field, values);
   const VectorXd norms = left.rowwise().norm();
   if (!norms.allFinite()) return {};
-  const VectorXd missed = norms.array() / (options.unit * spacing.array());
+  const VectorXd missed = norms.array() / (options.unit * spacing.array()).min(options.most_missed);
   return Attempt{std::move(*field), std::move(left), (missed / kGrain).array().round() * kGrain};
 }
 

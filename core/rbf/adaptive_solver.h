@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,6 +17,9 @@ namespace cadmorph {
 struct AdaptiveOptions {
   double tolerance = 1e-5;  ///< residual allowed at each point, in units of its local length
   double unit = 1;          ///< unit of the values in that of the points
+  /// What the centres may miss counts in spacings of the points, or in this where it is less; in
+  /// the unit of the values.
+  double most_missed = std::numeric_limits<double>::infinity();
   Progress progress = {};
 };
 

@@ -127,7 +127,10 @@ struct RbfSystem::Impl {
   }
 
   AdaptiveOptions adaptive_options() const {
-    return {.tolerance = options.tolerance, .unit = frame.unit(), .progress = options.progress};
+    return {.tolerance = options.tolerance,
+            .unit = frame.unit(),
+            .most_missed = options.most_missed,
+            .progress = options.progress};
   }
 
   void set_up_fast();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <exception>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,9 @@ struct RbfOptions {
   /// Local length of each centre (its shortest incident mesh edge); empty: nearest-neighbour
   /// distance.
   Eigen::VectorXd local_length = {};
+  /// Adaptive: largest unit of what the centres may miss before the correction, in the unit of the
+  /// values (AdaptiveOptions::most_missed).
+  double most_missed = std::numeric_limits<double>::infinity();
   /// Solvers that need more than this many bytes are refused.
   double memory_limit = 8e9;
   Progress progress = {};

@@ -8,6 +8,7 @@
 #include <TopoDS_Compound.hxx>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <gp_Ax2.hxx>
 #include <numbers>
 
 #include "cad/step_reader.h"
@@ -32,6 +33,12 @@ Points moved_by(const MorphCase& c, const std::function<Vector3d(const Vector3d&
 
 TopoDS_Shape cylinder(double radius, double height) {
   return BRepPrimAPI_MakeCylinder(radius, height).Solid();
+}
+
+gp_Trsf turn_about_z(double angle) {
+  gp_Trsf turn;
+  turn.SetRotation(gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), angle);
+  return turn;
 }
 
 TopoDS_Shape sphere_at(const Vector3d& centre, double radius) {
@@ -492,6 +499,92 @@ TEST_CASE("an interface that is not in the CAD follows the volume", "[surface][s
     return {1.25 * x.x(), 0.8 * x.y(), x.z()};
   });
   CHECK(largest_difference(m.points, expected) <= kKnown * c.diagonal);
+}
+
+TEST_CASE("a crack inside of the mesh closes on itself: its two sides move as one",
+          "[surface][crack]") {
+  Mesh mesh = hex_grid({8, 6, 4}, [](const Vector3d& s) -> Vector3d {
+    return {40 * s.x(), 30 * s.y(), 20 * s.z()};
+  });
+  // A second node at the place of one inside, for the cells on one side of it.
+  Index there = -1;
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    if (Vector3d(mesh.points.row(n)).isApprox(Vector3d(20, 15, 10))) there = n;
+  REQUIRE(there >= 0);
+  const Index twin = mesh.node_count();
+  mesh.points.conservativeResize(twin + 1, 3);
+  mesh.points.row(twin) = mesh.points.row(there);
+  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
+    double x = 0;
+    for (const Index n : mesh.cell(cell)) x += mesh.points(n, 0) / 8;
+    for (Index i = mesh.offsets[cell]; x > 20 && i < mesh.offsets[cell + 1]; ++i)
+      if (mesh.connectivity[i] == there) mesh.connectivity[i] = twin;
+  }
+  const MorphCase c = mesh_case(read_step(model_file("shapes/box.step")), mesh);
+  const Morphed m = morph(c, to_model(BRepPrimAPI_MakeBox(50, 24, 20).Solid()));
+  const Points expected = images(c.mesh.points, [](const Vector3d& x) -> Vector3d {
+    return {1.25 * x.x(), 0.8 * x.y(), x.z()};
+  });
+  CHECK(largest_difference(m.points, expected) <= kKnown * c.diagonal);
+  CHECK(m.points.row(there) == m.points.row(twin));
+  REQUIRE(m.surface.warnings.size() == 1);
+  CHECK_THAT(m.surface.warnings[0], Catch::Contains("crack inside: 8 facets") &&
+                                        Catch::Contains(" " + std::to_string(there)) &&
+                                        Catch::Contains(" " + std::to_string(twin)));
+}
+
+TEST_CASE("a hole inside of the mesh is named as that", "[surface][crack][errors]") {
+  Mesh whole = hex_grid({8, 6, 4}, [](const Vector3d& s) -> Vector3d {
+    return {40 * s.x(), 30 * s.y(), 20 * s.z()};
+  });
+  Mesh mesh;
+  mesh.points = whole.points;
+  mesh.offsets = {0};
+  for (Index cell = 0; cell < whole.cell_count(); ++cell) {
+    Vector3d middle = Vector3d::Zero();
+    for (const Index n : whole.cell(cell)) middle += whole.points.row(n).transpose() / 8;
+    if ((middle - Vector3d(20, 15, 10)).norm() > 6) {
+      add_cell(mesh, CellType::Hexahedron, whole.cell(cell));
+      mesh.regions.push_back(0);
+    }
+  }
+  REQUIRE(whole.cell_count() - mesh.cell_count() == 8);
+  const CadModel base = read_step(model_file("shapes/box.step"));
+  const Boundary boundary = extract_boundary(mesh);
+  CHECK_THROWS_WITH(SurfaceMorph(std::make_shared<CadModel>(base), mesh, boundary),
+                    Catch::Contains("hole inside"));
+}
+
+TEST_CASE("a sphere round a body that turns stays where it is", "[surface][far-field]") {
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(gp_Pnt(-5, -2, -1), gp_Pnt(5, 2, 1)).Solid();
+  const gp_Trsf turn = turn_about_z(0.35);
+  const TopoDS_Shape turned = transformed(box, turn);
+  const TopoDS_Shape field = BRepAlgoAPI_Cut(sphere_at({0, 0, 0}, 30), box).Shape();
+  const MorphCase c = mesh_case(to_model(field), triangulate(field, 0.2));
+  const auto result =
+      morph_surface(c, to_model(BRepAlgoAPI_Cut(sphere_at({0, 0, 0}, 30), turned).Shape()));
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  for (Index n = 0; n < old.rows(); ++n)
+    if (old.row(n).norm() > 15)
+      CHECK((result.positions.row(n) - old.row(n)).norm() <= 1e-12 * c.diagonal);
+    else
+      CHECK((Vector3d(result.positions.row(n)) - apply(turn, old.row(n))).norm() <=
+            kKnown * c.diagonal);
+}
+
+TEST_CASE("a ball with a hole that turns about its axis turns with the hole", "[surface][seam]") {
+  const TopoDS_Shape ball =
+      BRepAlgoAPI_Cut(
+          sphere_at({0, 0, 0}, 30),
+          BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(12, 0, -40), gp_Dir(0, 0, 1)), 5, 80).Solid())
+          .Shape();
+  const gp_Trsf turn = turn_about_z(0.35);
+  const MorphCase c = mesh_case(to_model(ball), triangulate(ball, 0.2));
+  const auto result = morph_surface(c, to_model(transformed(ball, turn)));
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  for (Index n = 0; n < old.rows(); ++n)
+    CHECK((Vector3d(result.positions.row(n)) - apply(turn, old.row(n))).norm() <=
+          1e-6 * c.diagonal);
 }
 
 TEST_CASE("a shell mesh of a part is morphed by its surface alone", "[surface][shell]") {

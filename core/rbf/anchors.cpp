@@ -1,0 +1,276 @@
+#include "core/rbf/anchors.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <utility>
+
+#include "core/errors.h"
+#include "core/kd_tree.h"
+#include "core/parallel.h"
+#include "core/rbf/centre_frame.h"
+#include "core/rbf/dense_solver.h"
+#include "core/rbf/kernel_sum.h"
+#include "core/rbf/rbf_field_impl.h"
+#include "core/rbf/rbf_system.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Anchors are added while a candidate moves farther than kEnough times the largest value; each time
+// those that move farther than kWorthAdding times it and kPartOfWorst of the farthest. What lies
+// between candidates has the rest up to kMostOvershoot.
+constexpr double kEnough = 1.15, kWorthAdding = 1.08, kPartOfWorst = 0.5;
+
+// Candidates are this part of their distance from the centres away from each other.
+constexpr double kGrading = 0.3;
+constexpr std::size_t kMostCandidates = 6000;
+
+// An anchor keeps others of its round this part of its distance from the centres away.
+constexpr double kSpread = 0.5;
+
+// Weights of the means fall by this power of the distance faster than the centres' share of the
+// sphere or circle round the target does, times the distance: the higher, the farther a body that
+// turns takes its surroundings along; the lower, the sooner they come to rest.
+constexpr int kLocality = 3;
+
+// Neighbour whose distance is the spacing of the centres: the nearest may lie across a thin gap.
+constexpr Index kNeighbour = 3;
+
+constexpr int kMostRounds = 30;
+
+// Targets between the candidates may move too far: then they are anchors, too, so many times.
+constexpr int kMostHolds = 8;
+
+// Motions count in steps of this: of nodes that are mirror images the first is taken, not the one
+// that rounding favours on this processor.
+constexpr double kGrain = 1e-3;
+
+RowMatrix select(const RowMatrix& from, const std::vector<Index>& rows) {
+  return from(rows, Eigen::all);
+}
+
+RowMatrix stack(const RowMatrix& above, const RowMatrix& below) {
+  RowMatrix result(above.rows() + below.rows(), above.cols());
+  result << above, below;
+  return result;
+}
+
+VectorXd distances(const KdTree& tree, const RowMatrix& points) {
+  VectorXd result(points.rows());
+  parallel_for(points.rows(), 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      result(i) = std::sqrt(tree.nearest(points.row(i).data(), 1).front().squared_distance);
+  });
+  return result;
+}
+
+// The farthest target of each cell of a grid whose cells grow with the distance from the centres.
+std::vector<Index> graded(const RowMatrix& targets, const VectorXd& distance) {
+  using Cell = std::array<Index, 4>;
+  std::map<Cell, Index> farthest;
+  const Eigen::RowVectorXd low = targets.colwise().minCoeff();
+  for (Index i = 0; i < targets.rows(); ++i) {
+    if (!(distance(i) > 0)) continue;
+    const int level = std::ilogb(kGrading * distance(i));
+    const double size = std::ldexp(1.0, level);
+    Cell cell{level, 0, 0, 0};
+    for (Index d = 0; d < targets.cols(); ++d)
+      cell[static_cast<std::size_t>(d) + 1] =
+          static_cast<Index>(std::floor((targets(i, d) - low(d)) / size));
+    const auto [place, is_new] = farthest.try_emplace(cell, i);
+    if (!is_new && distance(i) > distance(place->second)) place->second = i;
+  }
+  std::vector<Index> result;
+  for (const auto& [cell, target] : farthest) result.push_back(target);
+  std::ranges::sort(result, [&](Index a, Index b) {
+    return distance(a) != distance(b) ? distance(a) > distance(b) : a < b;
+  });
+  if (result.size() > kMostCandidates) result.resize(kMostCandidates);
+  return result;
+}
+
+// Means of the values at points, with positive weights: size / distance^power of each centre.
+class Means {
+ public:
+  Means(const RowMatrix& centres, const RowMatrix& values) : centres_(centres), values_(values) {
+    const int extent = CentreFrame(centres).terms() - 1;  // a flat set has the border of a plane
+    power_ = extent + kLocality;
+    const KdTree tree(centres);
+    size_.resize(centres.rows());
+    parallel_for(centres.rows(), 1024, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const double spacing =
+            tree.nearest(centres.row(i).data(), kNeighbour + 1).back().squared_distance;
+        size_(i) = std::pow(spacing, 0.5 * (extent - 1));
+      }
+    });
+  }
+
+  RowMatrix at(const RowMatrix& points) const {
+    RowMatrix result(points.rows(), values_.cols());
+    parallel_for(points.rows(), 1, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const VectorXd r2 = (centres_.rowwise() - points.row(i)).rowwise().squaredNorm();
+        const VectorXd weights = size_.array() * (r2.array() / r2.minCoeff()).pow(-0.5 * power_);
+        result.row(i) = weights.transpose() * values_ / weights.sum();
+      }
+    });
+    return result;
+  }
+
+ private:
+  const RowMatrix& centres_;
+  const RowMatrix& values_;
+  VectorXd size_;
+  int power_;
+};
+
+// Interpolates at targets, to what rounding leaves of it: a body far smaller than its far field
+// brings the system near to that.
+RowMatrix interpolate(const RowMatrix& points, const RowMatrix& values, const Kernel& kernel,
+                      const RowMatrix& targets) {
+  const std::vector<Index> distinct = distinct_rows(points).rows;
+  const RowMatrix rows = select(points, distinct);
+  const CentreFrame frame(rows);
+  const KernelSum sum(in_units(kernel, frame.unit()), log_scale(kernel, frame.unit()));
+  const MatrixXd centres = frame.to_unit(rows), at = frame.to_unit(targets);
+  const SaddleSolution solution = make_dense_solver(Factorisation::Cholesky, sum.matrix(centres),
+                                                    frame.polynomials(centres), kernel.cpd_sign())
+                                      ->solve(select(values, distinct));
+  return sum(at, centres, solution.weights) + frame.polynomials(at) * solution.coefficients;
+}
+
+// Those that move farthest, each at a distance from the centres and from those taken before it.
+std::vector<Index> farthest_moved(const VectorXd& moved, const RowMatrix& candidates,
+                                  const RowMatrix& centres) {
+  const double least = std::max(kWorthAdding, kPartOfWorst * moved.maxCoeff());
+  std::vector<Index> order;
+  for (Index i = 0; i < moved.size(); ++i)
+    if (moved(i) > least) order.push_back(i);
+  std::ranges::stable_sort(order, [&](Index a, Index b) { return moved(a) > moved(b); });
+  const KdTree old(centres), tree(select(candidates, order));
+  std::vector<char> is_near(order.size(), 0);
+  std::vector<Index> result;
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    if (is_near[k]) continue;
+    const double* x = candidates.row(order[k]).data();
+    const double distance = std::sqrt(old.nearest(x, 1).front().squared_distance);
+    if (distance == 0) continue;
+    result.push_back(order[k]);
+    for (const Neighbour& near : tree.within(x, kSpread * distance)) is_near[near.index] = 1;
+  }
+  return result;
+}
+
+// Motions in parts of the largest value, rounded.
+VectorXd motions(const RowMatrix& displacements, double largest) {
+  return (displacements.rowwise().norm().array() / (largest * kGrain)).round() * kGrain;
+}
+
+// Centres and anchors so far, on the way to more.
+class Search {
+ public:
+  Search(const RowMatrix& centres, const RowMatrix& values, const std::vector<Index>& carriers,
+         const Kernel& kernel, const RowMatrix& targets)
+      : targets_(targets),
+        kernel_(kernel),
+        means_(centres, values),
+        largest_(values.rowwise().norm().maxCoeff()),
+        points_(select(centres, carriers)),
+        prescribed_(select(values, carriers)),
+        chosen_(graded(targets, distances(KdTree(points_), targets))),
+        candidates_(select(targets, chosen_)) {
+    anchors_.values.resize(0, values.cols());
+  }
+
+  void add(const std::vector<Index>& added, const RowMatrix& values) {
+    anchors_.targets.insert(anchors_.targets.end(), added.begin(), added.end());
+    anchors_.values = stack(anchors_.values, values);
+    points_ = stack(points_, select(targets_, added));
+    prescribed_ = stack(prescribed_, values);
+  }
+
+  // Those of the targets (rows of `among`, all where that is null) that moved farthest.
+  bool add_farthest(const RowMatrix& displacements, const RowMatrix& points,
+                    const std::vector<Index>* among) {
+    const VectorXd moved = motions(displacements, largest_);
+    const std::vector<Index> rows = farthest_moved(moved, points, points_);
+    if (rows.empty()) return false;
+    std::vector<Index> added = rows;
+    if (among)
+      for (Index& target : added) target = (*among)[static_cast<std::size_t>(target)];
+    RowMatrix held = means_.at(select(targets_, added));
+    for (Index i = 0; i < held.rows(); ++i) {
+      const double least = held.row(i).norm() / largest_, most = moved(rows[i]);
+      const double part = std::min(1 / (most * most), (kWorthAdding - least) / (most - least));
+      held.row(i) += std::max(part, 0.0) * (displacements.row(rows[i]) - held.row(i));
+    }
+    add(added, held);
+    return true;
+  }
+
+  void run() {
+    for (int round = 0; round < kMostRounds && !chosen_.empty(); ++round) {
+      const RowMatrix field = interpolate(points_, prescribed_, kernel_, candidates_);
+      if (motions(field, largest_).maxCoeff() <= kEnough) return;
+      if (!add_farthest(field, candidates_, &chosen_)) return;
+    }
+  }
+
+  Anchors& anchors() { return anchors_; }
+
+ private:
+  const RowMatrix& targets_;
+  const Kernel& kernel_;
+  Means means_;
+  double largest_;
+  RowMatrix points_, prescribed_;
+  std::vector<Index> chosen_;
+  RowMatrix candidates_;
+  Anchors anchors_;
+};
+
+}  // namespace
+
+double overshoot(const RowMatrix& values, const RowMatrix& displacements) {
+  if (values.rows() == 0 || displacements.rows() == 0) return 0;
+  const double largest = values.rowwise().norm().maxCoeff();
+  return largest > 0 ? displacements.rowwise().norm().maxCoeff() / largest : 0;
+}
+
+Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
+                     const std::vector<Index>& carriers, const Kernel& kernel,
+                     const RowMatrix& targets, const Anchors& before,
+                     const RowMatrix& displacements) {
+  Search search(centres, values, carriers, kernel, targets);
+  if (!before.targets.empty()) search.add(before.targets, before.values);
+  if (displacements.rows() > 0) search.add_farthest(displacements, targets, nullptr);
+  search.run();
+  return std::move(search.anchors());
+}
+
+RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,
+                              const Kernel& kernel, const RowMatrix& targets) {
+  const RbfSystem system(centres, kernel);
+  RowMatrix result = system.solve(values).evaluate(targets);
+  if (overshoot(values, result) <= kMostOvershoot) return result;
+  std::vector<Index> all(static_cast<std::size_t>(centres.rows()));
+  std::iota(all.begin(), all.end(), Index{0});
+  Anchors anchors;
+  for (int hold = 0; hold < kMostHolds && overshoot(values, result) > kMostOvershoot; ++hold) {
+    anchors = find_anchors(centres, values, all, kernel, targets, anchors,
+                           hold == 0 ? RowMatrix() : result);
+    result = RbfSystem(stack(centres, select(targets, anchors.targets)), kernel)
+                 .solve(stack(values, anchors.values))
+                 .evaluate(targets);
+  }
+  return result;
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <vector>
+
+#include "core/rbf/kernel.h"
+#include "core/types.h"
+
+namespace cadmorph {
+
+/// No target of a bounded field moves farther than this many times the largest prescribed
+/// displacement.
+inline constexpr double kMostOvershoot = 1.2;
+
+/// Targets that are prescribed, too, so that a field between them does not run on far away from
+/// its centres; with the displacements they get.
+struct Anchors {
+  std::vector<Index> targets;  ///< rows
+  RowMatrix values;
+};
+
+/// The largest displacement of the targets over the largest of the values; 0 where all values are.
+double overshoot(const RowMatrix& values, const RowMatrix& displacements);
+
+/// Chooses anchors among T x D targets for displacements at N x D centres (N x M values): few, the
+/// nearer to the centres the closer to each other, until the interpolant by `kernel` keeps within
+/// kMostOvershoot at a graded choice of the targets. An anchor's value is a mean of all values with
+/// positive weights, area / distance^6 in space and length / distance^5 in a plane: far from a
+/// small body the mean motion of the body, and the less of it the nearer that is which stays. None
+/// where the interpolant keeps within the bound anyway, as every affine motion does; with the
+/// anchors given their values are linear in the values.
+///
+/// `carriers`: rows of the centres that carry the values well enough to choose by, a few thousand
+/// at most. `before`, `displacements`: anchors known to be too few, and what all targets did with
+/// them; those that moved too far become anchors, too. Throws SolverError where the carriers nearly
+/// coincide.
+Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
+                     const std::vector<Index>& carriers, const Kernel& kernel,
+                     const RowMatrix& targets, const Anchors& before = {},
+                     const RowMatrix& displacements = {});
+
+/// The targets' displacements (T x M) by the interpolant of all values, held by anchors where it
+/// would overshoot; for a few thousand centres at most.
+RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,
+                              const Kernel& kernel, const RowMatrix& targets);
+
+}  // namespace cadmorph
