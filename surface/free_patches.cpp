@@ -70,11 +70,6 @@ double size_of(const SurfaceMesh& surface) {
   return (surface.points.colwise().maxCoeff() - surface.points.colwise().minCoeff()).norm();
 }
 
-// How far nodes of a plane may lie off it: coordinates are rounded in proportion to their size.
-double plane_tolerance(const SurfaceMesh& surface) {
-  return kSamePlane * std::max(size_of(surface), surface.points.cwiseAbs().maxCoeff());
-}
-
 double off_plane(const SurfaceMesh& surface, int facet, const FreePatch& patch) {
   double worst = 0;
   for (int i = 0; i < surface.corners[facet]; ++i) {
@@ -402,6 +397,10 @@ std::string describe_cracks(const SurfaceMesh& surface, const Boundary& boundary
     text << " " << boundary.nodes[nodes[i]];
   if (nodes.size() > kNamed) text << " and " << nodes.size() - kNamed << " more";
   return text.str();
+}
+
+double plane_tolerance(const SurfaceMesh& surface) {
+  return kSamePlane * std::max(size_of(surface), surface.points.cwiseAbs().maxCoeff());
 }
 
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,

@@ -47,6 +47,10 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
 void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                      Association& association);
 
+/// How far nodes of a plane may lie off it, millimetres: coordinates are rounded in proportion to
+/// their size.
+double plane_tolerance(const SurfaceMesh& surface);
+
 /// Moves the free nodes of a planar patch's lines along them, linearly between the nodes on either
 /// side, by those nodes' motion along the line; then its inner nodes in its plane with the nodes it
 /// touches, by a 2D RBF (r^2 log r) whose border goes with its lines or stays fixed. `moved` holds

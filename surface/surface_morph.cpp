@@ -18,6 +18,7 @@
 #include "surface/free_patches.h"
 #include "surface/joint_motion.h"
 #include "surface/joints.h"
+#include "surface/mirror_pairs.h"
 #include "surface/node_feet.h"
 #include "surface/surface_mesh.h"
 
@@ -131,6 +132,7 @@ struct SurfaceMorph::Impl {
                        const Placement& placed) const;
   void move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps, Placement& placed,
                   SurfaceMorphResult& result) const;
+  void mirror_faces(const ModelPair& pair, Placement& placed) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
@@ -281,6 +283,47 @@ void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const std::vector<Cur
     if (!faces[f].rows.empty()) unfold(pair, maps, f, mapped[f], placed, result);
 }
 
+// The sides of a periodic or extruded mesh move alike, whatever their parameters say.
+void SurfaceMorph::Impl::mirror_faces(const ModelPair& pair, Placement& placed) const {
+  const Points moved = surface.points + (placed.feet - feet);
+  std::vector<PlaneSheet> sheets;
+  std::vector<int> face_of;
+  for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
+    const FaceNodes& nodes = faces[f];
+    const bool is_plane = base->faces()[f].type == SurfaceType::Plane &&
+                          pair.variant.faces()[pair.match.faces[f]].type == SurfaceType::Plane;
+    if (!is_plane || nodes.rows.empty() ||
+        (moved - surface.points)(nodes.rows, Eigen::all).isZero(0))
+      continue;
+    PlaneSheet sheet;
+    sheet.inner = nodes.rows;
+    for (const int facet : nodes.facets)
+      sheet.border.insert(sheet.border.end(), surface.facets[facet].begin(),
+                          surface.facets[facet].end());
+    std::ranges::sort(sheet.inner);
+    std::ranges::sort(sheet.border);
+    sheet.border.erase(std::unique(sheet.border.begin(), sheet.border.end()), sheet.border.end());
+    std::erase_if(sheet.border, [&](int n) { return std::ranges::binary_search(sheet.inner, n); });
+    const SurfacePoint middle = base->evaluate(f, nodes.uv.row(0));
+    sheet.origin = middle.point;
+    sheet.normal = middle.du.cross(middle.dv).normalized();
+    sheets.push_back(std::move(sheet));
+    face_of.push_back(f);
+  }
+  for (const MirrorPair& found :
+       find_mirror_pairs(surface, moved, sheets, plane_tolerance(surface))) {
+    const int variant = pair.match.faces[face_of[found.image]];
+    for (std::size_t i = 0; i < found.to.size(); ++i) {
+      const int from = found.from[i], to = found.to[i];
+      const Vector3d motion = placed.feet.row(from) - feet.row(from);
+      const Vector3d target = feet.row(to).transpose() + found.mirror * motion;
+      const FaceFoot foot = project_on_face(pair.variant, variant, target, placed.uv.row(to));
+      placed.feet.row(to) = foot.point;
+      placed.uv.row(to) = foot.uv;
+    }
+  }
+}
+
 // Replaces a folded map by a finer one, or by projection, where that folds less.
 void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
                                 const FaceMapResult& mapped, Placement& placed,
@@ -374,12 +417,20 @@ void SurfaceMorph::Impl::move_amid(Points& moved) const {
 
 std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
   Index slid = 0, fixed = 0;
+  std::vector<PlaneSheet> sheets;
   for (const FreePatch& patch : patches) {
     if (constraint(patch) == GroupConstraint::Follow) continue;
     const bool is_sliding = slides(patch);
-    if (is_sliding) slide_patch(surface, patch, moved);
+    if (is_sliding) {
+      slide_patch(surface, patch, moved);
+      std::vector<int> border = patch.touched;
+      border.insert(border.end(), patch.border.begin(), patch.border.end());
+      sheets.push_back({patch.inner, std::move(border), patch.origin, patch.normal});
+    }
     ++(is_sliding ? slid : fixed);
   }
+  for (const MirrorPair& pair : find_mirror_pairs(surface, moved, sheets, plane_tolerance(surface)))
+    mirror_motion(surface, pair, moved);
   if (slid + fixed == 0) return {};
   return {std::to_string(association.unmatched_nodes) +
           " surface nodes lie on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
@@ -433,6 +484,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
     placed.cross(row, to);
   SurfaceMorphResult result;
   self.move_faces(pair, maps, placed, result);
+  self.mirror_faces(pair, placed);
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
