@@ -12,6 +12,7 @@
 #include "apps/pipeline/output_file.h"
 #include "apps/pipeline/phase_clock.h"
 #include "cad/topology_match.h"
+#include "core/layer_heights.h"
 #include "core/mesh_file.h"
 #include "core/quality_checks.h"
 #include "core/validity.h"
@@ -131,7 +132,9 @@ struct PipelineReport {
   double least_confidence = 1;   ///< of any face pair
   Similarity alignment;          ///< base to variant
   MeshFigures before, after;
-  double max_displacement = 0;  ///< millimetres
+  double max_displacement = 0;          ///< millimetres
+  double max_surface_displacement = 0;  ///< millimetres, of prescribed nodes
+  LayerFigures layers;
   MorphMethod method = MorphMethod::Rbf;
   Kernel kernel;
   RbfReport solver;

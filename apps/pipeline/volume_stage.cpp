@@ -192,6 +192,15 @@ std::vector<GroupFigures> figures_of_groups(const Mesh& mesh, const Points& posi
   return result;
 }
 
+std::vector<char> on_cad(const MorphBase& base) {
+  std::vector<char> result(static_cast<std::size_t>(base.mesh().node_count()), 0);
+  const Association& association = base.surface->association();
+  for (std::size_t row = 0; row < association.dimension.size(); ++row)
+    result[base.boundary.nodes[row]] =
+        association.dimension[row] != CadDimension::None || association.is_amid[row];
+  return result;
+}
+
 void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
   improve_result(base, sliding, result);
@@ -200,6 +209,12 @@ void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
               check_quality(base.mesh(), result.positions, base.neighbours, base.orientation));
   figures.max_displacement =
       figures.mesh_unit_mm * (result.positions - base.mesh().points).rowwise().norm().maxCoeff();
+  for (const Index node : base.volume->surface_nodes())
+    figures.max_surface_displacement = std::max(
+        figures.max_surface_displacement,
+        figures.mesh_unit_mm * (result.positions.row(node) - base.mesh().points.row(node)).norm());
+  figures.layers = measure_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points,
+                                  result.positions);
   figures.groups = figures_of_groups(base.mesh(), result.positions, figures.mesh_unit_mm);
   judge(base, result);
 }

@@ -97,6 +97,15 @@ Json to_json(const Diagnosis& diagnosis) {
           {"advice", diagnosis.advice}};
 }
 
+Json to_json(const LayerFigures& layers) {
+  return {{"first_cells", layers.cells},
+          {"share_within_1_percent", json_number(layers.share_kept)},
+          {"least_height_ratio", json_number(layers.least)},
+          {"most_height_ratio", json_number(layers.most)},
+          {"mean_growth_before", json_number(layers.growth_before)},
+          {"mean_growth_after", json_number(layers.growth_after)}};
+}
+
 Json to_json(const LegReport& leg) {
   Json json = {{"cad", to_json(leg.cad)},
                {"matched_by", leg.matched_by},
@@ -195,6 +204,8 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["before"] = to_json(report.before, report.base_cad.diagonal);
   json["after"] = to_json(report.after, report.variant_cad.diagonal);
   json["max_displacement_mm"] = json_number(report.max_displacement);
+  json["max_surface_displacement_mm"] = json_number(report.max_surface_displacement);
+  if (report.layers.cells > 0) json["layers"] = to_json(report.layers);
   json["method"] = to_string(report.method);
   json["volume_morph"] = report.method == MorphMethod::Rbf
                              ? to_json(report.solver, report.kernel)

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "../core/sample_meshes.h"
+#include "core/layer_heights.h"
 #include "core/validity.h"
 #include "volume/volume_morph.h"
 #include "volume_meshes.h"
@@ -40,6 +41,34 @@ TEST_CASE("Layers of 1e-6 of the part survive a move by the iterative solver", "
   Points loose = morph.morph(inexact);
   for (std::size_t i = 0; i < surface.size(); ++i) loose.row(surface[i]) = target.row(i);
   CHECK(check_validity(mesh, loose, orientation).invalid > 0);
+}
+
+TEST_CASE("Heights and growth of layers are compared", "[volume][layers]") {
+  const Mesh mesh = graded_layers(6, 1e-3);
+  const CellNeighbours neighbours = find_cell_neighbours(mesh);
+  std::vector<char> is_floor(static_cast<std::size_t>(mesh.node_count()), 0);
+  for (Index n = 0; n < mesh.node_count(); ++n) is_floor[n] = mesh.points(n, 2) == 0;
+  const auto measured = [&](const std::function<Vector3d(const Vector3d&)>& map) {
+    return measure_layers(mesh, neighbours, is_floor, mesh.points, mapped(mesh.points, map));
+  };
+  const LayerFigures still = measured([](const Vector3d& x) { return x; });
+  CHECK(still.cells == 0);
+  const Eigen::AngleAxisd turn(1, Vector3d(1, 2, 3).normalized());
+  const LayerFigures turned = measured([&](const Vector3d& x) -> Vector3d { return turn * x; });
+  CHECK(turned.cells > 0);
+  CHECK(turned.share_kept == 1);
+  CHECK(turned.growth_after == Approx(turned.growth_before));
+  const LayerFigures high = measured([](const Vector3d& x) -> Vector3d {
+    return {x[0] + 1, x[1], 1.5 * x[2]};
+  });
+  CHECK(high.cells == turned.cells);
+  CHECK(high.share_kept == 0);
+  CHECK(high.least == Approx(1.5));
+  CHECK(high.most == Approx(1.5));
+  CHECK(high.growth_after == Approx(high.growth_before));
+  // Six layers from 1e-3 to 1, each 1000^(1/5) times as high, from the floor, as the one before.
+  const double factor = std::pow(1000, 0.2);
+  CHECK(high.growth_before == Approx(factor - 1));
 }
 
 }  // namespace cadmorph

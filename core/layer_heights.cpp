@@ -1,0 +1,123 @@
+#include "core/layer_heights.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kKept = 0.01;
+
+std::vector<Index> corners(const Facet& facet) {
+  const Index count = corner_count(facet.type, std::ssize(facet.nodes));
+  return {facet.nodes.begin(), facet.nodes.begin() + count};
+}
+
+Vector3d middle(const std::vector<Index>& nodes, const Points& points) {
+  return points(nodes, Eigen::all).colwise().mean();
+}
+
+Vector3d normal(const std::vector<Index>& nodes, const Points& points) {
+  Vector3d area = Vector3d::Zero();
+  const Vector3d first = points.row(nodes[0]);
+  for (std::size_t i = 1; i + 1 < nodes.size(); ++i)
+    area +=
+        (Vector3d(points.row(nodes[i])) - first).cross(Vector3d(points.row(nodes[i + 1])) - first);
+  return area.normalized();
+}
+
+// A cell between a face and the one opposite to it.
+struct Storey {
+  std::vector<Index> floor, ceiling;
+  Index above = -1;  // the cell beyond the ceiling
+
+  double height(const Points& points) const {
+    return std::abs((middle(ceiling, points) - middle(floor, points)).dot(normal(floor, points)));
+  }
+};
+
+bool can_stand(CellType type) {
+  switch (type) {
+    case CellType::Hexahedron:
+    case CellType::Voxel:
+    case CellType::Wedge:
+    case CellType::QuadraticHexahedron:
+    case CellType::QuadraticWedge:
+      return true;
+    default:
+      return false;
+  }
+}
+
+Storey storey(const CellNeighbours& neighbours, Index cell, const std::vector<Facet>& facets,
+              std::size_t floor) {
+  Storey result{.floor = corners(facets[floor]), .ceiling = {}, .above = -1};
+  for (std::size_t f = 0; f < facets.size(); ++f) {
+    std::vector<Index> nodes = corners(facets[f]);
+    const bool is_apart = std::ranges::none_of(
+        nodes, [&](Index n) { return std::ranges::find(result.floor, n) != result.floor.end(); });
+    if (!is_apart || nodes.size() != result.floor.size()) continue;
+    result.ceiling = std::move(nodes);
+    result.above = neighbours.neighbour[neighbours.offsets[cell] + static_cast<Index>(f)];
+  }
+  return result;
+}
+
+// The cell that stands on a storey, if it is one of these.
+Storey next(const Mesh& mesh, const CellNeighbours& neighbours, Index below, const Storey& under) {
+  const Index cell = under.above;
+  if (cell < 0 || !can_stand(mesh.types[cell])) return {};
+  const std::vector<Facet> facets = cell_facets(mesh, cell);
+  for (std::size_t f = 0; f < facets.size(); ++f)
+    if (neighbours.neighbour[neighbours.offsets[cell] + static_cast<Index>(f)] == below)
+      return storey(neighbours, cell, facets, f);
+  return {};
+}
+
+}  // namespace
+
+LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                            const std::vector<char>& is_surface, const Points& before,
+                            const Points& after) {
+  LayerFigures result;
+  Index kept = 0, stacked = 0;
+  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
+    if (!can_stand(mesh.types[cell])) continue;
+    const auto own = std::span(neighbours.neighbour)
+                         .subspan(static_cast<std::size_t>(neighbours.offsets[cell]),
+                                  static_cast<std::size_t>(neighbours.offsets[cell + 1] -
+                                                           neighbours.offsets[cell]));
+    if (std::ranges::count(own, -1) != 1) continue;
+    const std::vector<Facet> facets = cell_facets(mesh, cell);
+    const auto floor = static_cast<std::size_t>(std::ranges::find(own, -1) - own.begin());
+    const Storey first = storey(neighbours, cell, facets, floor);
+    const bool is_on = std::ranges::all_of(first.floor, [&](Index n) { return is_surface[n]; });
+    const bool moves =
+        std::ranges::any_of(first.floor, [&](Index n) { return before.row(n) != after.row(n); });
+    if (!is_on || !moves || first.ceiling.empty()) continue;
+    const double height = first.height(before), ratio = first.height(after) / height;
+    if (!std::isfinite(ratio)) continue;
+    result.least = result.cells == 0 ? ratio : std::min(result.least, ratio);
+    result.most = result.cells == 0 ? ratio : std::max(result.most, ratio);
+    ++result.cells;
+    kept += std::abs(ratio - 1) <= kKept;
+    const Storey second = next(mesh, neighbours, cell, first);
+    if (second.ceiling.empty() || first.height(after) == 0) continue;
+    ++stacked;
+    result.growth_before += second.height(before) / height;
+    result.growth_after += second.height(after) / first.height(after);
+  }
+  if (result.cells > 0)
+    result.share_kept = static_cast<double>(kept) / static_cast<double>(result.cells);
+  if (stacked > 0) {
+    result.growth_before /= static_cast<double>(stacked);
+    result.growth_after /= static_cast<double>(stacked);
+  }
+  return result;
+}
+
+}  // namespace cadmorph

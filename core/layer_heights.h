@@ -1,0 +1,25 @@
+#pragma once
+
+#include "core/cell_faces.h"
+#include "core/mesh.h"
+
+namespace cadmorph {
+
+/// What a morph did to the cells that stand on parts of the surface that moved: prisms and
+/// hexahedra with one face on it.
+struct LayerFigures {
+  Index cells = 0;             ///< such first cells; the rest counts only where there are some
+  double share_kept = 1;       ///< whose height changed by at most 1 %
+  double least = 1, most = 1;  ///< new height over old one
+  double growth_before = 0;    ///< mean of the second cell's height over the first one's
+  double growth_after = 0;     ///< 0: no cell stands on another
+};
+
+/// Compares heights (between the middles of a cell's two faces, along the lower one's normal) at
+/// `before` and `after`, N x 3. `is_surface`: one a node. Cells count where a node of their face on
+/// the surface moved. O(cells).
+LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                            const std::vector<char>& is_surface, const Points& before,
+                            const Points& after);
+
+}  // namespace cadmorph
