@@ -212,7 +212,8 @@ struct BoundedField {
   std::string remark;
 };
 
-// Holds a field by anchors among the volume nodes while one of them moves too far.
+// Holds a field by anchors among the volume nodes while one of them moves too far. Where centres
+// that nearly coincide leave no anchors to be found, it stays as it is.
 void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targets,
                const VolumeMorphOptions& options, BoundedField& bounded) {
   const double at_first = overshoot(values, bounded.displacements);
@@ -220,20 +221,30 @@ void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targe
   const std::vector<Index> carriers = carriers_of(bounded.field, part.centres);
   Anchors anchors;
   RowMatrix displacements(0, 3);
-  for (int hold = 0; hold < kMostHolds; ++hold) {
-    anchors = find_anchors(part.centres, values, carriers, options.kernel, targets, anchors,
-                           displacements);
-    bounded.field = solve_with_anchors(part, values, anchors, targets, options);
-    displacements = bounded.field.evaluate(targets);
-    if (overshoot(values, displacements) <= kMostOvershoot) break;
-  }
-  bounded.displacements = std::move(displacements);
   char text[120];
-  std::snprintf(text, sizeof text,
-                "; %zu nodes inside hold the field, which ran on to %.3g times the motion of the "
-                "surface",
-                anchors.targets.size(), at_first);
-  bounded.remark = text;
+  try {
+    for (int hold = 0; hold < kMostHolds; ++hold) {
+      anchors = find_anchors(part.centres, values, carriers, options.kernel, targets, anchors,
+                             displacements);
+      RbfField field = solve_with_anchors(part, values, anchors, targets, options);
+      displacements = field.evaluate(targets);
+      const double now = overshoot(values, displacements);
+      if (now < overshoot(values, bounded.displacements)) {
+        bounded.field = std::move(field);
+        bounded.displacements = displacements;
+      }
+      if (now <= kMostOvershoot) break;
+    }
+    std::snprintf(text, sizeof text,
+                  "; %zu nodes inside hold the field, which ran on to %.3g times the motion of the "
+                  "surface",
+                  anchors.targets.size(), at_first);
+    bounded.remark = text;
+  } catch (const SolverError& error) {
+    std::snprintf(text, sizeof text, "; runs on to %.3g times the motion of the surface: ",
+                  overshoot(values, bounded.displacements));
+    bounded.remark = text + std::string(error.what());
+  }
 }
 
 // A mesh without a free node, such as a part's surface alone, has one field nevertheless: that of
@@ -404,11 +415,7 @@ VolumeMorph::Impl::PartFigures VolumeMorph::Impl::move_part(
   for (std::size_t s = 0; s < solved.size(); ++s) {
     const std::size_t r = solved[s];
     BoundedField bounded{std::move(fields[s]), std::move(displacements[s]), {}};
-    try {
-      hold_back(part, values[s], targets, options, bounded);
-    } catch (const Error&) {
-      figures.errors[r] = std::current_exception();
-    }
+    hold_back(part, values[s], targets, options, bounded);
     figures.reports[r]->reason += bounded.remark;
     for (std::size_t i = 0; i < part.nodes.volume.size(); ++i)
       results[r].positions.row(part.nodes.volume[i]) += bounded.displacements.row(i);

@@ -263,12 +263,16 @@ RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,
   std::vector<Index> all(static_cast<std::size_t>(centres.rows()));
   std::iota(all.begin(), all.end(), Index{0});
   Anchors anchors;
-  for (int hold = 0; hold < kMostHolds && overshoot(values, result) > kMostOvershoot; ++hold) {
-    anchors = find_anchors(centres, values, all, kernel, targets, anchors,
-                           hold == 0 ? RowMatrix() : result);
-    result = RbfSystem(stack(centres, select(targets, anchors.targets)), kernel)
+  try {
+    RowMatrix held;
+    for (int hold = 0; hold < kMostHolds && overshoot(values, result) > kMostOvershoot; ++hold) {
+      anchors = find_anchors(centres, values, all, kernel, targets, anchors, held);
+      held = RbfSystem(stack(centres, select(targets, anchors.targets)), kernel)
                  .solve(stack(values, anchors.values))
                  .evaluate(targets);
+      if (overshoot(values, held) < overshoot(values, result)) result = held;
+    }
+  } catch (const SolverError&) {  // centres nearly coincide: what there is has to do
   }
   return result;
 }

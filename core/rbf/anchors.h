@@ -39,7 +39,8 @@ Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
                      const RowMatrix& displacements = {});
 
 /// The targets' displacements (T x M) by the interpolant of all values, held by anchors where it
-/// would overshoot; for a few thousand centres at most.
+/// would overshoot and anchors can be found; for a few thousand centres at most. Throws what
+/// RbfSystem throws.
 RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,
                               const Kernel& kernel, const RowMatrix& targets);
 
