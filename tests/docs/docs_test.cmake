@@ -22,3 +22,7 @@ add_test(NAME docs.links
   COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/check_links.sh ${PROJECT_SOURCE_DIR})
 add_test(NAME docs.site
   COMMAND ${PROJECT_SOURCE_DIR}/scripts/docs ${CMAKE_CURRENT_BINARY_DIR}/site)
+add_test(NAME docs.container_is_built_as_shown
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/dockerfile_test.sh ${PROJECT_SOURCE_DIR})
+add_test(NAME docs.words
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/docs/words_test.sh ${PROJECT_SOURCE_DIR})
