@@ -268,12 +268,22 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
   text.precision(6);
   const Vector3d lower = surface.points.colwise().minCoeff(),
                  upper = surface.points.colwise().maxCoeff();
-  const Eigen::IOFormat plain(Eigen::StreamPrecision, Eigen::DontAlignCols, " ", " ");
+  // What is rounding beside the size of the CAD is 0.
+  const auto plain = [&](const Vector3d& x) {
+    const Eigen::IOFormat format(Eigen::StreamPrecision, Eigen::DontAlignCols, " ", " ");
+    const double rounding = 1e-9 * base.diagonal();
+    const Eigen::RowVector3d shown =
+        (x.array().abs() > rounding).select(x.array(), 0.0).matrix().transpose();
+    std::ostringstream line;
+    line.precision(6);
+    line << shown.format(format);
+    return line.str();
+  };
   text << "the mesh does not lie on " << base.file_name() << ": " << count << " of " << outside
        << " surface nodes are on no CAD face, such as node " << boundary.nodes[row] << " at "
-       << surface.points.row(row).format(plain) << " mm" << why << " Mesh bounds "
-       << lower.format(plain) << " .. " << upper.format(plain) << " mm, CAD bounds "
-       << base.lower().format(plain) << " .. " << base.upper().format(plain)
+       << plain(surface.points.row(row)) << " mm" << why << " Mesh bounds " << plain(lower)
+       << " .. " << plain(upper) << " mm, CAD bounds " << plain(base.lower()) << " .. "
+       << plain(base.upper())
        << " mm. Check that the mesh belongs to this CAD model, its unit (--mesh-unit), and "
           "--association-tolerance.";
   throw AssociationError(text.str());

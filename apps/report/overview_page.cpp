@@ -15,11 +15,10 @@ using kainjow::mustache::data;
 using kainjow::mustache::list;
 using kainjow::mustache::mustache;
 
-data cell(const std::string& text, const std::string& sorted_by, bool is_text = false) {
+data cell(const std::string& text, const std::string& sorted_by) {
   data result;
   result.set("text", text);
   result.set("key", sorted_by);
-  result.set("is_text", is_text);
   return result;
 }
 
@@ -61,12 +60,11 @@ data variant_row(const OverviewVariant& variant) {
   data result;
   const bool is_failed = variant.row && variant.row->exit_code != 0;
   result.set("id", variant.id);
+  result.set("status", status_of(variant.row));
   result.set("is_failed", is_failed);
   result.set("has_picture", !variant.picture.empty());
   result.set("picture", base64(variant.picture));
   list cells;
-  cells.push_back(cell(variant.id, variant.id, true));
-  cells.push_back(cell(status_of(variant.row), status_of(variant.row), true));
   for (const std::string& value : variant.carried) cells.push_back(cell(value, value));
   add_figures(variant.row, cells);
   result.set("cells", cells);
@@ -87,8 +85,6 @@ std::string overview_page(const Overview& overview) {
     variants.push_back(variant_row(variant));
     if (variant.row) ++(variant.row->exit_code == 0 ? done : failed);
   }
-  columns.push_back(cell("variant", "", true));
-  columns.push_back(cell("status", "", true));
   for (const std::string& column : overview.carried_columns) columns.push_back(cell(column, ""));
   for (const data& column : figure_columns()) columns.push_back(column);
   page.set("columns", columns);

@@ -122,6 +122,11 @@ TEST_CASE("A mesh that does not lie on the base is told where it lies", "[apps][
   write_mesh(place.folder() / "shifted.vtu", mesh);
   check_failure(place, "box.step box_moved.step shifted.vtu", 4,
                 {"fits box.step after a shift by (0, 0, 10) mm"});
+  mesh.points.col(0).array() += 7;
+  mesh.points.col(1).array() += 1e-14;
+  write_mesh(place.folder() / "rounded.vtu", mesh);
+  CHECK_THAT(place.run("box.step box_moved.step rounded.vtu").err,
+             !Catch::Matchers::Contains("e-1"));
   check_failure(place, "box.step box_moved.step box.vtu --mesh-unit m", 4,
                 {"fits box.step in mm", "--mesh-unit"});
 }

@@ -233,6 +233,26 @@ TEST_CASE("A picture that can't be prepared costs nothing else", "[apps][report]
   CHECK_FALSE(place.has("p.png"));
 }
 
+TEST_CASE("The page of a refused result begins with the reason", "[apps][report]") {
+  const testing::Workplace place;
+  Mesh mesh = testing::box_mesh(3);
+  mesh.points.row((3 * 7 + 3) * 4 + 1) += Eigen::RowVector3d(4, 4, 4);  // an inner node
+  write_mesh(place.folder() / "inverted.vtu", mesh);
+  const auto result = place.run(
+      "box.step box_moved.step inverted.vtu -o out.vtu --untangle never --report page.html",
+      "unset DISPLAY; PATH=/nonexistent");
+  REQUIRE(result.exit_code == 5);
+  const std::string page = place.read("page.html");
+  const auto reason = page.find("id=\"diagnosis\""), warnings = page.find("id=\"warnings\"");
+  REQUIRE(reason != std::string::npos);
+  REQUIRE(warnings != std::string::npos);
+  CHECK(reason < warnings);
+  CHECK_THAT(page.substr(reason, warnings - reason), Catch::Contains(" are inverted\n"));
+  CHECK_THAT(page, Catch::Contains("All surface nodes lie on their CAD entities"));
+  CHECK_THAT(page, !Catch::Contains("id=\"deviation-chart\""));
+  CHECK_THAT(page, Catch::Contains("not counted here"));  // why fewer edges than in the summary
+}
+
 TEST_CASE("An interrupt while pictures are drawn leaves nothing behind", "[apps][report]") {
   namespace fs = std::filesystem;
   const testing::Workplace place;

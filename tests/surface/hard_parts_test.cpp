@@ -382,6 +382,25 @@ TEST_CASE("a hole that moves far leaves no fold unreported", "[surface][fold]") 
   }
 }
 
+TEST_CASE("what a face took to be mapped without a fold is no warning", "[surface][fold]") {
+  const TopoDS_Shape base = drilled_plate(60, 60, 10, 6, {{15, 15}});
+  const MorphCase c =
+      mesh_case(to_model(base), split_triangles(split_triangles(triangulate(base, 0.02, 0.2))));
+  std::size_t remedies = 0;
+  for (const double to : {20.0, 25.0, 30.0, 35.0, 40.0}) {
+    const SurfaceMorphResult result =
+        morph_surface(c, to_model(drilled_plate(60, 60, 10, 8, {{to, to}})));
+    for (const auto& [what, faces] : result.remedies) {
+      CAPTURE(to, what);
+      CHECK_FALSE(faces.empty());
+      ++remedies;
+    }
+    for (const std::string& warning : result.warnings)
+      CHECK_THAT(warning, !Catch::Matchers::Contains("wires"));
+  }
+  CHECK(remedies > 0);
+}
+
 TEST_CASE("blocks that share one face keep their interface", "[surface][solids]") {
   const MorphCase c = model_case(to_model(glued_blocks(30, 20)), "shapes/two_blocks.vtu");
   CHECK(c.base->faces().size() == 11);
