@@ -74,10 +74,11 @@ std::vector<char> drawn_cells(const DrawnMesh& drawn) {
 }
 
 std::vector<char> cut_cells(const DrawnMesh& drawn) {
-  if (!drawn.box) return cells_above_middle(drawn.mesh, drawn.cut_axis);
-  Eigen::AlignedBox3d half = *drawn.box;
-  half.min()[drawn.cut_axis] = half.center()[drawn.cut_axis];
-  return cells_in_box(drawn.mesh, half);
+  const Eigen::AlignedBox3d box = drawn.box.value_or(box_of(drawn.mesh));
+  std::vector<char> result = cells_above_middle(drawn.mesh, box, drawn.cut_axis);
+  const std::vector<char> is_drawn = drawn_cells(drawn);
+  for (std::size_t c = 0; c < result.size(); ++c) result[c] = result[c] && is_drawn[c];
+  return result;
 }
 
 double largest_displacement(const DrawnMesh& drawn) {

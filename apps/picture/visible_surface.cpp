@@ -1,7 +1,6 @@
 #include "apps/picture/visible_surface.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace cadmorph {
 namespace {
@@ -56,12 +55,19 @@ VisibleSurface visible_surface(const Mesh& mesh, const CellNeighbours& neighbour
   return surface;
 }
 
-std::vector<char> cells_above_middle(const Mesh& mesh, int axis) {
-  Eigen::AlignedBox3d box(mesh.points.colwise().minCoeff().transpose(),
-                          mesh.points.colwise().maxCoeff().transpose());
-  // A centre in the middle itself is not above it.
-  box.min()[axis] = std::nextafter(box.center()[axis], std::numeric_limits<double>::max());
-  return cells_in_box(mesh, box);
+std::vector<char> cells_above_middle(const Mesh& mesh, const Eigen::AlignedBox3d& box, int axis) {
+  constexpr double kRounding = 1e-9;  // of the box: cells that end in the middle don't reach above
+  const double middle = box.center()[axis] + kRounding * box.sizes()[axis];
+  std::vector<char> is_above(mesh.cell_count(), 0);
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    is_above[c] = std::ranges::any_of(mesh.cell(c),
+                                      [&](Index node) { return mesh.points(node, axis) > middle; });
+  return is_above;
+}
+
+Eigen::AlignedBox3d box_of(const Mesh& mesh) {
+  return {mesh.points.colwise().minCoeff().transpose(),
+          mesh.points.colwise().maxCoeff().transpose()};
 }
 
 std::vector<char> cells_in_box(const Mesh& mesh, const Eigen::AlignedBox3d& box) {

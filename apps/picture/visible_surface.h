@@ -19,9 +19,13 @@ struct VisibleSurface {
 VisibleSurface visible_surface(const Mesh& mesh, const CellNeighbours& neighbours,
                                const std::vector<char>& is_shown);
 
-/// 1 for each cell of `mesh` whose centre, that of its bounding box, lies above the middle of the
-/// mesh's bounding box along `axis`.
-std::vector<char> cells_above_middle(const Mesh& mesh, int axis);
+/// 1 for each cell of `mesh` that reaches above the middle of a box (of the mesh's own, for one)
+/// along `axis`: what a cut there leaves, whole cells, so that a wall of one cell in the middle is
+/// not cut to pieces.
+std::vector<char> cells_above_middle(const Mesh& mesh, const Eigen::AlignedBox3d& box, int axis);
+
+/// The bounding box of all nodes.
+Eigen::AlignedBox3d box_of(const Mesh& mesh);
 
 /// 1 for each cell whose centre lies in a box.
 std::vector<char> cells_in_box(const Mesh& mesh, const Eigen::AlignedBox3d& box);

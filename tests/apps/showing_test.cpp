@@ -187,7 +187,7 @@ TEST_CASE("The cells in a box are those whose centres are", "[apps][picture]") {
 TEST_CASE("The faces around a part of a mesh enclose the volume of its cells", "[apps][picture]") {
   const Mesh mesh = MeshFile(source_file("models/bore/tet.vtu")).mesh();
   const CellNeighbours neighbours = find_cell_neighbours(mesh);
-  const std::vector<char> is_shown = cells_above_middle(mesh, 1);
+  const std::vector<char> is_shown = cells_above_middle(mesh, box_of(mesh), 1);
   const VisibleSurface surface = visible_surface(mesh, neighbours, is_shown);
   double shown = 0, enclosed = 0;
   for (Index c = 0; c < mesh.cell_count(); ++c)
@@ -231,6 +231,15 @@ TEST_CASE("A picture that can't be prepared costs nothing else", "[apps][report]
   CHECK(place.has("out.vtu"));
   CHECK(place.run("quality box.vtu --picture p.png", nowhere).exit_code == 0);
   CHECK_FALSE(place.has("p.png"));
+}
+
+TEST_CASE("A cut leaves a wall of one cell whole", "[apps][report]") {
+  Mesh wall = testing::box_mesh(1);  // 1 x 2 x 3 cells
+  CHECK(std::ranges::count(cells_above_middle(wall, box_of(wall), 0), 1) == 6);
+  CHECK(std::ranges::count(cells_above_middle(wall, box_of(wall), 1), 1) == 3);
+  CHECK(std::ranges::count(cells_above_middle(wall, box_of(wall), 2), 1) == 4);
+  wall.points.col(1).array() += 1e-12 * wall.points.col(0).array();
+  CHECK(std::ranges::count(cells_above_middle(wall, box_of(wall), 1), 1) == 3);
 }
 
 TEST_CASE("The page of a refused result begins with the reason", "[apps][report]") {
