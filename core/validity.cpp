@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <span>
 
@@ -267,20 +266,33 @@ std::vector<Index> misordered_cells(const Mesh& mesh, const CellNeighbours& neig
                                     const Orientation& orientation,
                                     const std::vector<Index>& invalid_cells) {
   const auto sign = [&](Index c) { return orientation[static_cast<std::size_t>(mesh.types[c])]; };
+  // Sorted; grows, as a cell among misordered ones alone shows by them what it is.
+  std::vector<Index> result;
   const auto is_misordered = [&](Index c) {
-    if (dimension(mesh.types[c]) != 3) return false;
     const auto facets = cell_facets(mesh, c);
     for (std::size_t f = 0; f < facets.size(); ++f) {
       const Index other = neighbours.neighbour[neighbours.offsets[c] + static_cast<Index>(f)];
-      if (other < 0 || other == c || std::ranges::binary_search(invalid_cells, other)) continue;
+      if (other < 0 || other == c) continue;
+      const bool is_known = std::ranges::binary_search(result, other);
+      if (!is_known && std::ranges::binary_search(invalid_cells, other)) continue;
+      const int usual = is_known ? 1 : -1;
       for (const Facet& facet : cell_facets(mesh, other))
-        if (common_sense(corners_of(facets[f]), corners_of(facet)) * sign(c) * sign(other) > 0)
+        if (common_sense(corners_of(facets[f]), corners_of(facet)) * sign(c) * sign(other) * usual <
+            0)
           return true;
     }
     return false;
   };
-  std::vector<Index> result;
-  std::ranges::copy_if(invalid_cells, std::back_inserter(result), is_misordered);
+  for (bool has_grown = true; has_grown;) {
+    std::vector<Index> found;
+    for (const Index c : invalid_cells)
+      if (dimension(mesh.types[c]) == 3 && !std::ranges::binary_search(result, c) &&
+          is_misordered(c))
+        found.push_back(c);
+    has_grown = !found.empty();
+    result.insert(result.end(), found.begin(), found.end());
+    std::ranges::sort(result);
+  }
   return result;
 }
 

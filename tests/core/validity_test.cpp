@@ -237,4 +237,33 @@ TEST_CASE("a prism over an L is a valid polyhedron, and none turned inside out",
   CHECK(check_validity(mesh, inside_out, detect_orientation(mesh)).invalid == 1);
 }
 
+TEST_CASE("Cells in a wrong node order are told from cells with misplaced nodes", "[core]") {
+  // Five in a cube, the last with a face to each of the others.
+  Mesh mesh;
+  mesh.points.resize(8, 3);
+  mesh.points << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1;
+  mesh.offsets.push_back(0);
+  for (const std::array<Index, 4>& nodes : std::vector<std::array<Index, 4>>{
+           {0, 1, 2, 5}, {0, 2, 3, 7}, {0, 5, 7, 4}, {2, 7, 5, 6}, {0, 2, 7, 5}}) {
+    mesh.connectivity.insert(mesh.connectivity.end(), nodes.begin(), nodes.end());
+    mesh.types.push_back(CellType::Tetra);
+    mesh.offsets.push_back(std::ssize(mesh.connectivity));
+  }
+  const Orientation orientation = detect_orientation(mesh);
+  REQUIRE(check_validity(mesh, mesh.points, orientation).invalid == 0);
+  const auto misordered = [&](const Mesh& m) {
+    return misordered_cells(m, find_cell_neighbours(m), orientation,
+                            check_validity(m, m.points, orientation).invalid_cells);
+  };
+  Mesh moved = mesh;
+  moved.points.row(1) << 0.2, 0.8, 0.9;  // to the other side of its cell's face
+  REQUIRE(check_validity(moved, moved.points, orientation).invalid == 1);
+  CHECK(misordered(moved).empty());
+  // The middle one and two around it, which touch the middle one alone.
+  Mesh swapped = mesh;
+  for (const Index c : {0, 2, 4})
+    std::swap(swapped.connectivity[4 * c], swapped.connectivity[4 * c + 1]);
+  CHECK(misordered(swapped) == std::vector<Index>{0, 2, 4});
+}
+
 }  // namespace cadmorph
