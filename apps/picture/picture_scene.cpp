@@ -53,9 +53,8 @@ RowMatrix pick(const Values& values, const std::vector<Index>& cells) {
   return result;
 }
 
-void write_surface(const fs::path& path, const DrawnMesh& drawn, const std::vector<char>& is_shown,
+void write_surface(const fs::path& path, const DrawnMesh& drawn, const VisibleSurface& surface,
                    const std::vector<char>& worst_before, const std::vector<char>& worst_after) {
-  VisibleSurface surface = visible_surface(drawn.mesh, drawn.neighbours, is_shown);
   ExtraArrays extra;
   extra.cell_arrays["quality_before"] = pick(drawn.before.values, surface.cells);
   extra.cell_arrays["worst_before"] = pick(worst_before, surface.cells);
@@ -71,6 +70,30 @@ void write_surface(const fs::path& path, const DrawnMesh& drawn, const std::vect
 std::vector<char> drawn_cells(const DrawnMesh& drawn) {
   return drawn.box ? cells_in_box(drawn.mesh, *drawn.box)
                    : std::vector<char>(drawn.mesh.cell_count(), 1);
+}
+
+// The box around what moved of a surface, where that is a small part of it: a body in a far field
+// would be lost in it, or hidden by it.
+std::optional<Eigen::AlignedBox3d> box_of_body(const DrawnMesh& drawn,
+                                               const VisibleSurface& surface) {
+  // Planes that slide move less the farther away; what is around the body shows where it lies.
+  constexpr double kMoved = 0.1, kMargin = 1.5, kSmall = 0.5;
+  if (!drawn.moved) return std::nullopt;
+  const Points moved = (*drawn.moved)(surface.nodes, Eigen::all);
+  const Eigen::VectorXd distance = (moved - surface.mesh.points).rowwise().norm();
+  Eigen::AlignedBox3d box, whole;
+  for (Index n = 0; n < moved.rows(); ++n) {
+    whole.extend(surface.mesh.points.row(n).transpose());
+    if (distance(n) <= kMoved * distance.maxCoeff()) continue;
+    box.extend(surface.mesh.points.row(n).transpose());
+    box.extend(moved.row(n).transpose());
+  }
+  if (box.isEmpty()) return std::nullopt;
+  // As deep as it is long: a flat part has surroundings, too.
+  const Eigen::Vector3d reach = Eigen::Vector3d::Constant(kMargin / 2 * box.sizes().maxCoeff());
+  const Eigen::AlignedBox3d around(box.center() - reach, box.center() + reach);
+  if (around.sizes().maxCoeff() > kSmall * whole.sizes().maxCoeff()) return std::nullopt;
+  return around;
 }
 
 std::vector<char> cut_cells(const DrawnMesh& drawn) {
@@ -173,8 +196,13 @@ void write_surfaces(const DrawnMesh& drawn, const fs::path& folder) {
   const std::vector<char> worst_before = mark_worst(drawn.before.values);
   const std::vector<char> worst_after =
       drawn.after ? mark_worst(drawn.after->values) : std::vector<char>();
-  write_surface(folder / kSurface, drawn, drawn_cells(drawn), worst_before, worst_after);
-  write_surface(folder / kCut, drawn, cut_cells(drawn), worst_before, worst_after);
+  VisibleSurface surface = visible_surface(drawn.mesh, drawn.neighbours, drawn_cells(drawn));
+  DrawnMesh cut = drawn;
+  if (!drawn.box) cut.box = box_of_body(drawn, surface);
+  if (cut.box && !drawn.box) surface = facets_in_box(surface, *cut.box);
+  write_surface(folder / kSurface, drawn, surface, worst_before, worst_after);
+  write_surface(folder / kCut, drawn, visible_surface(drawn.mesh, drawn.neighbours, cut_cells(cut)),
+                worst_before, worst_after);
 }
 
 Picture overview(const DrawnMesh& drawn, bool is_quality) {

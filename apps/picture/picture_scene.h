@@ -54,7 +54,8 @@ struct DrawnMesh {
 };
 
 /// Writes the surfaces a scene of `drawn` needs into `folder`: surface.vtu and cut.vtu, the cells
-/// that reach above the middle, of mesh or box, along the cut axis.
+/// that reach above the middle, of mesh or box, along the cut axis. Where a small part of a large
+/// surface moved, a body in a far field, only what lies around that part.
 void write_surfaces(const DrawnMesh& drawn, const std::filesystem::path& folder);
 
 /// One picture for a quick look. Of a morph: before and after, the surface coloured by displacement

@@ -55,6 +55,17 @@ VisibleSurface visible_surface(const Mesh& mesh, const CellNeighbours& neighbour
   return surface;
 }
 
+VisibleSurface facets_in_box(const VisibleSurface& whole, const Eigen::AlignedBox3d& box) {
+  VisibleSurface surface;
+  surface.mesh.offsets.push_back(0);
+  const std::vector<char> is_inside = cells_in_box(whole.mesh, box);
+  for (Index f = 0; f < whole.mesh.cell_count(); ++f)
+    if (is_inside[f]) add_facet(surface, whole.mesh.types[f], whole.mesh.cell(f), whole.cells[f]);
+  compact(surface, whole.mesh.points);
+  for (Index& node : surface.nodes) node = whole.nodes[node];
+  return surface;
+}
+
 std::vector<char> cells_above_middle(const Mesh& mesh, const Eigen::AlignedBox3d& box, int axis) {
   constexpr double kRounding = 1e-9;  // of the box: cells that end in the middle don't reach above
   const double middle = box.center()[axis] + kRounding * box.sizes()[axis];

@@ -19,6 +19,9 @@ struct VisibleSurface {
 VisibleSurface visible_surface(const Mesh& mesh, const CellNeighbours& neighbours,
                                const std::vector<char>& is_shown);
 
+/// The facets whose centre lies in a box.
+VisibleSurface facets_in_box(const VisibleSurface& whole, const Eigen::AlignedBox3d& box);
+
 /// 1 for each cell of `mesh` that reaches above the middle of a box (of the mesh's own, for one)
 /// along `axis`: what a cut there leaves, whole cells, so that a wall of one cell in the middle is
 /// not cut to pieces.

@@ -9,6 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "apps/picture/picture_scene.h"
+#include "apps/picture/scratch_folder.h"
 #include "apps/picture/visible_surface.h"
 #include "apps/pipeline/morph_details.h"
 #include "apps/report/surface_data.h"
@@ -324,6 +326,35 @@ TEST_CASE("A report can't take the place of an input or of another output", "[ap
   CHECK(place.run(job + "--report nowhere/a.html").exit_code == 6);
   CHECK(place.run("quality box.vtu --picture box.vtu").exit_code == 1);
   CHECK_FALSE(place.has("out.vtu"));
+}
+
+TEST_CASE("Of a body in a far field the picture shows what lies around the body",
+          "[apps][picture]") {
+  const std::string ball = source_file("models/shapes/sphere_far_field").string();
+  const MorphJob job(std::make_shared<const CadModel>(read_step(ball + ".step")),
+                     std::make_shared<const MeshFile>(ball + ".vtu"));
+  const MorphResult result = job.morph(read_step(ball + "_variant.step"));
+  const CellNeighbours neighbours = find_cell_neighbours(job.mesh());
+  const QualityReport before =
+      measure_quality(job.mesh(), job.mesh().points, detect_orientation(job.mesh()));
+  DrawnMesh drawn{.mesh = job.mesh(),
+                  .neighbours = neighbours,
+                  .before = before,
+                  .moved = &result.positions,
+                  .after = &result.quality};
+  const ScratchFolder folder;
+  const double whole = box_of(job.mesh()).sizes().maxCoeff();
+  const auto size_of = [&](const char* name) {
+    return box_of(MeshFile(folder.path() / name).mesh()).sizes().maxCoeff();
+  };
+  write_surfaces(drawn, folder.path());
+  CHECK(size_of("surface.vtu") < 0.5 * whole);
+  CHECK(size_of("cut.vtu") < 0.75 * whole);  // cells go beyond the box
+  // What moves as a whole is shown as a whole.
+  const Points shifted = job.mesh().points.rowwise() + Eigen::RowVector3d(1, 0, 0);
+  drawn.moved = &shifted;
+  write_surfaces(drawn, folder.path());
+  CHECK(size_of("surface.vtu") == whole);
 }
 
 }  // namespace

@@ -7,7 +7,7 @@ if(NOT HAS_VIEWER OR NOT BROWSER)
 endif()
 
 file(COPY ${SOURCE}/package.json ${SOURCE}/package-lock.json ${SOURCE}/page_test.mjs
-  ${SOURCE}/overview_test.mjs
+  ${SOURCE}/overview_test.mjs ${SOURCE}/body_test.mjs
   DESTINATION ${WORK})
 if(NOT EXISTS ${WORK}/node_modules/puppeteer-core)
   execute_process(COMMAND ${NPM} ci --ignore-scripts --no-audit --no-fund --prefer-offline
@@ -56,5 +56,15 @@ else()
     WORKING_DIRECTORY ${WORK} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(failed)
     message(FATAL_ERROR "the overview does not work:\n${output}")
+  endif()
+  set(ball ${MODELS}/shapes/sphere_far_field)
+  execute_process(
+    COMMAND ${PROGRAM} ${ball}.step ${ball}_variant.step ${ball}.vtu -o ${WORK}/ball.vtu
+      --report ${WORK}/ball.html
+    OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND ${NODE} body_test.mjs ${WORK}/ball.html ${BROWSER}
+    WORKING_DIRECTORY ${WORK} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(failed)
+    message(FATAL_ERROR "the body in a far field is not seen:\n${output}")
   endif()
 endif()

@@ -40,8 +40,8 @@ try {
   assert.deepEqual(widths, [400, 400], 'a picture of each result');
 
   assert.equal(await page.$eval('#compare', (section) => section.hidden), true);
-  await page.click('tr[data-variant="step05"] input');
-  await page.click('tr[data-variant="step20"] input');
+  await page.$eval('tr[data-variant="step05"] input', (box) => box.click());
+  await page.$eval('tr[data-variant="step20"] input', (box) => box.click());
   assert.equal(await page.$eval('#compare', (section) => section.hidden), false);
   const names = await page.$$eval('#side-by-side figcaption', (all) => all.map((c) => c.textContent));
   assert.deepEqual(names, ['step05', 'step20']);

@@ -47,11 +47,15 @@ async function picture(page) {
   }));
 }
 
+// At the element itself: the page may still move under a mouse.
+const click = (page, selector) => page.$eval(selector, (element) => element.click());
+
 async function checkViewer(page, data) {
   await untilDrawn(page, 1);
   const sizes = Buffer.from(data.surface.sizes, 'base64');
   const drawn = await page.$eval('#canvas', (canvas) => Number(canvas.dataset.triangles));
   assert.equal(drawn, sum([...sizes].map((size) => size - 2)), 'all facets are drawn');
+  assert.equal(await page.$eval('#canvas', (canvas) => canvas.dataset.body), 'whole');
   const after = await picture(page);
 
   await page.focus('#morph-slider');
@@ -72,11 +76,11 @@ async function checkViewer(page, data) {
     assert.ok(await picture(page) !== last, `coloured by ${name}`);
   }
 
-  await page.click('tr[data-worst="0"]');
+  await click(page, 'tr[data-worst="0"]');
   assert.equal(await page.$eval('#show-worst', (box) => box.checked), true, 'a row shows its element');
   assert.equal(await page.$eval('#canvas', (canvas) => canvas.dataset.chosen), '0', 'which is marked');
   const first = await picture(page);
-  await page.click('tr[data-worst="1"]');
+  await click(page, 'tr[data-worst="1"]');
   assert.deepEqual(await page.$$eval('tr.chosen', (rows) => rows.map((row) => row.dataset.worst)), ['1']);
   assert.ok(await picture(page) !== first, 'another element is marked otherwise');
   const ground = await page.$eval('#legend', (legend) => getComputedStyle(legend).backgroundColor);

@@ -1,7 +1,7 @@
 // The surface in 3D: between before and after by a slider, coloured by what the morph did.
 
 import {
-  BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Group, LinearFilter,
+  Box3, BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Group, LinearFilter,
   LineSegments, Mesh, MeshBasicMaterial, OrthographicCamera, RGBAFormat, Scene, ShaderMaterial,
   SphereGeometry, SRGBColorSpace, Vector3, WebGLRenderer,
 } from 'three';
@@ -142,6 +142,25 @@ const edgeVertex = `
 const edgeFragment = `
   void main() { gl_FragColor = vec4(0.10, 0.12, 0.16, 0.35); }`;
 
+// The box around what moved, where that is a small part of the surface: a body in a far field, which
+// would hide it. Null for any other part.
+function bodyOf(position, displacement, size) {
+  const moved = (i) => Math.hypot(displacement[i], displacement[i + 1], displacement[i + 2]);
+  let longest = 0;
+  for (let i = 0; i < position.length; i += 3) longest = Math.max(longest, moved(i));
+  const box = new Box3();
+  const node = new Vector3();
+  for (let i = 0; i < position.length; i += 3) {
+    if (moved(i) <= 0.1 * longest) continue;
+    box.expandByPoint(node.fromArray(position, i));
+    box.expandByPoint(node.add(new Vector3().fromArray(displacement, i)));
+  }
+  if (box.isEmpty()) return null;
+  const reach = 1.5 * Math.max(...box.getSize(node).toArray());
+  if (reach > 0.5 * size) return null;
+  return new Box3().setFromCenterAndSize(box.getCenter(node), new Vector3(reach, reach, reach));
+}
+
 class Viewer {
   constructor(surface, worst) {
     this.canvas = document.getElementById('canvas');
@@ -166,6 +185,12 @@ class Viewer {
     const centre = [0, 1, 2].map((i) => surface.position.low[i] + surface.position.size[i] / 2);
     this.centre = new Vector3(...centre);
     this.radius = Math.hypot(...surface.position.size) / 2 || 1;
+    this.body = bodyOf(position, displacement, Math.max(...surface.position.size));
+    if (this.body) {
+      this.centre = this.body.getCenter(new Vector3());
+      this.radius = this.body.getSize(new Vector3()).length() / 2;
+    }
+    this.canvas.dataset.body = this.body ? 'alone' : 'whole';
     const { triangles, edges } = connect(new Uint8Array(bytesOf(surface.sizes)),
       new Uint32Array(bytesOf(surface.corners)));
     this.fields = makeFields(surface, displacement);
@@ -207,8 +232,9 @@ class Viewer {
   resetView() {
     this.controls.target.copy(this.centre);
     this.camera.position.set(-0.55, -1, 0.55).normalize().multiplyScalar(4 * this.radius).add(this.centre);
-    this.camera.near = 0;
-    this.camera.far = 12 * this.radius;
+    // Of a body in a far field what lies in front of it and behind it is not drawn.
+    this.camera.near = this.body ? 3 * this.radius : 0;
+    this.camera.far = this.body ? 5 * this.radius : 12 * this.radius;
     this.controls.update();
     this.fit();
     this.draw();
@@ -223,12 +249,14 @@ class Viewer {
     const point = new Vector3();
     const node = new Vector3();
     let furthest = 0;
-    for (let i = 0; i < position.count; i += 1)
+    for (let i = 0; i < position.count; i += 1) {
+      if (this.body && !this.body.containsPoint(node.fromBufferAttribute(position, i))) continue;
       for (const morph of [0, 1]) {
         point.fromBufferAttribute(displacement, i).multiplyScalar(morph);
         point.add(node.fromBufferAttribute(position, i)).project(this.camera);
         furthest = Math.max(furthest, Math.abs(point.x), Math.abs(point.y));
       }
+    }
     this.camera.zoom = 0.92 / (furthest || 1);
     this.camera.updateProjectionMatrix();
   }
