@@ -91,6 +91,8 @@ const std::string& MeshFile::format() const { return impl_->format; }
 
 const std::vector<std::string>& MeshFile::remarks() const { return impl_->contents.remarks; }
 
+const std::vector<std::string>& MeshFile::notes() const { return impl_->contents.notes; }
+
 std::vector<DataArray> MeshFile::arrays() const { return impl_->contents.copier->arrays(); }
 
 bool MeshFile::takes_arrays(const fs::path& path) const {

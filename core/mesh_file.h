@@ -60,6 +60,8 @@ class MeshFile {
   /// What the file's user should know, a sentence each: what in it is of the base, what was left
   /// out.
   const std::vector<std::string>& remarks() const;
+  /// What asks for nothing.
+  const std::vector<std::string>& notes() const;
 
   /// Copies of all arrays; none of formats that have no arrays of nodes and cells.
   std::vector<DataArray> arrays() const;

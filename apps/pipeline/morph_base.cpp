@@ -61,6 +61,8 @@ void MorphBase::fill_report() {
   report.mesh_file = mesh_file->path();
   report.mesh_format = mesh_file->format();
   report.remarks = mesh_file->remarks();
+  for (const std::string& note : mesh_file->notes())
+    report.notes.push_back(mesh_file->path().filename().string() + ": " + note);
   count_others(mesh(), report);
   report.nodes = mesh().node_count();
   report.cells = mesh().cell_count();

@@ -580,7 +580,8 @@ class Reader {
     if (has_parameters_)
       remark("the parametric coordinates (u, v) of nodes in $Nodes are those of the base");
     if (!entities_.empty())
-      remark("the points and boxes of entities in $Entities are those of the base");
+      result_.notes.push_back(
+          "the points and boxes of entities in $Entities are those of the base");
     if (has_parametrizations_) remark("$Parametrizations are those of the base");
     if (has_periodic_)
       remark(

@@ -42,8 +42,9 @@ class MeshCopier {
 
 /// A mesh file read.
 struct ReadMesh {
-  Mesh mesh;                         ///< not yet checked (see check_mesh)
-  std::vector<std::string> remarks;  ///< what its user should know, a sentence each
+  Mesh mesh;                            ///< not yet checked (see check_mesh)
+  std::vector<std::string> remarks;     ///< what its user should know, a sentence each
+  std::vector<std::string> notes = {};  ///< the same where there is nothing to do about it
   std::unique_ptr<const MeshCopier> copier;
 };
 
