@@ -242,6 +242,41 @@ int common_sense(std::span<const Index> a, std::span<const Index> b) {
   return is_same ? 1 : is_opposite ? -1 : 0;
 }
 
+// Of `invalid_cells`: those that hold all corners of a face that a valid cell has with no other
+// cell, yet no such face. Where two nodes of a hexahedron are swapped, most of its faces are no
+// face of a cell around any more.
+std::vector<Index> cells_that_miss_faces(const Mesh& mesh, const CellNeighbours& neighbours,
+                                         const std::vector<Index>& invalid_cells) {
+  std::vector<std::pair<Index, Index>> cell_at_node;
+  for (const Index c : invalid_cells)
+    if (dimension(mesh.types[c]) == 3)
+      for (const Index node : mesh.cell(c)) cell_at_node.emplace_back(node, c);
+  std::ranges::sort(cell_at_node);
+  std::vector<Index> result;
+  const auto look_round = [&](std::span<const Index> face) {
+    const auto at_node =
+        std::ranges::equal_range(cell_at_node, face[0], {}, &std::pair<Index, Index>::first);
+    for (const auto& [node, c] : at_node)
+      if (std::ranges::all_of(face, [&](Index corner) {
+            return std::ranges::find(mesh.cell(c), corner) != mesh.cell(c).end();
+          }))
+        result.push_back(c);
+  };
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    const auto open =
+        std::span(neighbours.neighbour)
+            .subspan(neighbours.offsets[c], neighbours.offsets[c + 1] - neighbours.offsets[c]);
+    if (std::ranges::find(open, -1) == open.end() || std::ranges::binary_search(invalid_cells, c))
+      continue;
+    const auto facets = cell_facets(mesh, c);
+    for (std::size_t f = 0; f < facets.size(); ++f)
+      if (open[f] < 0) look_round(corners_of(facets[f]));
+  }
+  std::ranges::sort(result);
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
 }  // namespace
 
 ValidityReport check_validity(const Mesh& mesh, const Points& points,
@@ -267,7 +302,7 @@ std::vector<Index> misordered_cells(const Mesh& mesh, const CellNeighbours& neig
                                     const std::vector<Index>& invalid_cells) {
   const auto sign = [&](Index c) { return orientation[static_cast<std::size_t>(mesh.types[c])]; };
   // Sorted; grows, as a cell among misordered ones alone shows by them what it is.
-  std::vector<Index> result;
+  std::vector<Index> result = cells_that_miss_faces(mesh, neighbours, invalid_cells);
   const auto is_misordered = [&](Index c) {
     const auto facets = cell_facets(mesh, c);
     for (std::size_t f = 0; f < facets.size(); ++f) {

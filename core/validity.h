@@ -33,8 +33,9 @@ ValidityReport check_validity(const Mesh& mesh, const Points& points,
 
 /// Of `invalid_cells` (ids, ascending) of solids: those whose nodes are named in another order than
 /// the cells around expect, as when two nodes are swapped. Such a cell goes round a face it shares
-/// with a cell that is not invalid the same way as that does; a cell that nodes in wrong places
-/// invert does not. `neighbours`: find_cell_neighbours of the mesh.
+/// with a cell that is not invalid the same way as that does, or holds the corners of such a cell's
+/// open face without having that face; a cell that nodes in wrong places invert does neither.
+/// `neighbours`: find_cell_neighbours of the mesh.
 std::vector<Index> misordered_cells(const Mesh& mesh, const CellNeighbours& neighbours,
                                     const Orientation& orientation,
                                     const std::vector<Index>& invalid_cells);

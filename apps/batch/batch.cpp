@@ -11,6 +11,7 @@
 
 #include "apps/batch/step_readers.h"
 #include "apps/pipeline/exit_code.h"
+#include "apps/pipeline/likely_mistake.h"
 #include "apps/summary/summary.h"
 #include "cad/packed_model.h"
 #include "cad/step_reader.h"
@@ -211,8 +212,15 @@ class BatchRun {
       if (is_stopped_) throw Interrupted();
       if (announce) announce(phase, fraction);
     };
-    auto base = std::make_shared<const CadModel>(read_step(options_.base_cad));
-    job_.emplace(std::move(base), std::make_shared<const MeshFile>(options_.mesh), options);
+    const auto base = std::make_shared<const CadModel>(read_step(options_.base_cad));
+    const auto mesh = std::make_shared<const MeshFile>(options_.mesh);
+    try {
+      job_.emplace(base, mesh, options);
+    } catch (const AssociationError& error) {
+      const double given = options.surface.association.mesh_unit_mm;
+      throw AssociationError(likely_mistake(*base, mesh->mesh(), given > 0 ? given : 1.0) +
+                             error.what());
+    }
     *is_set_up = true;
     count_.cache = job_->cache();
   }

@@ -9,16 +9,14 @@
 #include <numeric>
 #include <sstream>
 
+#include "apps/pipeline/likely_mistake.h"
 #include "apps/pipeline/pipeline.h"
 #include "cad/step_reader.h"
-#include "surface/mesh_unit.h"
 
 namespace cadmorph {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr double kNoShift = 1e-4;  // of the diagonal
 
 // Adds times to those of phases of the same names.
 void add_phases(std::vector<PhaseTime>& all, const std::vector<PhaseTime>& more) {
@@ -34,35 +32,6 @@ void add_phases(std::vector<PhaseTime>& all, const std::vector<PhaseTime>& more)
 double sum(const std::vector<PhaseTime>& phases) {
   return std::accumulate(phases.begin(), phases.end(), 0.0,
                          [](double total, const PhaseTime& p) { return total + p.seconds; });
-}
-
-// What the user is likely to have taken for another where a mesh does not lie on the base; empty
-// where nothing that is known fits.
-std::string likely_mistake(const CadModel& base, const CadModel& variant, const Mesh& mesh,
-                           double mm) {
-  const Boundary boundary = extract_boundary(mesh);
-  if (const auto place = find_place(base, mesh, boundary, mm)) {
-    std::ostringstream text;
-    text.precision(6);
-    const bool is_shifted = place->shift.norm() > kNoShift * base.diagonal();
-    text << "the mesh fits " << base.file_name();
-    if (std::abs(place->mm / mm - 1) > 1e-9) text << " in " << mesh_unit_name(place->mm);
-    if (is_shifted) {
-      const Eigen::Vector3d shift =
-          (place->shift.array().abs() > kNoShift * base.diagonal()).select(place->shift, 0.0);
-      text << " after a shift by (" << shift.x() << ", " << shift.y() << ", " << shift.z()
-           << ") mm: bring both into one frame";
-    } else {
-      text << ": give --mesh-unit so";
-    }
-    return text.str() + "; ";
-  }
-  if (const auto place = find_place(variant, mesh, boundary, mm);
-      place && place->shift.norm() <= kNoShift * variant.diagonal())
-    return "the mesh lies on " + variant.file_name() + ", the second CAD model, not on " +
-           base.file_name() +
-           ", the first: swap the two, or give the mesh that was made of the first; ";
-  return "";
 }
 
 // The morphs of one trip, one after the other.

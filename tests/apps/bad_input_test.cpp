@@ -122,6 +122,8 @@ TEST_CASE("A mesh that does not lie on the base is told where it lies", "[apps][
   write_mesh(place.folder() / "shifted.vtu", mesh);
   check_failure(place, "box.step box_moved.step shifted.vtu", 4,
                 {"fits box.step after a shift by (0, 0, 10) mm"});
+  CHECK_THAT(place.run("batch box.step shifted.vtu box_moved.step -o out").err,
+             Catch::Matchers::Contains("fits box.step after a shift by (0, 0, 10) mm"));
   mesh.points.col(0).array() += 7;
   mesh.points.col(1).array() += 1e-14;
   write_mesh(place.folder() / "rounded.vtu", mesh);
@@ -129,6 +131,18 @@ TEST_CASE("A mesh that does not lie on the base is told where it lies", "[apps][
              !Catch::Matchers::Contains("e-1"));
   check_failure(place, "box.step box_moved.step box.vtu --mesh-unit m", 4,
                 {"fits box.step in mm", "--mesh-unit"});
+}
+
+TEST_CASE("A hexahedron in a wrong node order is named", "[apps][bad]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(3);
+  std::swap(mesh.connectivity[8 * 13], mesh.connectivity[8 * 13 + 6]);
+  write_mesh(place.folder() / "order.vtu", mesh);
+  const std::string told = "error: the nodes of cell 13 are in a wrong order";
+  check_failure(place, "box.step box_moved.step order.vtu", 4, {told});
+  const RunResult batch = place.run("batch box.step order.vtu box_moved.step -o out");
+  CHECK(batch.exit_code == 4);
+  CHECK_THAT(batch.err, Catch::Matchers::Contains(told));
 }
 
 TEST_CASE("A far field is kept, or refused with 4 where that was asked for", "[apps][bad]") {

@@ -266,4 +266,24 @@ TEST_CASE("Cells in a wrong node order are told from cells with misplaced nodes"
   CHECK(misordered(swapped) == std::vector<Index>{0, 2, 4});
 }
 
+TEST_CASE("A hexahedron in a wrong node order is told by the faces it misses", "[core]") {
+  const Mesh mesh = cube(CellType::Hexahedron, 3);
+  const Orientation orientation = detect_orientation(mesh);
+  const auto misordered = [&](const Mesh& m) {
+    return misordered_cells(m, find_cell_neighbours(m), orientation,
+                            check_validity(m, m.points, orientation).invalid_cells);
+  };
+  constexpr Index kMiddle = 13;
+  for (const int other : {1, 2, 6}) {  // across an edge, a face, the cell
+    CAPTURE(other);
+    Mesh swapped = mesh;
+    std::swap(swapped.connectivity[8 * kMiddle], swapped.connectivity[8 * kMiddle + other]);
+    CHECK(misordered(swapped) == std::vector<Index>{kMiddle});
+  }
+  Mesh moved = mesh;
+  moved.points.row(mesh.cell(kMiddle)[0]) = moved.points.row(mesh.cell(kMiddle)[6]);
+  REQUIRE(check_validity(moved, moved.points, orientation).invalid > 0);
+  CHECK(misordered(moved).empty());
+}
+
 }  // namespace cadmorph
