@@ -15,7 +15,8 @@
 namespace cadmorph {
 namespace {
 
-// Names give way where they make the motion of the entities this much rougher, in diagonals.
+// Names, and joints of curves, give way where they make the motion of the entities this much
+// rougher, in diagonals.
 constexpr double kRougher = 3, kSmooth = 1e-3;
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
@@ -123,10 +124,15 @@ bool are_solid(const CadModel& model) {
   return std::ranges::all_of(model.faces(), [](const CadFace& face) { return face.solid >= 0; });
 }
 
+struct RatedMatch {
+  TopologyMatch match;
+  double roughness;  ///< see there
+};
+
 // Oriented first; shells that are no solids may be turned over. One exporter writes solids, another
 // their shells alone: solids count where both models have as many.
-std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadModel& variant,
-                                             const MatchOptions& options) {
+std::optional<RatedMatch> match_skeletons(const CadModel& base, const CadModel& variant,
+                                          const MatchOptions& options) {
   const bool has_solids = base.solid_count() == variant.solid_count();
   for (const bool is_oriented : {true, false}) {
     const GraphOptions graph{.is_oriented = is_oriented, .has_solids = has_solids};
@@ -136,19 +142,36 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
       return std::nullopt;
     if (auto match = best_match(b, v, options)) {
       match->is_oriented = is_oriented && are_solid(base) && are_solid(variant);
-      return match;
+      const double rough = roughness(b, v, *match);
+      return RatedMatch{std::move(*match), rough};
     }
   }
   return std::nullopt;
 }
 
+bool stays(const TopologyMatch& match) {
+  const Similarity& t = match.alignment;
+  return match.is_congruent && t.scale == 1 && t.rotation.isIdentity(0) && t.translation.isZero(0);
+}
+
+// Joints of smooth curves are corners while that makes sense. One exporter cuts a circle at its
+// seam, another at the old seam and at its own: then joints can't be matched, or move where nothing
+// else does. What is the same shape does not move.
 std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& variant,
                                         const MatchOptions& options) {
-  auto match = match_skeletons(base, variant, options);
-  if (match) return match;
-  match = match_skeletons(base.with_joined_edges(), variant.with_joined_edges(), options);
-  if (match) match->joins_edges = true;
-  return match;
+  auto cut = match_skeletons(base, variant, options);
+  const CadModel joined_base = base.with_joined_edges();
+  if (cut && (stays(cut->match) ||
+              joined_base.skeleton().corners.size() == base.skeleton().corners.size()))
+    return std::move(cut->match);
+  auto joined = match_skeletons(joined_base, variant.with_joined_edges(), options);
+  if (joined) {
+    joined->match.joins_edges = true;
+    if (!cut || stays(joined->match) || cut->roughness > kRougher * joined->roughness + kSmooth)
+      return std::move(joined->match);
+  }
+  if (cut) return std::move(cut->match);
+  return std::nullopt;
 }
 
 }  // namespace

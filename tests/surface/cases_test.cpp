@@ -136,3 +136,13 @@ TEST_CASE("real parts with known answers", "[cases]") {
     }
   }
 }
+
+TEST_CASE("a part that another version of its program saved leaves every node in place",
+          "[cases]") {
+  const fs::path folder = cases_folder() / "parametric" / "hole_seam";
+  if (!fs::exists(folder)) return;
+  const MorphCase c =
+      mesh_case(read_step(folder / "base.step"), MeshFile(folder / "base.vtu").mesh());
+  const Morphed m = morph(c, read_step(folder / "stored.step"));
+  CHECK(largest_difference(m.points, c.mesh.points) <= 1e-9 * c.diagonal);
+}

@@ -224,6 +224,22 @@ TEST_CASE("seams turned about the axis of a part that is scaled and moved don't 
     }
 }
 
+TEST_CASE("circles cut at a seam and beside it leave every node in place, wherever the seam lies",
+          "[surface][re-export][seam]") {
+  const ShuffleOptions cut{.is_order_shuffled = false, .has_split_edges = true, .probability = 1};
+  for (const std::string name : {"cylinder", "cone_frustum", "stepped_shaft"})
+    for (const double degrees : {70.0, 180.0}) {
+      DYNAMIC_SECTION(name << " by " << degrees) {
+        const TopoDS_Shape base = read_shape(model_file("shapes/" + name + ".step"));
+        const MorphCase c =
+            model_case(to_model(shuffle(base, cut).shape), "shapes/" + name + ".vtu");
+        const TopoDS_Shape turned = with_turned_seams(name, degrees * pi / 180);
+        const Morphed m = morph(c, to_model(shuffle(turned, cut).shape));
+        CHECK(largest_difference(m.points, c.mesh.points) <= kKnown * c.diagonal);
+      }
+    }
+}
+
 TEST_CASE("an analytic part that comes back as NURBS leaves every node in place",
           "[surface][re-export]") {
   for (const auto& name : kRealParts) {
