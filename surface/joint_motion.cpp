@@ -217,14 +217,15 @@ Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_
   return crossings;
 }
 
-std::string parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-                          const Joints& joints, const SurfaceMesh& surface, const Points& placed) {
+PartedJoints find_parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+                                const Joints& joints, const SurfaceMesh& surface,
+                                const Points& placed) {
   std::set<int> parted;
-  double most = 0;
+  PartedJoints result;
   const auto judge = [&](int row, double distance) {
     if (distance < kParted * surface.local_length[row]) return;
     parted.insert(row);
-    most = std::max(most, distance);
+    result.distance = std::max(result.distance, distance);
   };
   for (std::size_t f = 0; f < joints.of_face.size(); ++f)
     for (const Joints::OnFace& joint : joints.of_face[f])
@@ -234,12 +235,8 @@ std::string parted_joints(const ModelPair& pair, const std::vector<CurveMap>& cu
     const int curve = pair.base.skeleton().curve_of_edge[joint.edge];
     judge(joint.node, curve_maps[curve].nearest(placed.row(joint.node)).distance);
   }
-  if (parted.empty()) return "";
-  std::ostringstream text;
-  text << parted.size()
-       << " nodes where parts meet without an edge lie on one of them only, by up to " << most
-       << " mm off the other: do the parts still meet in the variant?";
-  return text.str();
+  result.nodes = static_cast<Index>(parted.size());
+  return result;
 }
 
 }  // namespace cadmorph

@@ -25,9 +25,10 @@ Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_
                       const Joints& joints, const std::vector<FaceNodes>& faces,
                       const SurfaceMesh& surface, const Points& feet, const Points& placed);
 
-/// A remark on joints that the variant parts: nodes that went, at `placed`, off a face or a curve
-/// on which they lay; empty when there are none.
-std::string parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-                          const Joints& joints, const SurfaceMesh& surface, const Points& placed);
+/// Joints that the variant parts: nodes that go, at `placed`, off a face or a curve on which they
+/// lay.
+PartedJoints find_parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+                                const Joints& joints, const SurfaceMesh& surface,
+                                const Points& placed);
 
 }  // namespace cadmorph

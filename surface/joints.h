@@ -32,6 +32,12 @@ struct Joints {
   std::vector<Crossing> crossings;
 };
 
+/// Joints that a variant parts: nodes that went off a face or an edge on which they lay.
+struct PartedJoints {
+  Index nodes = 0;
+  double distance = 0;  ///< the largest, millimetres, of a node from what it left
+};
+
 /// The joints of a mesh on its base CAD, by the facets around each node. `surface` in millimetres;
 /// rows as in `association`.
 Joints find_joints(const CadModel& base, const SurfaceMesh& surface,

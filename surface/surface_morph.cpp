@@ -44,6 +44,14 @@ Matrix3d frame(const SurfacePoint& s) {
   return f;
 }
 
+std::string describe(const PartedJoints& parted) {
+  std::ostringstream text;
+  text << parted.nodes
+       << " nodes where parts meet without an edge lie on one of them only, by up to "
+       << parted.distance << " mm off the other: do the parts still meet in the variant?";
+  return text.str();
+}
+
 // Surface nodes on the variant CAD, their entities and parameters there, and what they keep of
 // their offset from the base CAD, turned with the entity but not yet stretched. Millimetres.
 struct Placement {
@@ -489,9 +497,8 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
-  if (std::string note = parted_joints(pair, maps, self.joints, self.surface, placed.feet);
-      !note.empty())
-    result.warnings.push_back(std::move(note));
+  result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
+  if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);
   for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
   result.positions = moved / self.association.mesh_unit_mm;

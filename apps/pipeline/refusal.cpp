@@ -94,7 +94,11 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         "ask for less, or better the input mesh: " + std::to_string(found.poor_in_base) +
         " of these cells are below in it already, whose smallest scaled Jacobian is " +
         short_number(figures.before.min_scaled_jacobian));
-  if (found.held_cells > 0)
+  if (found.parted_nodes > 0)
+    lines.push_back("look whether parts still meet in the variant as they do in the base: " +
+                    std::to_string(found.parted_nodes) +
+                    " nodes left one of two parts, as where a foot outgrows what it stands on");
+  else if (found.held_cells > 0)
     lines.push_back(
         "refine the mesh: " + std::to_string(found.held_cells) +
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
@@ -151,6 +155,7 @@ void judge(const MorphBase& base, MorphResult& result) {
   figures.diagnosis->poor_in_base = std::ranges::count_if(
       poor, [&](Index c) { return base.quality.values[c] < *base.options.min_scaled_jacobian; });
   figures.diagnosis->misordered = std::ssize(base.misordered);
+  figures.diagnosis->parted_nodes = result.surface.parted.nodes;
   figures.diagnosis->held_cells =
       held_among(sorted_difference(inverted, base.validity.invalid_cells), base, full);
   figures.diagnosis->worst_cell = worst_of(bad, result.quality);

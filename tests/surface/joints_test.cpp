@@ -143,6 +143,8 @@ TEST_CASE("Parts that no longer meet are remarked on", "[surface][joints]") {
     const MorphCase c =
         mesh_case(to_model(together(base)), triangulate(imprinted(base), 0.05, 0.2));
     const SurfaceMorphResult result = morph_surface(c, to_model(together(variant)));
+    CHECK(result.parted.nodes > 0);
+    CHECK(result.parted.distance <= 10 + 1e-6);
     REQUIRE_FALSE(result.warnings.empty());
     CHECK(result.warnings.back().find("do the parts still meet") != std::string::npos);
   };
