@@ -36,6 +36,8 @@ TopoDS_Shape read_shape(std::string_view bytes, const std::string& name) {
                    ": no BREP data (they begin with 'CASCADE Topology' or 'Open CASCADE "
                    "Topology'). In FreeCAD shape.exportBrepToString() makes them.");
   std::istringstream in{std::string(bytes)};
+  // OCCT reads on after the end, a wrong number of times.
+  in.exceptions(std::ios::failbit | std::ios::badbit);
   TopoDS_Shape shape;
   if (is_binary)
     BinTools::Read(shape, in);
@@ -53,6 +55,8 @@ CadModel read_brep(std::string_view bytes, const std::string& name) {
   try {
     OCC_CATCH_SIGNALS
     return unpack_model(pack_shape(read_shape(bytes, name), {name, "millimetre", {}}));
+  } catch (const std::ios::failure&) {
+    fail_damaged(name, "");
   } catch (const Standard_Failure& failure) {
     fail_damaged(name, std::string(" (OCCT: ") + failure.GetMessageString() + ")");
   }
