@@ -6,7 +6,6 @@
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
 #include <NCollection_DataMap.hxx>
-#include <OSD.hxx>
 #include <STEPControl_Reader.hxx>
 #include <Standard_ErrorHandler.hxx>
 #include <Standard_Failure.hxx>
@@ -21,13 +20,14 @@
 #include <XSControl_TransferReader.hxx>
 #include <XSControl_WorkSession.hxx>
 #include <algorithm>
-#include <array>
-#include <csignal>
 #include <fstream>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <sstream>
 
 #include "cad/brep_builder.h"
+#include "cad/fault_guard.h"
 #include "cad/packed_model.h"
 #include "core/errors.h"
 
@@ -47,42 +47,28 @@ std::string read_part(std::ifstream& in, std::streamoff from, std::streamoff cou
   return part;
 }
 
-// OCCT follows unresolved references of damaged files into the void; while it reads, such a fault
-// becomes a Standard_Failure. The handlers before are put back, those of interrupts at once.
-class FaultGuard {
- public:
-  FaultGuard() {
-    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], nullptr, &before_[i]);
-    OSD::SetSignal(OSD_SignalMode_Set, false);
-    restore(kFaults);
-  }
-  ~FaultGuard() { restore(0); }
-  FaultGuard(const FaultGuard&) = delete;
-  FaultGuard& operator=(const FaultGuard&) = delete;
-
- private:
-  static constexpr std::size_t kFaults = 4;  // the first of kSignals
-  static constexpr std::array kSignals{SIGSEGV, SIGBUS, SIGFPE, SIGILL,  SIGSYS,
-                                       SIGTRAP, SIGHUP, SIGINT, SIGQUIT, SIGTERM};
-
-  void restore(std::size_t from) {
-    for (std::size_t i = from; i < kSignals.size(); ++i)
-      sigaction(kSignals[i], &before_[i], nullptr);
-  }
-
-  std::array<struct sigaction, kSignals.size()> before_;
-};
-
 // Whether the pcurves are those of the file, or made anew from the 3D curves. OCCT fails on some
 // that the files hold: hyperbolas over a range for which they are not meant.
 enum PcurveMode { kFilesPcurves = 0, kOwnPcurves = 3 };
 
-std::unique_ptr<STEPControl_Reader> read_and_transfer(const std::string& name, PcurveMode mode) {
+// A STEP file: on disk, or in memory where there are bytes.
+struct StepSource {
+  std::string name;
+  std::optional<std::string_view> bytes = {};
+};
+
+IFSelect_ReturnStatus read_source(STEPControl_Reader& reader, const StepSource& source) {
+  if (!source.bytes) return reader.ReadFile(source.name.c_str());
+  std::istringstream in{std::string(*source.bytes)};
+  return reader.ReadStream(source.name.c_str(), in);
+}
+
+std::unique_ptr<STEPControl_Reader> read_and_transfer(const StepSource& source, PcurveMode mode) {
   auto reader = std::make_unique<STEPControl_Reader>();
   Interface_Static::SetCVal("xstep.cascade.unit", "MM");
   Interface_Static::SetIVal("read.surfacecurve.mode", mode);
-  if (reader->ReadFile(name.c_str()) != IFSelect_RetDone)
-    throw CadError(name +
+  if (read_source(*reader, source) != IFSelect_RetDone)
+    throw CadError(source.name +
                    ": the STEP reader rejects it (syntax error or damaged data). Export the "
                    "part again.");
   reader->TransferRoots();
@@ -139,50 +125,27 @@ class FaceNames {
   NCollection_DataMap<TopoDS_Shape, Handle(Standard_Transient), TopTools_ShapeMapHasher> any_;
 };
 
-}  // namespace
-
-bool is_step_file(const std::filesystem::path& path) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) return false;
-  std::ifstream in(path, std::ios::binary | std::ios::ate);
-  if (!in) return false;
-  const auto piece = std::min<std::streamoff>(in.tellg(), kEndSearch);
-  return read_part(in, 0, piece).find(kStart) != std::string::npos;
-}
-
 // OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
-void check_step_file(const std::filesystem::path& path) {
-  const std::string name = path.string();
-  std::error_code unreadable;
-  if (!std::filesystem::exists(path, unreadable))
-    throw IoError(name + (unreadable ? ": can't be reached (" + unreadable.message() + ")."
-                                     : ": no such file. Check the path of the STEP file."));
-  if (std::filesystem::is_directory(path, unreadable))
-    throw IoError(name + " is a folder, not a STEP file.");
-  std::ifstream in(path, std::ios::binary | std::ios::ate);
-  if (!in) throw IoError(name + ": can't be opened. Check its permissions.");
-  const std::streamoff size = in.tellg();
-  const auto piece = std::min<std::streamoff>(size, kEndSearch);
-  if (read_part(in, 0, piece).find(kStart) == std::string::npos)
+void check_frame(const std::string& name, std::string_view start, std::string_view end) {
+  if (start.find(kStart) == std::string_view::npos)
     throw CadError(name +
                    ": not a STEP file (no ISO-10303-21 header). Export the part as STEP "
                    "AP203, AP214 or AP242.");
-  if (read_part(in, size - piece, piece).find(kEnd) == std::string::npos)
+  if (end.find(kEnd) == std::string_view::npos)
     throw CadError(name +
                    ": truncated (no END-ISO-10303-21 at its end). The export or the copy was "
                    "interrupted; write the file again.");
 }
 
-std::string read_step_packed(const std::filesystem::path& path) {
-  check_step_file(path);
+std::string pack_step(const StepSource& source) {
   Message::DefaultMessenger()->ChangePrinters().Clear();
-  const std::string name = path.string();
+  const std::string& name = source.name;
   const FaultGuard guard;
   try {
     OCC_CATCH_SIGNALS
-    auto reader = read_and_transfer(name, kFilesPcurves);
+    auto reader = read_and_transfer(source, kFilesPcurves);
     if (failed_roots(*reader) > 0) {
-      auto other = read_and_transfer(name, kOwnPcurves);
+      auto other = read_and_transfer(source, kOwnPcurves);
       if (failed_roots(*other) < failed_roots(*reader)) reader = std::move(other);
     }
     const TopoDS_Shape shape = reader->OneShape();
@@ -195,8 +158,45 @@ std::string read_step_packed(const std::filesystem::path& path) {
   }
 }
 
+}  // namespace
+
+bool is_step_file(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return false;
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  if (!in) return false;
+  const auto piece = std::min<std::streamoff>(in.tellg(), kEndSearch);
+  return read_part(in, 0, piece).find(kStart) != std::string::npos;
+}
+
+void check_step_file(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  std::error_code unreadable;
+  if (!std::filesystem::exists(path, unreadable))
+    throw IoError(name + (unreadable ? ": can't be reached (" + unreadable.message() + ")."
+                                     : ": no such file. Check the path of the STEP file."));
+  if (std::filesystem::is_directory(path, unreadable))
+    throw IoError(name + " is a folder, not a STEP file.");
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  if (!in) throw IoError(name + ": can't be opened. Check its permissions.");
+  const std::streamoff size = in.tellg();
+  const auto piece = std::min<std::streamoff>(size, kEndSearch);
+  check_frame(name, read_part(in, 0, piece), read_part(in, size - piece, piece));
+}
+
+std::string read_step_packed(const std::filesystem::path& path) {
+  check_step_file(path);
+  return pack_step({path.string()});
+}
+
 CadModel read_step(const std::filesystem::path& path) {
   return unpack_model(read_step_packed(path));
+}
+
+CadModel read_step_bytes(std::string_view bytes, const std::string& name) {
+  const auto piece = std::min<std::size_t>(bytes.size(), kEndSearch);
+  check_frame(name, bytes.substr(0, piece), bytes.substr(bytes.size() - piece));
+  return unpack_model(pack_step({name, bytes}));
 }
 
 }  // namespace cadmorph

@@ -1,19 +1,13 @@
-# Installs the libraries and their headers so that find_package(cadmorph) finds cadmorph::core and
-# the others.
+# Installs the public library, so that find_package(cadmorph) and pkg-config find it.
 include(CMakePackageConfigHelpers)
 
 set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/cadmorph)
+set(header_dir ${CMAKE_INSTALL_INCLUDEDIR}/cadmorph)
 
-install(
-  TARGETS
-    cadmorph_core cadmorph_cad cadmorph_surface cadmorph_volume cadmorph_outputs cadmorph_pipeline
-  EXPORT cadmorphTargets)
-foreach(folder core cad surface volume)
-  install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cadmorph
-    FILES_MATCHING PATTERN "*.h")
-endforeach()
-install(DIRECTORY apps/pipeline DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cadmorph/apps
-  FILES_MATCHING PATTERN "*.h")
+install(TARGETS cadmorph_shared EXPORT cadmorphTargets
+  LIBRARY COMPONENT library NAMELINK_COMPONENT development)
+install(DIRECTORY apps/library/include/cadmorph/ DESTINATION ${header_dir})
+install(FILES core/errors.h core/types.h DESTINATION ${header_dir}/core)
 install(EXPORT cadmorphTargets NAMESPACE cadmorph:: DESTINATION ${config_dir})
 
 configure_package_config_file(cmake/cadmorphConfig.cmake.in
@@ -24,6 +18,8 @@ install(
   FILES ${PROJECT_BINARY_DIR}/cadmorphConfig.cmake
     ${PROJECT_BINARY_DIR}/cadmorphConfigVersion.cmake
   DESTINATION ${config_dir})
+configure_file(cmake/cadmorph.pc.in ${PROJECT_BINARY_DIR}/cadmorph.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/cadmorph.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 
 # The pages, and the model that they show the commands on.
 install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}

@@ -1,12 +1,16 @@
-# `cpack --config build/CPackConfig.cmake` makes two Debian packages: cadmorph, the programs with
-# manual pages, completion, docs and a model; libcadmorph-dev, the libraries.
+# `cpack --config build/CPackConfig.cmake` makes Debian packages: cadmorph, the programs with manual
+# pages, completion, docs and a model; libcadmorph0.1, the library; libcadmorph-dev, its headers;
+# python3-cadmorph, the Python module, which needs none of the others.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "moves a simulation mesh onto a changed CAD model")
 set(CPACK_PACKAGE_CONTACT "the authors of cadmorph <cadmorph@localhost>")
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR})
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_ALL cadmorph development)
+set(CPACK_COMPONENTS_ALL cadmorph library development)
+if(TARGET cadmorph_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+endif()
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
@@ -15,8 +19,12 @@ set(CPACK_DEBIAN_CADMORPH_PACKAGE_NAME cadmorph)
 set(CPACK_DEBIAN_CADMORPH_PACKAGE_RECOMMENDS "xvfb, libgl1-mesa-dri")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libcadmorph-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(soname libcadmorph${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME ${soname})
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
-  "libeigen3-dev, libhdf5-dev, libnanoflann-dev, libopenblas-dev, libpugixml-dev, libtbb-dev, \
-libvtk9-dev, zlib1g-dev, \
-libocct-data-exchange-dev, libocct-modeling-algorithms-dev, libocct-modeling-data-dev")
+  "libeigen3-dev, ${soname} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-cadmorph)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy")
 include(CPack)

@@ -59,12 +59,35 @@ ExtraArrays with_groups(const Mesh& mesh, ExtraArrays extra) {
   return extra;
 }
 
+/// Of a mesh that comes from no file, where MeshFile itself writes what can be written.
+class MemoryCopier : public MeshCopier {
+ public:
+  void write(const fs::path& target, const Points&, const Points&) const override {
+    check_target(target);
+  }
+  void check_target(const fs::path& target) const override {
+    throw InvalidInputError(
+        "can't write " + target.string() +
+        ": a mesh that comes from no file can be written as .vtu or .vtk alone");
+  }
+};
+
+Mesh checked(Mesh mesh, const std::string& name) {
+  try {
+    check_mesh(mesh);
+  } catch (const InvalidInputError& error) {
+    throw InvalidInputError(name + ": " + error.what());
+  }
+  return mesh;
+}
+
 }  // namespace
 
 struct MeshFile::Impl {
   fs::path path;
   std::string format;
   ReadMesh contents;
+  bool is_file = true;
 };
 
 MeshFile::MeshFile(const fs::path& path) : impl_(std::make_unique<Impl>()) {
@@ -72,11 +95,16 @@ MeshFile::MeshFile(const fs::path& path) : impl_(std::make_unique<Impl>()) {
   impl_->path = path;
   impl_->format = format.name;
   impl_->contents = format.read(path);
-  try {
-    check_mesh(impl_->contents.mesh);
-  } catch (const InvalidInputError& error) {
-    throw InvalidInputError(path.string() + ": " + error.what());
-  }
+  impl_->contents.mesh = checked(std::move(impl_->contents.mesh), path.string());
+}
+
+MeshFile::MeshFile(Mesh mesh, std::string name) : impl_(std::make_unique<Impl>()) {
+  tidy_groups(mesh);
+  impl_->contents.mesh = checked(std::move(mesh), name);
+  impl_->contents.copier = std::make_unique<MemoryCopier>();
+  impl_->path = std::move(name);
+  impl_->format = "memory";
+  impl_->is_file = false;
 }
 
 MeshFile::~MeshFile() = default;
@@ -100,7 +128,7 @@ bool MeshFile::takes_arrays(const fs::path& path) const {
 }
 
 void MeshFile::check_target(const fs::path& path) const {
-  check_copy_name(impl_->path, path);
+  if (impl_->is_file) check_copy_name(impl_->path, path);
   if (!is_vtk_name(path)) impl_->contents.copier->check_target(path);
 }
 

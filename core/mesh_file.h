@@ -49,6 +49,10 @@ class MeshFile {
   /// InvalidInputError when its contents are invalid (see check_mesh). VTK prints nothing
   /// meanwhile; its logger on stderr stays off from then on.
   explicit MeshFile(const std::filesystem::path& path);
+
+  /// A mesh that comes from no file: copies of it are new VTK files (.vtu, .vtk). `name` stands for
+  /// the path in messages. Throws InvalidInputError (see check_mesh).
+  MeshFile(Mesh mesh, std::string name);
   ~MeshFile();
   MeshFile(MeshFile&&) noexcept;
   MeshFile& operator=(MeshFile&&) noexcept;

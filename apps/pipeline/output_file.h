@@ -4,15 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "core/errors.h"
+#include "apps/library/include/cadmorph/errors.h"
 
 namespace cadmorph {
-
-/// A result can't be written.
-class OutputError : public Error {
- public:
-  using Error::Error;
-};
 
 /// Refuses an output that can't be written or is one of the inputs, before any work is done: its
 /// folder must exist and be writable, an existing file must be a regular one. Throws OutputError;

@@ -140,6 +140,7 @@ const CellNeighbours& MorphJob::neighbours() const { return base_->neighbours; }
 const Orientation& MorphJob::orientation() const { return base_->orientation; }
 const QualityReport& MorphJob::base_quality() const { return base_->quality; }
 const CacheReport& MorphJob::cache() const { return base_->report.cache; }
+const PipelineReport& MorphJob::base_report() const { return base_->report; }
 
 MorphResult MorphJob::morph(const CadModel& variant) const {
   MorphAttempt attempt = std::move(morph_each({variant}).front());

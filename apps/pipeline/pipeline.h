@@ -238,6 +238,8 @@ class MorphJob {
   const QualityReport& base_quality() const;
   /// What came of the file to keep the base side in.
   const CacheReport& cache() const;
+  /// The figures of the base side.
+  const PipelineReport& base_report() const;
 
  private:
   struct Merged;

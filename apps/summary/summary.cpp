@@ -320,8 +320,9 @@ std::string summary_text(const PipelineReport& report) {
   text += labelled("Time", time_line(report));
   text += labelled("Machine", machine_line(report));
   if (report.rounding.node >= 0) text += labelled("Rounding", rounding_text(report.rounding));
-  text +=
-      labelled(report.outcome == Outcome::Done ? "Written" : "Refused", report.written.string());
+  if (!report.written.empty())
+    text +=
+        labelled(report.outcome == Outcome::Done ? "Written" : "Refused", report.written.string());
   return text;
 }
 

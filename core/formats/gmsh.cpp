@@ -7,6 +7,7 @@
 #include "core/errors.h"
 #include "core/formats/coordinate_places.h"
 #include "core/formats/formats.h"
+#include "core/formats/gmsh_elements.h"
 #include "core/formats/node_numbers.h"
 #include "core/formats/number_input.h"
 
@@ -18,43 +19,6 @@ namespace {
 using enum CellType;
 
 constexpr int kIntSize = 4, kSizeSize = 8;
-
-struct ElementKind {
-  CellType type;
-  int nodes;                                ///< in the file
-  std::array<std::uint8_t, 27> order = {};  ///< place in the file of each of VTK's nodes
-};
-
-constexpr ElementKind linear(CellType type, int nodes) {
-  ElementKind kind{.type = type, .nodes = nodes};
-  for (int i = 0; i < nodes; ++i) kind.order[std::size_t(i)] = std::uint8_t(i);
-  return kind;
-}
-
-/// The elements by gmsh's numbers, from 1.
-constexpr ElementKind kKinds[] = {
-    linear(Line, 2),
-    linear(Triangle, 3),
-    linear(Quad, 4),
-    linear(Tetra, 4),
-    linear(Hexahedron, 8),
-    linear(Wedge, 6),
-    linear(Pyramid, 5),
-    linear(QuadraticEdge, 3),
-    linear(QuadraticTriangle, 6),
-    linear(BiquadraticQuad, 9),
-    {QuadraticTetra, 10, {0, 1, 2, 3, 4, 5, 6, 7, 9, 8}},
-    {TriquadraticHexahedron, 27, {0,  1,  2,  3,  4,  5,  6,  7,  8,  11, 13, 9,  16, 18,
-                                  19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26}},
-    {BiquadraticQuadraticWedge, 18, {0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11, 15, 17, 16}},
-    {QuadraticPyramid, 14, {0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12}},
-    linear(Vertex, 1),
-    linear(QuadraticQuad, 8),
-    {QuadraticHexahedron, 20, {0,  1, 2,  3,  4,  5,  6,  7,  8,  11,
-                               13, 9, 16, 18, 19, 17, 10, 12, 14, 15}},
-    {QuadraticWedge, 15, {0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11}},
-    {QuadraticPyramid, 13, {0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12}},
-};
 
 /// What the elements are whose numbers are known but that can't be read.
 std::string other_kind(Index number) {
@@ -393,16 +357,16 @@ class Reader {
       read_old_elements();
   }
 
-  const ElementKind& kind_of(Index number, std::size_t place) const {
-    if (number < 1 || number > std::ssize(kKinds))
+  const GmshElement& kind_of(Index number, std::size_t place) const {
+    if (number < 1 || number > std::ssize(kGmshElements))
       in_.fail_at(place, "an element of type " + std::to_string(number) + " is " +
                              other_kind(number) +
                              "; only those of first and second order are read: set "
                              "Mesh.ElementOrder to 1 or 2 and mesh again");
-    return kKinds[number - 1];
+    return kGmshElements[number - 1];
   }
 
-  void read_element_nodes(const ElementKind& kind, int size) {
+  void read_element_nodes(const GmshElement& kind, int size) {
     for (int i = 0; i < kind.nodes; ++i) {
       const std::size_t place = in_.place();
       const Index number = in_.integer("the number of a node", size);
@@ -416,7 +380,7 @@ class Reader {
 
   /// Adds the element read last as a cell; false when it repeats the one before: a file of version
   /// 2 lists an element of several physical groups once for each of them.
-  bool add_element(const ElementKind& kind, Index entity) {
+  bool add_element(const GmshElement& kind, Index entity) {
     const auto end = file_nodes_.begin() + kind.nodes;
     if (last_kind_ == &kind && last_entity_ == entity &&
         std::equal(file_nodes_.begin(), end, last_nodes_.begin())) {
@@ -435,7 +399,7 @@ class Reader {
     return true;
   }
 
-  void add_to_group(int dimension, Index tag, const ElementKind& kind) {
+  void add_to_group(int dimension, Index tag, const GmshElement& kind) {
     if (tag == 0) return;
     if (!last_group_ || last_key_ != EntityKey{dimension, tag}) {
       last_key_ = {dimension, tag};
@@ -459,7 +423,7 @@ class Reader {
       const int dimension = int(in_.integer("the dimension of an entity"));
       const Index tag = in_.integer("the tag of an entity");
       const std::size_t type_place = in_.place();
-      const ElementKind& kind = kind_of(in_.integer("an element type"), type_place);
+      const GmshElement& kind = kind_of(in_.integer("an element type"), type_place);
       const Index count = in_.count("the number of elements of a block", kSizeSize, 16, 4);
       const auto found = entities_.find({dimension, tag});
       const Entity entity =
@@ -485,14 +449,14 @@ class Reader {
       for (Index i = 0; i < count; ++i) {
         in_.integer("the number of an element");
         const std::size_t place = in_.place();
-        const ElementKind& kind = kind_of(in_.integer("an element type"), place);
+        const GmshElement& kind = kind_of(in_.integer("an element type"), place);
         read_old_element(kind, in_.text().count("the number of an element's tags"));
       }
       return;
     }
     for (Index read = 0; read < count;) {
       const std::size_t place = in_.place();
-      const ElementKind& kind = kind_of(in_.integer("an element type"), place);
+      const GmshElement& kind = kind_of(in_.integer("an element type"), place);
       const Index follow = in_.count("the number of elements that follow", kIntSize, 8, 1);
       const Index tags = in_.count("the number of an element's tags", kIntSize, 4, 1);
       if (follow < 1 || follow > count - read)
@@ -506,7 +470,7 @@ class Reader {
     }
   }
 
-  void read_old_element(const ElementKind& kind, Index tags) {
+  void read_old_element(const GmshElement& kind, Index tags) {
     Index physical = 0, elementary = 0;
     for (Index i = 0; i < tags; ++i) {
       const Index tag = in_.integer("a tag of an element");
@@ -625,7 +589,7 @@ class Reader {
   EntityKey last_key_;
 
   std::array<Index, 27> file_nodes_{}, nodes_{};  ///< of an element, in gmsh's and VTK's order
-  const ElementKind* last_kind_ = nullptr;        ///< of the cell added last
+  const GmshElement* last_kind_ = nullptr;        ///< of the cell added last
   Index last_entity_ = 0;
   std::array<Index, 27> last_nodes_{};
   std::vector<Index> physical_;  ///< of each cell, in files of version 2

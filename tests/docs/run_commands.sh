@@ -2,7 +2,7 @@
 # Runs the command lines of a page as they stand: run_commands.sh PAGE BUILD_FOLDER
 #
 # From a scratch copy of the repository's root, in order, with the programs of BUILD_FOLDER both as
-# build/apps/... and on the path; a line that ends otherwise than with 0 fails, unless a comment
+# build/apps/... and on the path, and the Python module; a line that ends otherwise than with 0 fails, unless a comment
 # "# exit N" closes it. Lines that others run (see page_commands.py) are left out.
 set -euo pipefail
 page=$(realpath "$1")
@@ -14,7 +14,10 @@ trap 'rm -rf "$scratch"' EXIT
 cp -r "$root/models" "$root/docs" "$scratch"
 mkdir -p "$scratch/build" "$scratch/out"
 ln -s "$programs" "$scratch/build/apps"
-export PATH="$programs:$PATH"
+# Debian's Python has what the module needs.
+mkdir "$scratch/bin"
+if [[ -x /usr/bin/python3 ]]; then ln -s /usr/bin/python3 "$scratch/bin"; fi
+export PATH="$programs:$scratch/bin:$PATH" PYTHONPATH=$programs/python PYTHONDONTWRITEBYTECODE=1
 cd "$scratch"
 
 lines=$("$root/tests/docs/page_commands.py" list ctest "$page")

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "api.h"
+#include "cad_model.h"
+#include "mesh.h"
+#include "options.h"
+#include "progress.h"
+#include "report.h"
+#include "types.h"
+
+namespace cadmorph::CADMORPH_V1 {
+
+/// A mesh morphed onto a variant. Copies share the data, also of the Morpher that made it.
+class MorphResult {
+ public:
+  const Points& positions() const;  ///< N x 3, in the mesh's unit
+  const Report& report() const;
+  std::string summary() const;  ///< the report as the program prints it
+  std::string json() const;     ///< the report as the program's --json writes it
+
+  /// Writes the mesh with the new positions, as Mesh::write; a refused one, its bad cells marked in
+  /// the cell array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the
+  /// arrays of the program's --diagnostics. Throws as Mesh::write does.
+  WrittenMesh write(const std::filesystem::path& path, bool has_diagnostics = false) const;
+
+  struct Impl;
+  explicit MorphResult(std::shared_ptr<const Impl> impl);
+  const Impl& impl() const { return *impl_; }
+
+ private:
+  std::shared_ptr<const Impl> impl_;
+};
+
+struct MorphCall {
+  Progress progress = {};
+  /// Returns a result with inverted elements, or poorer ones than asked for, instead of throwing.
+  bool keep_refused = false;
+};
+
+/// The base side of a morph: all that depends on the base CAD, its mesh and the options alone, for
+/// any number of variants.
+class Morpher {
+ public:
+  /// Finds the CAD entity of each surface node, measures the mesh and sets up the volume morph.
+  /// Throws AssociationError where the mesh does not lie on the base; InvalidInputError for an
+  /// option that makes no sense, or a mesh without a surface; SolverError where a system is too
+  /// large.
+  Morpher(const CadModel& base, const Mesh& mesh, const MorphOptions& options = {},
+          const Progress& progress = {});
+
+  /// Morphs onto a variant: to the last bit what the program writes. Throws TopologyError where the
+  /// models do not correspond, QualityError for a result that is refused (see MorphCall),
+  /// SolverError, CancelledError; InvalidInputError while another call on this object is at work,
+  /// for it serves one thread at a time.
+  MorphResult morph(const CadModel& variant, const MorphCall& call = {}) const;
+
+  const CadModel& base() const;
+  const Mesh& mesh() const;
+  const Report& report() const;  ///< of the base: what `after` and the like would say is empty
+
+  /// Ids of the nodes whose positions the CAD prescribes, ascending.
+  const std::vector<Index>& surface_nodes() const;
+
+  struct Impl;
+
+ private:
+  std::shared_ptr<Impl> impl_;
+};
+
+}  // namespace cadmorph::CADMORPH_V1

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "api.h"
+
+namespace cadmorph::CADMORPH_V1 {
+
+/// What mesh surface on no CAD face (far field, symmetry plane) does.
+enum class Unmatched {
+  Auto,   ///< planar patches slide where they touch moved surface, all else stays
+  Error,  ///< refuse
+  Fix,    ///< stays
+  Slide,  ///< slides in its plane
+};
+
+/// How the volume nodes follow the surface (docs/evaluation.md).
+enum class Method { Rbf, Femwarp, Lbwarp, SimplexLinear };
+
+/// Linear solver of Method::Rbf (docs/reference.md).
+enum class Solver { Auto, Adaptive, Lu, Ldlt, Cholesky, Iqr, Fast };
+
+/// When to repair inverted elements by optimisation.
+enum class Untangle {
+  Auto,  ///< where steps did not help
+  Never,
+  Always,  ///< at once, instead of steps
+};
+
+/// How to morph. The defaults are the program's; docs/choosing.md tells what to change when.
+struct MorphOptions {
+  std::optional<double> mesh_unit_mm = {};  ///< millimetres per mesh unit; none: detected
+  /// Largest distance of a surface node from the CAD, in its shortest mesh edge.
+  double association_tolerance = 0.1;
+  bool snap = false;  ///< puts nodes exactly on the CAD instead of keeping their offset
+  Unmatched unmatched = Unmatched::Auto;
+  std::vector<std::string> hold = {};    ///< named parts of the mesh whose nodes stay
+  std::vector<std::string> slide = {};   ///< named parts on no CAD face that slide in their plane
+  std::vector<std::string> follow = {};  ///< named parts on no CAD face that follow the volume
+  /// Base and variant face numbers, from 1 as `cadmorph match` prints them.
+  std::vector<std::pair<int, int>> face_map = {};
+  Method method = Method::Rbf;
+  Solver solver = Solver::Auto;
+  double solver_tolerance = 1e-5;   ///< residual of the iterative solvers, in local edge lengths
+  double memory_limit_bytes = 8e9;  ///< that a solver may take
+  int steps = 0;                    ///< 0: one, more while elements are inverted
+  int max_steps = 8;                ///< where `steps` is 0
+  Untangle untangle = Untangle::Auto;
+  std::optional<double> improve_below = {};        ///< raises elements with a scaled Jacobian below
+  std::optional<double> min_scaled_jacobian = {};  ///< refuses a result with an element below
+};
+
+}  // namespace cadmorph::CADMORPH_V1

@@ -1,0 +1,119 @@
+#include <cmath>
+
+#include "apps/library/impl.h"
+
+namespace cadmorph::v1 {
+namespace {
+
+void check_positive(double value, const char* name) {
+  if (!(value > 0) || !std::isfinite(value))
+    throw InvalidInputError("the option " + std::string(name) + " is " + std::to_string(value) +
+                            "; give a number above 0");
+}
+
+void check_range(const std::optional<double>& value, double low, const char* name) {
+  if (value && !(*value >= low && *value <= 1))
+    throw InvalidInputError("the option " + std::string(name) + " is " + std::to_string(*value) +
+                            "; a scaled Jacobian lies in [" + std::to_string(int(low)) + ", 1]");
+}
+
+void check(const MorphOptions& options) {
+  if (options.mesh_unit_mm) check_positive(*options.mesh_unit_mm, "mesh_unit_mm");
+  check_positive(options.association_tolerance, "association_tolerance");
+  check_positive(options.solver_tolerance, "solver_tolerance");
+  check_positive(options.memory_limit_bytes, "memory_limit_bytes");
+  check_range(options.improve_below, 0, "improve_below");
+  check_range(options.min_scaled_jacobian, -1, "min_scaled_jacobian");
+  if (options.steps < 0)
+    throw InvalidInputError("the option steps is " + std::to_string(options.steps) +
+                            "; give 0 (as many as it takes) or a number of steps");
+  if (options.max_steps < 1)
+    throw InvalidInputError("the option max_steps is " + std::to_string(options.max_steps) +
+                            "; give at least 1");
+}
+
+UnmatchedPolicy inner(Unmatched unmatched) {
+  switch (unmatched) {
+    case Unmatched::Auto:
+      return UnmatchedPolicy::Auto;
+    case Unmatched::Error:
+      return UnmatchedPolicy::Error;
+    case Unmatched::Fix:
+      return UnmatchedPolicy::Fix;
+    case Unmatched::Slide:
+      return UnmatchedPolicy::Slide;
+  }
+  throw InvalidInputError("the option unmatched has no such choice");
+}
+
+MorphMethod inner(Method method) {
+  switch (method) {
+    case Method::Rbf:
+      return MorphMethod::Rbf;
+    case Method::Femwarp:
+      return MorphMethod::Femwarp;
+    case Method::Lbwarp:
+      return MorphMethod::Lbwarp;
+    case Method::SimplexLinear:
+      return MorphMethod::SimplexLinear;
+  }
+  throw InvalidInputError("the option method has no such choice");
+}
+
+SolverKind inner(Solver solver) {
+  switch (solver) {
+    case Solver::Auto:
+      return SolverKind::Auto;
+    case Solver::Adaptive:
+      return SolverKind::Adaptive;
+    case Solver::Lu:
+      return SolverKind::Lu;
+    case Solver::Ldlt:
+      return SolverKind::Ldlt;
+    case Solver::Cholesky:
+      return SolverKind::Cholesky;
+    case Solver::Iqr:
+      return SolverKind::Iqr;
+    case Solver::Fast:
+      return SolverKind::Fast;
+  }
+  throw InvalidInputError("the option solver has no such choice");
+}
+
+UntangleMode inner(Untangle untangle) {
+  switch (untangle) {
+    case Untangle::Auto:
+      return UntangleMode::Auto;
+    case Untangle::Never:
+      return UntangleMode::Never;
+    case Untangle::Always:
+      return UntangleMode::Always;
+  }
+  throw InvalidInputError("the option untangle has no such choice");
+}
+
+}  // namespace
+
+PipelineOptions inner_options(const MorphOptions& options) {
+  check(options);
+  PipelineOptions result;
+  result.surface.association.tolerance = options.association_tolerance;
+  result.surface.association.mesh_unit_mm = options.mesh_unit_mm.value_or(0);
+  result.surface.snap = options.snap;
+  result.surface.unmatched = inner(options.unmatched);
+  result.surface.groups = {
+      .held = options.hold, .sliding = options.slide, .following = options.follow};
+  result.volume.method = inner(options.method);
+  result.volume.rbf.solver = inner(options.solver);
+  result.volume.rbf.tolerance = options.solver_tolerance;
+  result.volume.rbf.memory_limit = options.memory_limit_bytes;
+  result.stepping.steps = options.steps;
+  result.stepping.max_steps = options.max_steps;
+  result.untangle = inner(options.untangle);
+  result.improve_below = options.improve_below;
+  result.min_scaled_jacobian = options.min_scaled_jacobian;
+  result.face_map = options.face_map;
+  return result;
+}
+
+}  // namespace cadmorph::v1

@@ -1,0 +1,59 @@
+"""Moves a simulation mesh from one CAD model onto a changed version of it (docs/python.md).
+
+    morpher = cadmorph.Morpher(cadmorph.CadModel.from_step("base.step"), cadmorph.Mesh.read("mesh.vtu"))
+    result = morpher.morph(cadmorph.CadModel.from_step("variant.step"))
+    result.write("mesh.variant.vtu")
+
+Points are float64 arrays of shape (N, 3) in the mesh's own unit; CAD models are in millimetres.
+"""
+
+from ._native import (
+    AssociationError,
+    CadError,
+    CadFigures,
+    CadModel,
+    CancelledError,
+    Diagnosis,
+    Error,
+    GroupFigures,
+    InvalidInputError,
+    IoError,
+    Mesh,
+    Morpher,
+    MorphResult,
+    NodeFigures,
+    OutputError,
+    QualityError,
+    QualityFigures,
+    Report,
+    SolverError,
+    TopologyError,
+    __version__,
+    set_thread_count,
+    thread_count,
+)
+
+__all__ = [
+    "AssociationError",
+    "CadError",
+    "CadFigures",
+    "CadModel",
+    "CancelledError",
+    "Diagnosis",
+    "Error",
+    "GroupFigures",
+    "InvalidInputError",
+    "IoError",
+    "Mesh",
+    "Morpher",
+    "MorphResult",
+    "NodeFigures",
+    "OutputError",
+    "QualityError",
+    "QualityFigures",
+    "Report",
+    "SolverError",
+    "TopologyError",
+    "set_thread_count",
+    "thread_count",
+]

@@ -1,0 +1,460 @@
+// The Python module cadmorph._native: the public interface for numpy arrays.
+
+#include <cadmorph/cadmorph.h>
+#include <pybind11/eigen.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <sstream>
+
+#include "apps/python/convert.h"
+#include "apps/python/errors.h"
+#include "apps/python/progress.h"
+#include "apps/python/reports.h"
+
+namespace cadmorph::python {
+namespace {
+
+using namespace py::literals;
+
+template <class Choice>
+Choice choose(const char* option, const std::string& text,
+              std::initializer_list<std::pair<const char*, Choice>> choices) {
+  std::string names;
+  for (const auto& [name, choice] : choices) {
+    if (text == name) return choice;
+    names += (names.empty() ? "'" : ", '") + std::string(name) + "'";
+  }
+  throw InvalidInputError(std::string(option) + ": '" + text + "' is no choice; give one of " +
+                          names);
+}
+
+Unmatched unmatched_of(const std::string& text) {
+  return choose<Unmatched>("unmatched", text,
+                           {{"auto", Unmatched::Auto},
+                            {"error", Unmatched::Error},
+                            {"fix", Unmatched::Fix},
+                            {"slide", Unmatched::Slide}});
+}
+
+Method method_of(const std::string& text) {
+  return choose<Method>("method", text,
+                        {{"rbf", Method::Rbf},
+                         {"femwarp", Method::Femwarp},
+                         {"lbwarp", Method::Lbwarp},
+                         {"simplex-linear", Method::SimplexLinear}});
+}
+
+Solver solver_of(const std::string& text) {
+  return choose<Solver>("solver", text,
+                        {{"auto", Solver::Auto},
+                         {"adaptive", Solver::Adaptive},
+                         {"lu", Solver::Lu},
+                         {"ldlt", Solver::Ldlt},
+                         {"cholesky", Solver::Cholesky},
+                         {"iqr", Solver::Iqr},
+                         {"fast", Solver::Fast}});
+}
+
+Untangle untangle_of(const std::string& text) {
+  return choose<Untangle>(
+      "untangle", text,
+      {{"auto", Untangle::Auto}, {"never", Untangle::Never}, {"always", Untangle::Always}});
+}
+
+std::string path_of(const py::object& path) {
+  const Source source = to_source(path);
+  if (!source.bytes.is_none())
+    throw InvalidInputError("expected a path, not the contents of a file");
+  return source.path;
+}
+
+std::string name_of(const py::object& name, const py::object& source, const char* otherwise) {
+  if (!name.is_none()) return py::str(name);
+  if (py::hasattr(source, "name")) return py::str(source.attr("name"));
+  return otherwise;
+}
+
+CadModel read_step_source(const py::object& object, const py::object& name) {
+  const Source source = to_source(object);
+  if (source.bytes.is_none()) {
+    const py::gil_scoped_release release;
+    return CadModel::from_step(source.path);
+  }
+  const std::string called = name_of(name, object, "STEP in memory");
+  const std::string_view bytes = source.view();
+  const py::gil_scoped_release release;
+  return CadModel::from_step_bytes(bytes, called);
+}
+
+CadModel read_brep_source(const py::object& object, const py::object& name) {
+  const bool is_text = py::isinstance<py::str>(object);
+  const Source source = to_source(is_text ? object.attr("encode")() : object);
+  if (source.bytes.is_none())
+    throw InvalidInputError(
+        "expected a shape's BREP data as bytes, text or an open file, not a path");
+  const std::string called = name_of(name, object, "BREP in memory");
+  const std::string_view bytes = source.view();
+  const py::gil_scoped_release release;
+  return CadModel::from_brep_bytes(bytes, called);
+}
+
+// CAD programs agree on the format, not on how to ask for it.
+CadModel read_shape(const py::object& shape, const py::object& name) {
+  if (py::hasattr(shape, "exportBrepToString"))  // FreeCAD
+    return read_brep_source(shape.attr("exportBrepToString")(), name);
+  const py::object buffer = py::module_::import("io").attr("BytesIO")();
+  if (py::hasattr(shape, "exportBrep"))  // CadQuery
+    shape.attr("exportBrep")(buffer);
+  else if (py::hasattr(shape, "val"))  // CadQuery's workplane
+    return read_shape(shape.attr("val")(), name);
+  else if (py::hasattr(shape, "wrapped"))  // build123d
+    py::module_::import("build123d").attr("export_brep")(shape, buffer);
+  else
+    throw InvalidInputError("expected a shape of FreeCAD, CadQuery or build123d, not " +
+                            std::string(py::str(py::type::of(shape))) +
+                            "; of another program give its BREP data to from_brep");
+  return read_brep_source(buffer.attr("getvalue")(), name);
+}
+
+std::string describe(const CadModel& model) {
+  std::ostringstream text;
+  text << "CadModel('" << model.name() << "', " << model.face_count() << " faces, "
+       << model.diagonal_mm() << " mm)";
+  return text.str();
+}
+
+void add_cad_model(py::module_& module) {
+  py::class_<CadModel>(module, "CadModel",
+                       "A CAD model in millimetres. It does not change; threads may share it.")
+      .def_static("from_step", &read_step_source, "source"_a, "name"_a = py::none(),
+                  "Reads STEP (AP203, AP214, AP242) from a path, from bytes in memory or from an "
+                  "open binary file; `name` stands for the path in reports and messages. Raises "
+                  "IoError, CadError.")
+      .def_static("from_brep", &read_brep_source, "data"_a, "name"_a = py::none(),
+                  "Reads a shape in OCCT's BREP format (bytes, text or an open file), lengths in "
+                  "millimetres. Raises CadError.")
+      .def_static("from_shape", &read_shape, "shape"_a, "name"_a = py::none(),
+                  "Takes a shape of FreeCAD (Part.Shape), CadQuery or build123d, without a file. "
+                  "Raises CadError.")
+      .def_property_readonly("name", &CadModel::name)
+      .def_property_readonly("unit", &CadModel::unit,
+                             "Length unit named in the file; the model is in millimetres.")
+      .def_property_readonly("face_count", &CadModel::face_count)
+      .def_property_readonly("edge_count", &CadModel::edge_count)
+      .def_property_readonly("vertex_count", &CadModel::vertex_count)
+      .def_property_readonly("solid_count", &CadModel::solid_count)
+      .def_property_readonly("lower_mm", &CadModel::lower_mm, "Corner of the bounding box, (3,).")
+      .def_property_readonly("upper_mm", &CadModel::upper_mm, "Corner of the bounding box, (3,).")
+      .def_property_readonly("diagonal_mm", &CadModel::diagonal_mm, "Of the bounding box.")
+      .def("__repr__", &describe);
+}
+
+Mesh make_mesh(const py::object& points, const py::object& cells, const py::object& celltypes,
+               const py::object& regions, const py::object& groups, const std::string& name) {
+  MeshArrays arrays = to_mesh_arrays(points, cells, celltypes, regions, groups);
+  const py::gil_scoped_release release;
+  return Mesh(std::move(arrays), name);
+}
+
+Mesh mesh_of_gmsh(const py::object& node_tags, const py::object& coordinates,
+                  const py::object& element_types, const py::object& element_node_tags,
+                  const std::string& name) {
+  const auto tags_of = [](const py::object& object, const std::string& what) {
+    std::vector<std::size_t> tags;
+    for (const Index tag : to_integers(object, what)) tags.push_back(std::size_t(tag));
+    return tags;
+  };
+  const std::vector<std::size_t> tags = tags_of(node_tags, "node_tags");
+  const py::object rows =
+      py::module_::import("numpy").attr("asarray")(coordinates).attr("reshape")(-1, 3);
+  Points points = to_points(rows, "coordinates", std::ssize(tags));
+  const std::vector<Index> types = to_integers(element_types, "element_types");
+  if (!py::isinstance<py::sequence>(element_node_tags) ||
+      py::len(element_node_tags) != types.size())
+    throw InvalidInputError("element_node_tags: expected a list of " +
+                            std::to_string(types.size()) + " arrays, one for each element type");
+  std::vector<GmshElements> elements;
+  for (std::size_t i = 0; i < types.size(); ++i)
+    elements.push_back({int(types[i]), tags_of(element_node_tags[py::int_(i)],
+                                               "element_node_tags[" + std::to_string(i) + "]")});
+  const py::gil_scoped_release release;
+  return Mesh::from_gmsh(tags, std::move(points), elements, name);
+}
+
+Mesh mesh_of_meshio(const py::object& mesh) {
+  return make_mesh(mesh.attr("points"), mesh.attr("cells"), py::none(), py::none(), py::none(),
+                   "mesh of meshio");
+}
+
+Mesh mesh_of_pyvista(const py::object& grid) {
+  return make_mesh(grid.attr("points"), grid.attr("cells"), grid.attr("celltypes"), py::none(),
+                   py::none(), "mesh of PyVista");
+}
+
+py::array points_of(const py::object& self) {
+  const Points& points = self.cast<const Mesh&>().points();
+  return view(points.data(), {points.rows(), 3}, self);
+}
+
+// VTK's flat array: number of nodes, their ids, the next cell's number, ...
+py::array flat_cells(const Mesh& mesh) {
+  std::vector<Index> flat;
+  flat.reserve(mesh.connectivity().size() + std::size_t(mesh.cell_count()));
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    const Index first = mesh.offsets()[c], end = mesh.offsets()[c + 1];
+    flat.push_back(end - first);
+    flat.insert(flat.end(), mesh.connectivity().begin() + first, mesh.connectivity().begin() + end);
+  }
+  return take(std::move(flat));
+}
+
+py::dict groups_of(const Mesh& mesh) {
+  py::dict result;
+  for (MeshGroup& group : mesh.groups()) result[py::str(group.name)] = take(std::move(group.nodes));
+  return result;
+}
+
+py::object path_object(const std::filesystem::path& path) {
+  return py::module_::import("pathlib").attr("Path")(path.string());
+}
+
+py::object write_mesh(const Mesh& mesh, const py::object& path, const py::object& positions) {
+  const std::string target = path_of(path);
+  const Points points =
+      positions.is_none() ? mesh.points() : to_points(positions, "positions", mesh.node_count());
+  const auto written = [&] {
+    const py::gil_scoped_release release;
+    return mesh.write(target, points);
+  }();
+  return path_object(written.path);
+}
+
+void add_mesh(py::module_& module) {
+  py::class_<Mesh>(module, "Mesh",
+                   "A mesh: shells and solids of first and second order, polyhedra from files. It "
+                   "does not change; threads may share it.")
+      .def(py::init(&make_mesh), "points"_a, "cells"_a, "celltypes"_a = py::none(), py::kw_only(),
+           "regions"_a = py::none(), "groups"_a = py::none(), "name"_a = "mesh in memory",
+           "Takes arrays. points: float64 (N, 3), in the mesh's own unit. cells: a list of (type, "
+           "array (cells, nodes of one)) with meshio's names or VTK's numbers, node ids from 0 in "
+           "VTK's order; or VTK's flat array (number of nodes, ids, number, ...) with celltypes "
+           "(C,). regions: integers (C,). groups: a dict of names and node ids. Raises "
+           "InvalidInputError.")
+      .def_static(
+          "read",
+          [](const py::object& path) {
+            const std::string name = path_of(path);
+            const py::gil_scoped_release release;
+            return Mesh::read(name);
+          },
+          "path"_a,
+          "Reads a file or folder of any format of docs/formats.md. Raises IoError, "
+          "InvalidInputError.")
+      .def_static("from_gmsh", &mesh_of_gmsh, "node_tags"_a, "coordinates"_a, "element_types"_a,
+                  "element_node_tags"_a, "name"_a = "mesh of gmsh",
+                  "Takes what gmsh.model.mesh.getNodes() (the first two) and getElements() (the "
+                  "first and the last) return; nodes keep their order. Raises InvalidInputError.")
+      .def_static("from_meshio", &mesh_of_meshio, "mesh"_a,
+                  "Takes a meshio.Mesh: its points and cells. Raises InvalidInputError.")
+      .def_static("from_pyvista", &mesh_of_pyvista, "grid"_a,
+                  "Takes a pyvista.UnstructuredGrid: its points, which must be of double "
+                  "precision, and cells. Raises InvalidInputError.")
+      .def(
+          "at",
+          [](const Mesh& mesh, const py::object& positions) {
+            return mesh.at(to_points(positions, "positions", mesh.node_count()));
+          },
+          "positions"_a,
+          "The same mesh at other positions (N, 3), float64: where a morph begins that goes on "
+          "from "
+          "another one. Raises InvalidInputError.")
+      .def("write", &write_mesh, "path"_a, "positions"_a = py::none(),
+           "Writes a copy at positions (N, 3): of a file to the byte as it was but for coordinates "
+           "that changed; of arrays as .vtu or .vtk. Returns the path. Raises OutputError, "
+           "InvalidInputError.")
+      .def_property_readonly("points", &points_of,
+                             "float64 (N, 3), in the mesh's own unit; a view, not writable.")
+      .def_property_readonly(
+          "celltypes", [](const Mesh& mesh) { return take(mesh.types()); },
+          "uint8 (C,): VTK's numbers.")
+      .def_property_readonly(
+          "offsets",
+          [](const py::object& self) {
+            const auto& offsets = self.cast<const Mesh&>().offsets();
+            return view(offsets.data(), {py::ssize_t(offsets.size())}, self);
+          },
+          "int64 (C + 1,): where each cell begins in connectivity; a view, not writable.")
+      .def_property_readonly(
+          "connectivity",
+          [](const py::object& self) {
+            const auto& nodes = self.cast<const Mesh&>().connectivity();
+            return view(nodes.data(), {py::ssize_t(nodes.size())}, self);
+          },
+          "int64: node ids, cell after cell; a view, not writable.")
+      .def_property_readonly("cells", &flat_cells,
+                             "int64: VTK's flat array, as pyvista.UnstructuredGrid takes it.")
+      .def_property_readonly(
+          "regions",
+          [](const py::object& self) {
+            const auto& regions = self.cast<const Mesh&>().regions();
+            return view(regions.data(), {py::ssize_t(regions.size())}, self);
+          },
+          "int32 (C,), or empty; a view, not writable.")
+      .def_property_readonly("groups", &groups_of, "A dict of names and node ids.")
+      .def_property_readonly("node_count", &Mesh::node_count)
+      .def_property_readonly("cell_count", &Mesh::cell_count)
+      .def_property_readonly("format", &Mesh::format)
+      .def_property_readonly("name", &Mesh::name)
+      .def_property_readonly("remarks", &Mesh::remarks, "What the file's user should know.")
+      .def("__repr__", [](const Mesh& mesh) {
+        return "Mesh('" + mesh.name() + "', " + std::to_string(mesh.node_count()) + " nodes, " +
+               std::to_string(mesh.cell_count()) + " cells)";
+      });
+}
+
+void add_result(py::module_& module) {
+  py::class_<MorphResult>(module, "MorphResult", "A mesh morphed onto a variant.")
+      .def_property_readonly(
+          "positions",
+          [](const py::object& self) {
+            const Points& points = self.cast<const MorphResult&>().positions();
+            return view(points.data(), {points.rows(), 3}, self);
+          },
+          "float64 (N, 3), in the mesh's unit; a view, not writable.")
+      .def_property_readonly("report", &MorphResult::report, py::return_value_policy::copy)
+      .def("summary", &MorphResult::summary, "The report as the program prints it.")
+      .def("json", &MorphResult::json, "The report as the program's --json writes it.")
+      .def(
+          "write",
+          [](const MorphResult& result, const py::object& path, bool has_diagnostics) {
+            const std::string target = path_of(path);
+            const auto written = [&] {
+              const py::gil_scoped_release release;
+              return result.write(target, has_diagnostics);
+            }();
+            return path_object(written.path);
+          },
+          "path"_a, "diagnostics"_a = false,
+          "Writes the mesh with the new positions, as Mesh.write; a refused one, its bad cells "
+          "marked in cadmorph_bad, to <stem>.failed.<ext> beside. diagnostics adds the arrays of "
+          "the program's --diagnostics. Returns the path. Raises OutputError, InvalidInputError.")
+      .def("__repr__", [](const MorphResult& result) {
+        return "MorphResult(" + std::to_string(result.positions().rows()) + " nodes, moved by at " +
+               "most " + std::string(py::str(py::float_(result.report().max_displacement_mm))) +
+               " mm)";
+      });
+}
+
+std::unique_ptr<Morpher> make_morpher(
+    const CadModel& base, const Mesh& mesh, const py::object& progress,
+    std::optional<double> mesh_unit_mm, double association_tolerance, bool snap,
+    const std::string& unmatched, std::vector<std::string> hold, std::vector<std::string> slide,
+    std::vector<std::string> follow, std::vector<std::pair<int, int>> face_map,
+    const std::string& method, const std::string& solver, double solver_tolerance,
+    double memory_limit_bytes, int steps, int max_steps, const std::string& untangle,
+    std::optional<double> improve_below, std::optional<double> min_scaled_jacobian) {
+  const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
+                             .association_tolerance = association_tolerance,
+                             .snap = snap,
+                             .unmatched = unmatched_of(unmatched),
+                             .hold = std::move(hold),
+                             .slide = std::move(slide),
+                             .follow = std::move(follow),
+                             .face_map = std::move(face_map),
+                             .method = method_of(method),
+                             .solver = solver_of(solver),
+                             .solver_tolerance = solver_tolerance,
+                             .memory_limit_bytes = memory_limit_bytes,
+                             .steps = steps,
+                             .max_steps = max_steps,
+                             .untangle = untangle_of(untangle),
+                             .improve_below = improve_below,
+                             .min_scaled_jacobian = min_scaled_jacobian};
+  return run_unlocked(progress, [&](const Progress& tell) {
+    return std::make_unique<Morpher>(base, mesh, options, tell);
+  });
+}
+
+void add_morpher(py::module_& module) {
+  const MorphOptions defaults;
+  py::class_<Morpher>(
+      module, "Morpher",
+      "The base side of a morph: all that depends on the base CAD, its mesh and the "
+      "options alone, for any number of variants. It serves one thread at a time.")
+      .def(
+          py::init(&make_morpher), "base"_a, "mesh"_a, py::kw_only(), "progress"_a = py::none(),
+          "mesh_unit_mm"_a = py::none(), "association_tolerance"_a = defaults.association_tolerance,
+          "snap"_a = false, "unmatched"_a = "auto", "hold"_a = defaults.hold,
+          "slide"_a = defaults.slide, "follow"_a = defaults.follow,
+          "face_map"_a = defaults.face_map, "method"_a = "rbf", "solver"_a = "auto",
+          "solver_tolerance"_a = defaults.solver_tolerance,
+          "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
+          "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "improve_below"_a = py::none(),
+          "min_scaled_jacobian"_a = py::none(),
+          R"(Finds the CAD entity of each surface node, measures the mesh and sets up the volume morph.
+
+progress: called with the phase's name and the fraction of it done; returns False to cancel.
+mesh_unit_mm: millimetres per mesh unit; None: detected.
+association_tolerance: largest distance of a surface node from the CAD, in its shortest mesh edge.
+snap: puts nodes exactly on the CAD instead of keeping their offset.
+unmatched: what surface on no CAD face does: 'auto', 'error', 'fix', 'slide'.
+hold, slide, follow: names of parts of the mesh that stay, slide in their plane, follow the volume.
+face_map: pairs of base and variant face numbers, from 1 as 'cadmorph match' prints them.
+method: 'rbf', 'femwarp', 'lbwarp', 'simplex-linear'.
+solver: 'auto', 'adaptive', 'lu', 'ldlt', 'cholesky', 'iqr', 'fast'.
+solver_tolerance: residual of the iterative solvers, in local edge lengths.
+steps: 0: one, more (up to max_steps) while elements are inverted; or how many.
+untangle: repair of inverted elements by optimisation: 'auto', 'never', 'always'.
+improve_below: raises elements with a scaled Jacobian below, by optimisation.
+min_scaled_jacobian: refuses a result with an element below.
+
+Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
+      .def(
+          "morph",
+          [](const Morpher& morpher, const CadModel& variant, const py::object& progress,
+             bool keep_refused) {
+            return run_unlocked(progress, [&](const Progress& tell) {
+              return morpher.morph(variant, {.progress = tell, .keep_refused = keep_refused});
+            });
+          },
+          "variant"_a, py::kw_only(), "progress"_a = py::none(), "keep_refused"_a = false,
+          "Morphs onto a variant: to the last bit what the program writes. progress: as above. "
+          "keep_refused returns a result with inverted or too poor elements instead of raising "
+          "QualityError. Raises TopologyError, QualityError, SolverError, CancelledError; "
+          "InvalidInputError while another call is at work on this object.")
+      .def_property_readonly("base", &Morpher::base, py::return_value_policy::copy)
+      .def_property_readonly("mesh", &Morpher::mesh, py::return_value_policy::copy)
+      .def_property_readonly("report", &Morpher::report, py::return_value_policy::copy,
+                             "Of the base side: what 'after' and the like would say is empty.")
+      .def_property_readonly(
+          "surface_nodes",
+          [](const py::object& self) {
+            const auto& nodes = self.cast<const Morpher&>().surface_nodes();
+            return view(nodes.data(), {py::ssize_t(nodes.size())}, self);
+          },
+          "int64: ids of the nodes whose positions the CAD prescribes; a view, not writable.")
+      .def("__repr__", [](const Morpher& morpher) {
+        return "Morpher('" + morpher.base().name() + "', '" + morpher.mesh().name() + "')";
+      });
+}
+
+}  // namespace
+
+PYBIND11_MODULE(_native, module) {
+  use_fitting_blas_kernel();
+  module.attr("__version__") = version();
+  add_errors(module);
+  add_reports(module);
+  add_cad_model(module);
+  add_mesh(module);
+  add_result(module);
+  add_morpher(module);
+  module.def(
+      "set_thread_count", &set_thread_count, "count"_a,
+      "Limits the number of threads that cadmorph, and its OpenBLAS, use; 0: all processors. "
+      "Results are the same to the last bit whatever the number.");
+  module.def("thread_count", &thread_count, "The number of threads in use.");
+}
+
+}  // namespace cadmorph::python

@@ -1,0 +1,11 @@
+# The Python module, where it is built: a ctest for each file of tests.
+if(NOT TARGET cadmorph_python)
+  return()
+endif()
+foreach(subject mesh morpher bad_arguments stubs memory)
+  add_test(NAME python.${subject}
+    COMMAND ${Python_EXECUTABLE} -m unittest --verbose ${subject}_test
+    WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/python)
+  set_tests_properties(python.${subject} PROPERTIES TIMEOUT 600
+    ENVIRONMENT "PYTHONPATH=$<TARGET_FILE_DIR:cadmorph_python>/..;PYTHONDONTWRITEBYTECODE=1;CADMORPH_MODELS=${PROJECT_SOURCE_DIR}/models;CADMORPH_PROGRAM=$<TARGET_FILE:cadmorph>")
+endforeach()
