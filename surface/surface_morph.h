@@ -39,6 +39,7 @@ struct SurfaceMorphResult {
   Parameters uv;                 ///< there: face (u, v), edge (t, 0)
   Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
   Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
+  std::vector<int> mirrored;     ///< nodes on faces that are images of each other, ascending
   std::vector<std::string> folds;     ///< faces with folded facets: a line each
   std::vector<Index> folded_facets;   ///< of the boundary, by face
   std::vector<std::string> warnings;  ///< other remarks: a line each

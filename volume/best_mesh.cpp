@@ -62,8 +62,8 @@ class BestMesh {
         orientation_(orientation),
         options_(options),
         is_fixed_(std::move(is_fixed)) {
-    result_.positions = positions;
-    result_.quality = quality;
+    result_.positions = at_.positions = positions;
+    result_.quality = at_.quality = quality;
     result_.report.base = worst_cells(reference.quality);
     result_.report.plain = result_.report.best = worst_cells(quality);
   }
@@ -74,7 +74,8 @@ class BestMesh {
       for (const int doublings : {2, 3}) raise(RaiseBy::InnerNodes, doublings);
       if (kept() < kLostMuch && options_.sliding && (sliding_ = options_.sliding())) {
         for (const Index node : sliding_->nodes) is_fixed_[node] = is_flat_[node];
-        slides_ = sliding_->slides;
+        for (const Index node : options_.held) is_fixed_[node] = 1;
+        at_.slides = slides_ = sliding_->slides;
         for (const int doublings : {2, 3, 4}) raise(RaiseBy::SlidingNodes, doublings);
         result_.report.slid_nodes =
             ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
@@ -105,7 +106,7 @@ class BestMesh {
 
   // The worst cells of those that lost, worst first.
   std::vector<Index> seeds() const {
-    const std::vector<double>& values = result_.quality.values;
+    const std::vector<double>& values = at_.quality.values;
     std::vector<Index> result;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (is_measured(values[c]) && values[c] < kKept * reference_.quality.values[c])
@@ -146,8 +147,8 @@ class BestMesh {
       const Patch around = patch();
       if (around.nodes.empty()) return;
       FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
-      VectorXd x = free.start(result_.positions, slides_);
-      ShapeEnergy energy(mesh_, reference_.points, result_.positions, std::move(free), around.cells,
+      VectorXd x = free.start(at_.positions, at_.slides);
+      ShapeEnergy energy(mesh_, reference_.points, at_.positions, std::move(free), around.cells,
                          orientation_);
       energy.set_power(doublings);
       RaiseAttempt attempt;
@@ -155,7 +156,7 @@ class BestMesh {
       attempt.power = 1 << doublings;
       attempt.cells = std::ssize(around.cells);
       minimise(energy, x, attempt);
-      RowMatrix slides = slides_;
+      RowMatrix slides = at_.slides;
       energy.free_nodes().read_slides(x, slides);
       if (hold_nodes_off_surface(slides)) continue;
       judge(energy.positions(), std::move(slides), attempt);
@@ -180,29 +181,37 @@ class BestMesh {
   bool hold_nodes_off_surface(const RowMatrix& slides) {
     bool has_any = false;
     for (Index i = 0; i < slides.rows(); ++i)
-      if (slides.row(i) != slides_.row(i) && !sliding_->is_within(i, slides.row(i).transpose()))
+      if (slides.row(i) != at_.slides.row(i) && !sliding_->is_within(i, slides.row(i).transpose()))
         is_fixed_[sliding_->nodes[i]] = has_any = true;
     return has_any;
   }
 
+  // The next attempt starts where this one ended, unless that is no mesh to hand out.
   void judge(const Points& positions, RowMatrix slides, RaiseAttempt& attempt) {
     BestMeshReport& report = result_.report;
-    QualityReport quality = measure_quality(mesh_, positions, orientation_);
-    attempt.after = worst_cells(quality);
-    const WorstCells& now = attempt.after;
-    if (now.min < report.plain.min || now.worst_twentieth < report.plain.worst_twentieth ||
-        sum_of_shares(now, report.base) <= sum_of_shares(report.best, report.base) ||
-        (sliding_ && options_.is_folded && options_.is_folded(positions, slides)))
-      return;
     ValidityReport validity = check_validity(mesh_, positions, orientation_);
-    if (validity.invalid > validity_.invalid) return;
+    if (validity.invalid > validity_.invalid ||
+        (sliding_ && options_.is_folded && options_.is_folded(positions, slides))) {
+      at_ = {result_.positions, result_.quality, slides_};
+      return;
+    }
+    at_ = {positions, measure_quality(mesh_, positions, orientation_), std::move(slides)};
+    const WorstCells now = attempt.after = worst_cells(at_.quality);
+    if (now.min < report.plain.min || now.worst_twentieth < report.plain.worst_twentieth ||
+        sum_of_shares(now, report.base) <= sum_of_shares(report.best, report.base))
+      return;
     attempt.is_taken = true;
     report.best = now;
-    result_.positions = positions;
-    result_.quality = std::move(quality);
-    slides_ = std::move(slides);
-    validity_ = std::move(validity);
+    result_.positions = at_.positions;
+    result_.quality = at_.quality;
+    slides_ = at_.slides;
   }
+
+  struct State {
+    Points positions;
+    QualityReport quality;
+    RowMatrix slides;
+  };
 
   const Mesh& mesh_;
   const ReferenceShape& reference_;
@@ -211,7 +220,8 @@ class BestMesh {
   std::vector<char> is_fixed_, is_flat_;
   std::optional<NodeCells> incidence_;
   const SlidingNodes* sliding_ = nullptr;
-  RowMatrix slides_;
+  State at_;          ///< where the last attempt ended
+  RowMatrix slides_;  ///< of the result
   ValidityReport validity_;
   double work_ = 0;
   BestMeshResult result_;

@@ -48,6 +48,8 @@ struct BestMeshReport {
 struct BestMeshOptions {
   /// Surface nodes that may slide, asked for when inner nodes alone do not do; may be empty.
   std::function<const SlidingNodes*()> sliding = {};
+  /// Sliding nodes that stay nevertheless: ids.
+  std::vector<Index> held = {};
   /// Whether nodes slid so that valid cells overlap.
   std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
   Progress progress = {};

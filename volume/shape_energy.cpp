@@ -109,6 +109,19 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
                                                          : kSqrt2;
       for (const NodeRows& slopes : element.samples)
         result->push_back({{}, slopes, element.shape == Shape::Simplex, unit});
+      if (element.shape != Shape::Pyramid) break;
+      const auto tangent = [&](int i) {  // at the apex, towards a corner
+        VectorXd w = VectorXd::Zero(element.nodes);
+        w[i % 4 + 9] = 4;
+        w[4] = -3;
+        w[i % 4] = -1;
+        return w;
+      };
+      for (int i = 0; i < 4; ++i) {
+        NodeRows slopes(element.nodes, 3);
+        slopes << tangent(i), tangent(i + 3), tangent(i + 2);
+        result->push_back({{}, slopes, false, unit});
+      }
     }
   }
   known = std::move(result);

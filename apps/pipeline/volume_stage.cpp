@@ -137,6 +137,18 @@ void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result)
   settle_slid_nodes(base, result);
 }
 
+// Surface nodes that may slide to repair a mesh, but not to raise its cells: those at rest, and
+// those that match others on the opposite side of a periodic mesh.
+std::vector<Index> nodes_to_hold(const MorphBase& base, const SurfaceMorphResult& surface) {
+  std::vector<Index> result;
+  for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
+    if (const Index node = base.boundary.nodes[row];
+        surface.positions.row(row) == base.mesh().points.row(node) ||
+        std::ranges::binary_search(surface.mirrored, static_cast<int>(row)))
+      result.push_back(node);
+  return result;
+}
+
 // Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
 void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   const PipelineOptions& options = base.options;
@@ -150,6 +162,7 @@ void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& resu
   std::vector<char> is_fixed = base.fixed_nodes();
   for (const Index node : base.boundary.nodes) is_fixed[node] = 1;
   BestMeshOptions how;
+  how.held = nodes_to_hold(base, result.surface);
   how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
     return sliding.is_folded(positions, slides);
