@@ -80,7 +80,7 @@ std::optional<MirrorPair> pair_of(const SurfaceMesh& surface, const Points& move
       moves_alike &= (mirror.linear * motion(a.border[i]) - motion((*border)[i])).norm() <=
                      kSameMotion * tolerance;
     }
-    if (moves_alike) return MirrorPair{a.inner, std::move(*inner), mirror.linear, 0};
+    if (moves_alike) return MirrorPair{a.inner, std::move(*inner), mirror.linear, 0, 0};
   }
   return std::nullopt;
 }
@@ -96,6 +96,7 @@ std::vector<MirrorPair> find_mirror_pairs(const SurfaceMesh& surface, const Poin
       if (is_image[b] || sheets[a].inner.empty()) continue;
       if (auto pair = pair_of(surface, moved, sheets[a], sheets[b], tolerance)) {
         is_image[b] = 1;
+        pair->original = a;
         pair->image = b;
         pairs.push_back(std::move(*pair));
       }

@@ -18,7 +18,8 @@ struct PlaneSheet {
 struct MirrorPair {
   std::vector<int> from, to;  ///< inner nodes of the first sheet, and their images in the second
   Eigen::Matrix3d mirror;     ///< carries displacements onto those of the images
-  std::size_t image;          ///< the second sheet
+  std::size_t original;       ///< the first sheet
+  std::size_t image;          ///< the second one
 };
 
 /// The pairs of sheets all of whose nodes are images of each other, within `tolerance`

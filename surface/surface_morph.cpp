@@ -140,7 +140,7 @@ struct SurfaceMorph::Impl {
                        const Placement& placed) const;
   void move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps, Placement& placed,
                   SurfaceMorphResult& result) const;
-  void mirror_faces(const ModelPair& pair, Placement& placed) const;
+  std::vector<int> mirror_faces(const ModelPair& pair, Placement& placed) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
@@ -291,8 +291,9 @@ void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const std::vector<Cur
     if (!faces[f].rows.empty()) unfold(pair, maps, f, mapped[f], placed, result);
 }
 
-// The sides of a periodic or extruded mesh move alike, whatever their parameters say.
-void SurfaceMorph::Impl::mirror_faces(const ModelPair& pair, Placement& placed) const {
+// The sides of a periodic or extruded mesh move alike, whatever their parameters say. Returns their
+// nodes.
+std::vector<int> SurfaceMorph::Impl::mirror_faces(const ModelPair& pair, Placement& placed) const {
   const Points moved = surface.points + (placed.feet - feet);
   std::vector<PlaneSheet> sheets;
   std::vector<int> face_of;
@@ -318,8 +319,12 @@ void SurfaceMorph::Impl::mirror_faces(const ModelPair& pair, Placement& placed) 
     sheets.push_back(std::move(sheet));
     face_of.push_back(f);
   }
+  std::vector<int> mirrored;
   for (const MirrorPair& found :
        find_mirror_pairs(surface, moved, sheets, plane_tolerance(surface))) {
+    for (const std::size_t sheet : {found.original, found.image})
+      for (const auto& nodes : {sheets[sheet].inner, sheets[sheet].border})
+        mirrored.insert(mirrored.end(), nodes.begin(), nodes.end());
     const int variant = pair.match.faces[face_of[found.image]];
     for (std::size_t i = 0; i < found.to.size(); ++i) {
       const int from = found.from[i], to = found.to[i];
@@ -330,6 +335,8 @@ void SurfaceMorph::Impl::mirror_faces(const ModelPair& pair, Placement& placed) 
       placed.uv.row(to) = foot.uv;
     }
   }
+  std::ranges::sort(mirrored);
+  return mirrored;
 }
 
 // Replaces a folded map by a finer one, or by projection, where that folds less.
@@ -492,7 +499,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
     placed.cross(row, to);
   SurfaceMorphResult result;
   self.move_faces(pair, maps, placed, result);
-  self.mirror_faces(pair, placed);
+  result.mirrored = self.mirror_faces(pair, placed);
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;

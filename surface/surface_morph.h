@@ -40,9 +40,10 @@ struct SurfaceMorphResult {
   Parameters uv;                 ///< there: face (u, v), edge (t, 0)
   Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
   Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
-  std::vector<std::string> folds;    ///< faces with folded facets: a line each
-  std::vector<Index> folded_facets;  ///< of the boundary, by face
   PartedJoints parted;
+  std::vector<int> mirrored;          ///< nodes on faces that are images of each other, ascending
+  std::vector<std::string> folds;     ///< faces with folded facets: a line each
+  std::vector<Index> folded_facets;   ///< of the boundary, by face
   std::vector<std::string> warnings;  ///< other remarks: a line each
   /// What faces took that would fold else, and the faces; nothing to do about.
   std::map<std::string, std::vector<std::string>> remedies;

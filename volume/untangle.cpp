@@ -10,6 +10,7 @@
 #include "volume/distortion.h"
 #include "volume/held_cells.h"
 #include "volume/lbfgs.h"
+#include "volume/node_cells.h"
 
 namespace cadmorph {
 namespace {
@@ -36,26 +37,6 @@ constexpr double kLeastRise = 0.1;
 // took minutes to.
 constexpr double kMostPasses = 100;
 constexpr double kSmallWork = 1e8;
-
-// Positions x cells -> cells at each node.
-class NodeCells {
- public:
-  explicit NodeCells(const Mesh& mesh) : first_(mesh.node_count() + 1, 0) {
-    for (const Index node : mesh.connectivity) ++first_[node + 1];
-    for (std::size_t n = 1; n < first_.size(); ++n) first_[n] += first_[n - 1];
-    cells_.resize(mesh.connectivity.size());
-    auto next = first_;
-    for (Index c = 0; c < mesh.cell_count(); ++c)
-      for (const Index node : mesh.cell(c)) cells_[next[node]++] = c;
-  }
-  std::span<const Index> cells(Index node) const {
-    return {cells_.data() + first_[node],
-            static_cast<std::size_t>(first_[node + 1] - first_[node])};
-  }
-
- private:
-  std::vector<Index> first_, cells_;
-};
 
 // The cells within some rings of the seeds, and the nodes that may move.
 struct Neighbourhood {

@@ -129,6 +129,12 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
              "repair inverted elements by optimisation: auto when steps did not help, always at "
              "once instead of steps (default: auto)")
       ->group(group);
+  add_choice(
+      app, "--quality", raw.pipeline.quality,
+      {{"best", QualityMode::Best}, {"fast", QualityMode::Fast}},
+      "best: where elements lost shape, raise the worst by optimisation; fast: leave them as "
+      "the volume morph does (default: best)")
+      ->group(group);
   app.add_option("--improve", raw.pipeline.improve_below,
                  "raise elements with a scaled Jacobian below by optimisation")
       ->check(CLI::Range(0.0, 1.0))

@@ -17,6 +17,7 @@
 #include "core/quality_checks.h"
 #include "core/validity.h"
 #include "surface/surface_morph.h"
+#include "volume/best_mesh.h"
 #include "volume/deformation_field.h"
 #include "volume/stepping.h"
 #include "volume/untangle.h"
@@ -31,11 +32,19 @@ enum class UntangleMode {
   Always,  ///< also to raise elements that became poor
 };
 
+/// What is done for the elements of a valid result.
+enum class QualityMode {
+  Best,  ///< where they lost, the worst are raised (find_best_mesh)
+  Fast,  ///< nothing: the positions are those of the volume morph
+};
+
 struct PipelineOptions {
   SurfaceMorphOptions surface;
   VolumeMorphOptions volume;
   SteppingOptions stepping;
   UntangleMode untangle = UntangleMode::Auto;
+  /// Has no meaning, as Fast, where `untangle` is Never or `can_repair` false.
+  QualityMode quality = QualityMode::Best;
   /// Raises elements whose scaled Jacobian is below by optimisation.
   std::optional<double> improve_below;
   /// The result is refused when any cell's scaled Jacobian is below.
@@ -140,6 +149,7 @@ struct PipelineReport {
   RbfReport solver;
   SteppingReport stepping;
   std::optional<UntangleReport> untangling;
+  std::optional<BestMeshReport> best_mesh;  ///< none where it was not looked for
   std::optional<ImproveReport> improving;
   bool can_repair = true;              ///< see PipelineOptions
   double min_asked = 0;                ///< PipelineOptions::min_scaled_jacobian, or 0

@@ -94,9 +94,9 @@ class Sliding {
   void move_to(RowMatrix slides) { nodes_->slides = std::move(slides); }
 
   // Whether a repair slid nodes over each other, so that valid cells overlap.
-  bool is_folded(const UntangleResult& repaired) const {
+  bool is_folded(const Points& positions, const RowMatrix& slides) const {
     return count_turned_facets(base_.mesh(), base_.surface->association(), base_.boundary, *nodes_,
-                               repaired.positions, repaired.slides) > 0;
+                               positions, slides) > 0;
   }
 
  private:
@@ -122,7 +122,7 @@ void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result)
     UntangleResult repaired =
         untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
     if (repaired.report.after > 0) return;
-    if (!sliding.is_folded(repaired)) found = std::move(repaired);
+    if (!sliding.is_folded(repaired.positions, repaired.slides)) found = std::move(repaired);
   }
   if (!found) return;
   UntangleResult& repaired = *found;
@@ -134,6 +134,47 @@ void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result)
   sliding.move_to(std::move(repaired.slides));
   result.surface.folds.clear();
   result.surface.folded_facets.clear();
+  settle_slid_nodes(base, result);
+}
+
+// Surface nodes that may slide to repair a mesh, but not to raise its cells: those at rest, and
+// those that match others on the opposite side of a periodic mesh.
+std::vector<Index> nodes_to_hold(const MorphBase& base, const SurfaceMorphResult& surface) {
+  std::vector<Index> result;
+  for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
+    if (const Index node = base.boundary.nodes[row];
+        surface.positions.row(row) == base.mesh().points.row(node) ||
+        std::ranges::binary_search(surface.mirrored, static_cast<int>(row)))
+      result.push_back(node);
+  return result;
+}
+
+// Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
+void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& result) {
+  const PipelineOptions& options = base.options;
+  if (options.quality == QualityMode::Fast || options.untangle == UntangleMode::Never ||
+      !options.can_repair || result.validity.invalid > base.validity.invalid)
+    return;
+  const Points& reference = base.mesh_file->mesh().points;
+  std::optional<QualityReport> of_file;
+  if (base.moved) of_file = measure_quality(base.mesh(), reference, base.orientation);
+  // Surface nodes that nothing prescribes stay where the morph put them, on their surface.
+  std::vector<char> is_fixed = base.fixed_nodes();
+  for (const Index node : base.boundary.nodes) is_fixed[node] = 1;
+  BestMeshOptions how;
+  how.held = nodes_to_hold(base, result.surface);
+  how.sliding = [&] { return sliding.nodes(); };
+  how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
+    return sliding.is_folded(positions, slides);
+  };
+  BestMeshResult best =
+      find_best_mesh(base.mesh(), {reference, of_file ? *of_file : base.quality}, result.positions,
+                     result.quality, is_fixed, base.orientation, how);
+  result.report.best_mesh = std::move(best.report);
+  result.positions = std::move(best.positions);
+  result.quality = std::move(best.quality);
+  if (best.slides.rows() == 0) return;
+  sliding.move_to(std::move(best.slides));
   settle_slid_nodes(base, result);
 }
 
@@ -150,7 +191,7 @@ bool raise(const MorphBase& base, Sliding* sliding, MorphResult& result) {
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
   const double least = result.quality.min * (sliding ? kWorthSliding : 1);
   if (improved.report.after > 0 || now.min <= least) return false;
-  if (sliding && sliding->is_folded(improved)) return false;
+  if (sliding && sliding->is_folded(improved.positions, improved.slides)) return false;
   result.positions = std::move(improved.positions);
   result.quality = std::move(now);
   result.report.improving->slid_nodes = improved.report.slid_nodes;
@@ -203,6 +244,7 @@ std::vector<char> on_cad(const MorphBase& base) {
 
 void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+  raise_lost_cells(base, sliding, result);
   improve_result(base, sliding, result);
   PipelineReport& figures = result.report;
   set_quality(figures.after, result.quality, result.validity,

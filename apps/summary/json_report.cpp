@@ -106,6 +106,26 @@ Json to_json(const LayerFigures& layers) {
           {"mean_growth_after", json_number(layers.growth_after)}};
 }
 
+Json to_json(const WorstCells& worst) {
+  return {{"min_scaled_jacobian", json_number(worst.min)},
+          {"worst_twentieth", json_number(worst.worst_twentieth)}};
+}
+
+Json to_json(const BestMeshReport& best) {
+  Json attempts = Json::array();
+  for (const RaiseAttempt& attempt : best.attempts)
+    attempts.push_back(
+        {{"by", attempt.by == RaiseBy::InnerNodes ? "inner nodes" : "inner and sliding nodes"},
+         {"power", attempt.power},
+         {"cells", attempt.cells},
+         {"passes", json_number(attempt.passes)},
+         {"after", to_json(attempt.after)},
+         {"is_taken", attempt.is_taken}});
+  return {{"base", to_json(best.base)},    {"plain", to_json(best.plain)},
+          {"best", to_json(best.best)},    {"attempts", attempts},
+          {"slid_nodes", best.slid_nodes}, {"seconds", json_number(best.seconds)}};
+}
+
 Json to_json(const LegReport& leg) {
   Json json = {{"cad", to_json(leg.cad)},
                {"matched_by", leg.matched_by},
@@ -213,6 +233,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
                                     {"seconds", json_number(report.solver.seconds)}};
   json["stepping"] = to_json(report.stepping);
   if (report.untangling) json["untangling"] = to_json(*report.untangling);
+  if (report.best_mesh) json["best_mesh"] = to_json(*report.best_mesh);
   if (report.improving)
     json["improving"] = {{"below", report.improving->below},
                          {"poor_before", report.improving->poor_before},

@@ -134,6 +134,16 @@ std::string improve_line(const ImproveReport& report) {
          slid_part(report.slid_nodes);
 }
 
+std::string best_mesh_line(const BestMeshReport& report) {
+  const auto taken = std::ranges::count(report.attempts, true, &RaiseAttempt::is_taken);
+  return format(
+             "smallest scaled Jacobian from %.4f to %.4f, mean of the worst 5 %% from %.4f to "
+             "%.4f; %td of %td attempts taken",
+             report.plain.min, report.best.min, report.plain.worst_twentieth,
+             report.best.worst_twentieth, taken, std::ssize(report.attempts)) +
+         slid_part(report.slid_nodes);
+}
+
 std::string leg_text(const LegReport& leg) {
   const int steps = leg.stepping.steps;
   return leg.cad.file.filename().string() +
@@ -308,6 +318,8 @@ std::string summary_text(const PipelineReport& report) {
   text += labelled("Volume morph", solver_line(report));
   if (report.stepping.attempts.size() > 1)
     text += labelled("Steps tried", attempts_line(report.stepping) + " inverted");
+  if (report.best_mesh && !report.best_mesh->attempts.empty())
+    text += labelled("Raised", best_mesh_line(*report.best_mesh));
   if (report.improving) text += labelled("Improving", improve_line(*report.improving));
   if (report.untangling) text += labelled("Untangling", untangle_line(*report.untangling));
   for (std::size_t i = 0; i < report.legs.size(); ++i)

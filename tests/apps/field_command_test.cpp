@@ -78,7 +78,7 @@ TEST_CASE("A field applied to its mesh gives the main job's mesh", "[apps][field
   const Workplace place;
   const std::string files =
       bore("base.step") + " " + bore("step20.step") + " " + bore("hex.vtu") + " -o ";
-  REQUIRE(place.run(files + "morphed.vtu --quiet").exit_code == 0);
+  REQUIRE(place.run(files + "morphed.vtu --quality fast --quiet").exit_code == 0);
   const RunResult made = place.run("field " + files + "field.cmf --json field.json");
   REQUIRE(made.exit_code == 0);
   CHECK_THAT(made.out, Contains("field.cmf"));
@@ -116,7 +116,8 @@ TEST_CASE("The field of a surface alone moves the volume mesh", "[apps][field]")
   const std::string cad = bore("base.step") + " " + bore("step20.step") + " ";
   REQUIRE(place.run("field " + cad + "surface.vtu -o field.cmf --quiet").exit_code == 0);
   REQUIRE(place.run("apply field.cmf " + bore("hex.vtu") + " -o out.vtu --quiet").exit_code == 0);
-  REQUIRE(place.run(cad + bore("hex.vtu") + " -o morphed.vtu --quiet").exit_code == 0);
+  REQUIRE(place.run(cad + bore("hex.vtu") + " -o morphed.vtu --quality fast --quiet").exit_code ==
+          0);
   const Points a = points_of(place, "out.vtu"), b = points_of(place, "morphed.vtu");
   for (const Index node : boundary.nodes) REQUIRE(a.row(node) == b.row(node));
   // Inside both are within the solver's tolerance of the interpolant: 1e-5 local edges each, and as
@@ -151,7 +152,7 @@ TEST_CASE("Pieces of a mesh moved one by one agree on their common nodes", "[app
 TEST_CASE("A field leads through CAD models on the way", "[apps][field]") {
   const Workplace place;
   const std::string trip = bore("base.step") + " " + bore("step20.step") + " " + bore("hex.vtu") +
-                           " --via " + bore("step10.step") + " --quiet -o ";
+                           " --via " + bore("step10.step") + " --quality fast --quiet -o ";
   REQUIRE(place.run(trip + "main.vtu").exit_code == 0);
   const RunResult field = place.run("field " + trip + "field.cmf");
   INFO(field.err);

@@ -1,0 +1,90 @@
+#include <catch2/catch.hpp>
+
+#include "cad_variants.h"
+#include "core/mesh_file.h"
+#include "core/parallel.h"
+#include "family_steps.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+
+const WorstCells& best(const MorphResult& result) { return result.report.best_mesh->best; }
+
+// A method as the others are compared: one step, nothing repaired.
+WorstCells alone(const std::string& mesh, const VolumeMorphOptions& volume, double change) {
+  PipelineOptions options;
+  options.volume = volume;
+  options.stepping.steps = 1;
+  options.untangle = UntangleMode::Never;
+  const MorphResult result = family_job("bore", mesh, options).morph(family_cad("bore", change));
+  CHECK_FALSE(result.report.best_mesh);
+  return worst_cells(result.quality);
+}
+
+}  // namespace
+
+TEST_CASE("No other method or kernel has a better mesh than the default", "[apps][families]") {
+  std::vector<VolumeMorphOptions> others(3);
+  others[0].method = MorphMethod::Femwarp;
+  others[1].method = MorphMethod::Lbwarp;
+  others[2].kernel = Kernel::biharmonic_3d();
+  for (const std::string mesh : {"hex", "tet"}) {
+    const MorphJob job = family_job("bore", mesh);
+    for (const double change : {0.5, 1.0}) {
+      const MorphResult result = job.morph(family_cad("bore", change));
+      REQUIRE(result.report.best_mesh);
+      CHECK(invalid_cells(job.mesh(), result.positions) == 0);
+      for (std::size_t i = 0; i < others.size(); ++i) {
+        INFO(mesh << ' ' << change << ", other " << i);
+        const WorstCells other = alone(mesh, others[i], change);
+        CHECK(best(result).min >= other.min);
+        CHECK(best(result).worst_twentieth >= other.worst_twentieth);
+      }
+    }
+  }
+}
+
+TEST_CASE("Raised cells are the same alone, together and on any number of threads",
+          "[apps][families]") {
+  const MorphJob job = family_job("bore", "hex");
+  const std::vector<CadModel> variants = {family_cad("bore", 0.6), family_cad("bore", 1)};
+  set_thread_count(1);
+  const MorphResult alone = job.morph(variants[1]);
+  set_thread_count(0);
+  const std::vector<MorphAttempt> together = job.morph_each(variants);
+  CHECK_FALSE(alone.report.best_mesh->attempts.empty());
+  CHECK(alone.positions == together[1].result.positions);
+}
+
+TEST_CASE("A morph that costs no shape, and one asked to be fast, are left as they are",
+          "[apps][families]") {
+  PipelineOptions options;
+  options.quality = QualityMode::Fast;
+  const CadModel same = family_cad("bore", 0), full = family_cad("bore", 1);
+  const MorphJob best = family_job("bore", "hex"), fast = family_job("bore", "hex", options);
+  const MorphResult still = best.morph(same);
+  REQUIRE(still.report.best_mesh);
+  CHECK(still.report.best_mesh->attempts.empty());
+  CHECK(still.positions == fast.morph(same).positions);
+  const MorphResult quick = fast.morph(full), raised = best.morph(full);
+  CHECK_FALSE(quick.report.best_mesh);
+  CHECK(raised.report.best_mesh->plain.min == quick.quality.min);
+  CHECK(raised.quality.min > quick.quality.min);
+}
+
+TEST_CASE("Cells are judged against the mesh file's after a morph, too", "[apps][families]") {
+  const MorphJob there = family_job("bore", "hex");
+  const MorphResult full = there.morph(family_cad("bore", 1));
+  CHECK(full.report.best_mesh->base.min == there.base_quality().min);
+  // Back again: what counts is the file's mesh, not the one that went on this way.
+  const MorphJob back(std::make_shared<const CadModel>(family_cad("bore", 1)),
+                      std::make_shared<const MeshFile>(model_file("bore/hex.vtu")), {},
+                      full.positions);
+  const MorphResult again = back.morph(family_cad("bore", 0));
+  CHECK(again.report.best_mesh->base.min == there.base_quality().min);
+  CHECK(again.quality.min > 0.9 * there.base_quality().min);
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,231 @@
+#include "volume/best_mesh.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "../core/sample_meshes.h"
+#include "core/layer_heights.h"
+#include "core/parallel.h"
+#include "volume/shape_energy.h"
+#include "volume_meshes.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+std::vector<Index> all(Index count) {
+  std::vector<Index> result(count);
+  for (Index i = 0; i < count; ++i) result[i] = i;
+  return result;
+}
+
+std::vector<Index> unfixed(const std::vector<char>& is_fixed) {
+  std::vector<Index> result;
+  for (Index i = 0; i < std::ssize(is_fixed); ++i)
+    if (!is_fixed[i]) result.push_back(i);
+  return result;
+}
+
+// The unit cube whose sides are fixed.
+struct FixedCube {
+  explicit FixedCube(Mesh given) : mesh(std::move(given)), is_fixed(mesh.node_count(), 0) {
+    for (const Index node : cube_surface(mesh)) is_fixed[node] = 1;
+    orientation = detect_orientation(mesh);
+    quality = measure_quality(mesh, mesh.points, orientation);
+  }
+
+  BestMeshResult raised(const Points& positions, const BestMeshOptions& options = {}) const {
+    return find_best_mesh(mesh, {mesh.points, quality}, positions,
+                          measure_quality(mesh, positions, orientation), is_fixed, orientation,
+                          options);
+  }
+
+  // Inner nodes off their places by up to `amount`, or less where that inverts cells.
+  Points disturbed(double amount) const {
+    Points result = shaken(mesh.points, amount, 3);
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      if (is_fixed[n]) result.row(n) = mesh.points.row(n);
+    return check_validity(mesh, result, orientation).invalid > 0 ? disturbed(0.7 * amount) : result;
+  }
+
+  Mesh mesh;
+  std::vector<char> is_fixed;
+  Orientation orientation;
+  QualityReport quality;
+};
+
+}  // namespace
+
+TEST_CASE("The slope of the shape energy is that of its values", "[volume][best]") {
+  for (const CellType type : solid_types()) {
+    const FixedCube cube(testing::cube(type, 2));
+    INFO(static_cast<int>(type));
+    const Points start = shaken(cube.mesh.points, 0.02, 5);
+    FreeNodes free(cube.mesh.node_count(), all(cube.mesh.node_count()), nullptr);
+    const VectorXd x = free.start(start, RowMatrix());
+    ShapeEnergy energy(cube.mesh, cube.mesh.points, start, std::move(free),
+                       all(cube.mesh.cell_count()), cube.orientation);
+    for (const int doublings : {1, 3}) {
+      energy.set_power(doublings);
+      VectorXd slope, unused;
+      REQUIRE(std::isfinite(energy(x, slope)));
+      const VectorXd direction = VectorXd::Random(x.size());
+      const double h = 1e-6;
+      const double ahead = energy(x + h * direction, unused);
+      const double behind = energy(x - h * direction, unused);
+      CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-5));
+    }
+  }
+}
+
+TEST_CASE("For large powers the shape energy tells the smallest scaled Jacobian",
+          "[volume][best]") {
+  for (const CellType type : solid_types()) {
+    if (type == CellType::QuadraticWedge || type == CellType::BiquadraticQuadraticWedge ||
+        type == CellType::QuadraticLinearWedge)
+      continue;  // measured over more pairs of edges
+    const FixedCube cube(testing::cube(type, 2));
+    INFO(static_cast<int>(type));
+    const Points positions = shaken(cube.mesh.points, 0.03, 7);
+    const QualityReport quality = measure_quality(cube.mesh, positions, cube.orientation);
+    REQUIRE(quality.min > 0);
+    FreeNodes free(cube.mesh.node_count(), all(cube.mesh.node_count()), nullptr);
+    const VectorXd x = free.start(positions, RowMatrix());
+    // With the positions as their own reference there is no other shape to keep.
+    ShapeEnergy energy(cube.mesh, positions, positions, std::move(free),
+                       all(cube.mesh.cell_count()), cube.orientation);
+    energy.set_power(7);
+    VectorXd unused;
+    // Some hundred samples: log(1000) / 128 at most from the maximum.
+    CHECK(energy(x, unused) == Approx(-std::log(quality.min)).margin(0.06));
+  }
+}
+
+TEST_CASE("Where a morph is a similarity nothing is tried and nothing moves", "[volume][best]") {
+  const Eigen::AngleAxisd turn(0.7, Vector3d(1, -2, 1).normalized());
+  for (const CellType type : solid_types()) {
+    const FixedCube cube(testing::cube(type, 3));
+    const Points positions =
+        mapped(cube.mesh.points, [&](const Vector3d& x) -> Vector3d { return 2.5 * (turn * x); });
+    const BestMeshResult result = cube.raised(positions);
+    CHECK(result.report.attempts.empty());
+    CHECK(result.positions == positions);
+    CHECK(result.slides.rows() == 0);
+  }
+}
+
+TEST_CASE("Inner nodes of cells that lost shape raise them", "[volume][best]") {
+  for (const CellType type : solid_types()) {
+    const FixedCube cube(testing::cube(type, 4));
+    INFO(static_cast<int>(type));
+    const Points positions = cube.disturbed(0.04);
+    const BestMeshResult result = cube.raised(positions);
+    const BestMeshReport& report = result.report;
+    CHECK(report.best.min > report.plain.min);
+    CHECK(report.best.worst_twentieth > report.plain.worst_twentieth);
+    CHECK(std::ranges::any_of(report.attempts, &RaiseAttempt::is_taken));
+    const QualityReport after = measure_quality(cube.mesh, result.positions, cube.orientation);
+    CHECK(after.min == report.best.min);
+    CHECK(after.values == result.quality.values);
+    CHECK(check_validity(cube.mesh, result.positions, cube.orientation).invalid == 0);
+    for (Index n = 0; n < cube.mesh.node_count(); ++n)
+      if (cube.is_fixed[n]) REQUIRE(result.positions.row(n) == positions.row(n));
+  }
+}
+
+TEST_CASE("The best mesh is the same for any number of threads", "[volume][best]") {
+  const FixedCube cube(testing::cube(CellType::Tetra, 8));
+  const Points positions = cube.disturbed(0.02);
+  set_thread_count(1);
+  const BestMeshResult one = cube.raised(positions);
+  set_thread_count(4);
+  const BestMeshResult four = cube.raised(positions);
+  set_thread_count(0);
+  CHECK(std::ranges::any_of(one.report.attempts, &RaiseAttempt::is_taken));
+  CHECK(one.positions == four.positions);
+}
+
+TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[volume][best]") {
+  // The top of a cube, whose inner nodes were moved to one side.
+  const FixedCube cube(testing::cube(CellType::Hexahedron, 6));
+  const auto bump = [](double t) { return std::sin(std::numbers::pi * t); };
+  Points positions = cube.mesh.points;
+  SlidingNodes top;
+  for (Index n = 0; n < cube.mesh.node_count(); ++n) {
+    auto x = positions.row(n);
+    if (x[2] < 1 - 1e-9) continue;
+    x[0] += 0.2 * bump(x[0]) * bump(x[1]);
+    if (std::min({x[0], x[1], 1 - x[0], 1 - x[1]}) > 1e-9) top.nodes.push_back(n);
+  }
+  top.slides = RowMatrix::Zero(std::ssize(top.nodes), 2);
+  top.at = [&](Index i, const Eigen::Vector2d& slide) {
+    SlidePlace place{positions.row(top.nodes[i]).transpose(), {}};
+    place.point.head<2>() += slide;
+    place.tangents << 1, 0, 0, 1, 0, 0;
+    return place;
+  };
+  top.is_within = [&](Index i, const Eigen::Vector2d& slide) {
+    const Eigen::Vector2d x = positions.row(top.nodes[i]).head<2>().transpose() + slide;
+    return x.minCoeff() > 0 && x.maxCoeff() < 1;
+  };
+  const BestMeshResult inner = cube.raised(positions);
+  BestMeshOptions options;
+  options.sliding = [&] { return &top; };
+  const BestMeshResult slid = cube.raised(positions, options);
+  CHECK(slid.report.best.min > 1.05 * inner.report.best.min);
+  CHECK(slid.report.best.worst_twentieth > 1.05 * inner.report.best.worst_twentieth);
+  CHECK(slid.report.slid_nodes > 0);
+  REQUIRE(slid.slides.rows() == std::ssize(top.nodes));
+  for (std::size_t i = 0; i < top.nodes.size(); ++i) {
+    const Eigen::Vector2d slide = slid.slides.row(i).transpose();
+    CHECK((slid.positions.row(top.nodes[i]).transpose() - top.at(i, slide).point).norm() == 0);
+    CHECK(top.is_within(i, slide));
+  }
+  // Where they would overlap, nothing slides.
+  options.is_folded = [](const Points&, const RowMatrix&) { return true; };
+  const BestMeshResult refused = cube.raised(positions, options);
+  CHECK(refused.positions == inner.positions);
+  CHECK(refused.report.slid_nodes == 0);
+}
+
+TEST_CASE("Layers keep their heights where cells beside them are raised", "[volume][best]") {
+  const FixedCube cube(graded_layers(8, 1e-3));
+  Points positions = cube.mesh.points;
+  // Nodes above the layers, off their places.
+  const Points off = shaken(cube.mesh.points, 0.03, 3);
+  for (Index n = 0; n < cube.mesh.node_count(); ++n)
+    if (!cube.is_fixed[n] && positions(n, 2) > 0.2) positions.row(n) = off.row(n);
+  const BestMeshResult result = cube.raised(positions);
+  CHECK(result.report.best.min > result.report.plain.min);
+  // As if the floor had moved, so that the cells that stand on it count.
+  const Vector3d shift(1, 0, 0);
+  const Points moved = result.positions.rowwise() + shift.transpose();
+  std::vector<char> is_floor(cube.is_fixed.size(), 0);
+  for (Index n = 0; n < cube.mesh.node_count(); ++n) is_floor[n] = cube.mesh.points(n, 2) == 0;
+  const LayerFigures layers =
+      measure_layers(cube.mesh, find_cell_neighbours(cube.mesh), is_floor, cube.mesh.points, moved);
+  REQUIRE(layers.cells > 0);
+  CHECK(layers.share_kept == 1);
+}
+
+TEST_CASE("Cells that are inverted stay as they are, the others are raised", "[volume][best]") {
+  const FixedCube cube(testing::cube(CellType::Tetra, 5));
+  Points positions = cube.disturbed(0.03);
+  const Index centre = unfixed(cube.is_fixed).front();
+  positions.row(centre) = cube.mesh.points.row(centre) + Eigen::RowVector3d(0.3, 0.2, 0.25);
+  const ValidityReport before = check_validity(cube.mesh, positions, cube.orientation);
+  REQUIRE(before.invalid > 0);
+  const BestMeshResult result = cube.raised(positions);
+  const ValidityReport after = check_validity(cube.mesh, result.positions, cube.orientation);
+  CHECK(after.invalid == before.invalid);
+  CHECK(result.report.best.worst_twentieth >= result.report.plain.worst_twentieth);
+  CHECK(result.positions.row(centre) == positions.row(centre));
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,257 @@
+#include "volume/best_mesh.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "volume/lbfgs.h"
+#include "volume/node_cells.h"
+#include "volume/shape_energy.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::VectorXd;
+
+// Shares of the reference's figures below which inner nodes move, and surface nodes slide.
+constexpr double kLost = 0.98;
+constexpr double kLostMuch = 0.9;
+// Worst cells whose nodes move: at most this share of all, while their neighbours are no more than
+// that share.
+constexpr double kMostSeeds = 0.05;
+constexpr double kMostNeighbours = 0.4;
+// A cell that kept this share of its scaled Jacobian is left alone.
+constexpr double kKept = 0.99;
+// The work ends after so many passes over the mesh, and on small meshes evaluations of cells.
+constexpr double kMostPasses = 20;
+constexpr double kSmallWork = 2e5;
+constexpr int kIterations = 10;
+// Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
+constexpr int kTrials = 3;
+// Below, a cell has no shape to start from.
+constexpr double kFlat = 1e-9;
+
+double share(double after, double base) { return base > 0 ? std::min(after / base, 1.0) : 1; }
+
+double least_share(const WorstCells& after, const WorstCells& base) {
+  return std::min(share(after.min, base.min), share(after.worst_twentieth, base.worst_twentieth));
+}
+
+double sum_of_shares(const WorstCells& after, const WorstCells& base) {
+  return (base.min > 0 ? after.min / base.min : 0) +
+         (base.worst_twentieth > 0 ? after.worst_twentieth / base.worst_twentieth : 0);
+}
+
+bool is_measured(double value) { return !std::isnan(value); }
+
+// The nodes that move, and all cells that these change.
+struct Patch {
+  std::vector<Index> nodes, cells;  ///< ascending
+};
+
+class BestMesh {
+ public:
+  BestMesh(const Mesh& mesh, const ReferenceShape& reference, const Points& positions,
+           const QualityReport& quality, std::vector<char> is_fixed, const Orientation& orientation,
+           const BestMeshOptions& options)
+      : mesh_(mesh),
+        reference_(reference),
+        orientation_(orientation),
+        options_(options),
+        is_fixed_(std::move(is_fixed)) {
+    result_.positions = at_.positions = positions;
+    result_.quality = at_.quality = quality;
+    result_.report.base = worst_cells(reference.quality);
+    result_.report.plain = result_.report.best = worst_cells(quality);
+  }
+
+  BestMeshResult run() {
+    if (dimension(mesh_) == 3 && kept() < kLost) {
+      hold_flat_cells();
+      for (const int doublings : {2, 3}) raise(RaiseBy::InnerNodes, doublings);
+      if (kept() < kLostMuch && options_.sliding && (sliding_ = options_.sliding())) {
+        for (const Index node : sliding_->nodes) is_fixed_[node] = is_flat_[node];
+        for (const Index node : options_.held) is_fixed_[node] = 1;
+        at_.slides = slides_ = sliding_->slides;
+        for (const int doublings : {2, 3, 4}) raise(RaiseBy::SlidingNodes, doublings);
+        result_.report.slid_nodes =
+            ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
+        if (result_.report.slid_nodes > 0) result_.slides = std::move(slides_);
+      }
+    }
+    return std::move(result_);
+  }
+
+ private:
+  double kept() const { return least_share(result_.report.best, result_.report.base); }
+
+  double work_left() const {
+    const double cells = double(mesh_.cell_count());
+    return std::max(kMostPasses * cells, kSmallWork) - work_;
+  }
+
+  // Nodes of solid cells without a shape to start from, that no move here is to make worse.
+  void hold_flat_cells() {
+    is_flat_.assign(is_fixed_.size(), 0);
+    for (Index c = 0; c < mesh_.cell_count(); ++c)
+      if (result_.quality.values[c] <= kFlat)
+        for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
+    validity_ = check_validity(mesh_, result_.positions, orientation_);
+    for (const Index c : validity_.invalid_cells)
+      for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
+  }
+
+  // The worst cells of those that lost, worst first.
+  std::vector<Index> seeds() const {
+    const std::vector<double>& values = at_.quality.values;
+    std::vector<Index> result;
+    for (Index c = 0; c < mesh_.cell_count(); ++c)
+      if (is_measured(values[c]) && values[c] < kKept * reference_.quality.values[c])
+        result.push_back(c);
+    const auto most =
+        static_cast<std::size_t>(std::max(1.0, kMostSeeds * double(result_.quality.cells)));
+    const auto is_worse = [&](Index a, Index b) {
+      return std::pair(values[a], a) < std::pair(values[b], b);
+    };
+    std::ranges::sort(result, is_worse);
+    if (result.size() > most) result.resize(most);
+    return result;
+  }
+
+  Patch patch() {
+    if (!incidence_) incidence_.emplace(mesh_);
+    std::vector<char> has_node(mesh_.node_count(), 0), has_cell(mesh_.cell_count(), 0);
+    const double most = kMostNeighbours * double(mesh_.cell_count());
+    Patch result;
+    for (const Index seed : seeds()) {
+      if (double(result.cells.size()) >= most) break;
+      for (const Index node : mesh_.cell(seed)) {
+        if (is_fixed_[node] || std::exchange(has_node[node], 1)) continue;
+        result.nodes.push_back(node);
+        for (const Index c : incidence_->cells(node))
+          if (dimension(mesh_.types[c]) == 3 && !std::exchange(has_cell[c], 1))
+            result.cells.push_back(c);
+      }
+    }
+    std::ranges::sort(result.nodes);
+    std::ranges::sort(result.cells);
+    return result;
+  }
+
+  void raise(RaiseBy by, int doublings) {
+    if (by == RaiseBy::InnerNodes ? kept() >= kLost : kept() >= kLostMuch) return;
+    for (int trial = 0; trial < kTrials && work_left() > 0; ++trial) {
+      const Patch around = patch();
+      if (around.nodes.empty()) return;
+      FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
+      VectorXd x = free.start(at_.positions, at_.slides);
+      ShapeEnergy energy(mesh_, reference_.points, at_.positions, std::move(free), around.cells,
+                         orientation_);
+      energy.set_power(doublings);
+      RaiseAttempt attempt;
+      attempt.by = by;
+      attempt.power = 1 << doublings;
+      attempt.cells = std::ssize(around.cells);
+      minimise(energy, x, attempt);
+      RowMatrix slides = at_.slides;
+      energy.free_nodes().read_slides(x, slides);
+      if (hold_nodes_off_surface(slides)) continue;
+      judge(energy.positions(), std::move(slides), attempt);
+      result_.report.attempts.push_back(attempt);
+      return;
+    }
+  }
+
+  void minimise(ShapeEnergy& energy, VectorXd& x, RaiseAttempt& attempt) {
+    const double one = double(attempt.cells), before = work_;
+    const auto counted = [&](const VectorXd& at, VectorXd& slope) {
+      work_ += one;
+      return energy(at, slope);
+    };
+    const int most = std::min(kIterations, int(work_left() / one / 2) + 1);
+    minimise_lbfgs(counted, x, energy.stiffness_diagonal(), most);
+    VectorXd slope;
+    counted(x, slope);
+    attempt.passes = (work_ - before) / double(mesh_.cell_count());
+  }
+
+  bool hold_nodes_off_surface(const RowMatrix& slides) {
+    bool has_any = false;
+    for (Index i = 0; i < slides.rows(); ++i)
+      if (slides.row(i) != at_.slides.row(i) && !sliding_->is_within(i, slides.row(i).transpose()))
+        is_fixed_[sliding_->nodes[i]] = has_any = true;
+    return has_any;
+  }
+
+  // The next attempt starts where this one ended, unless that is no mesh to hand out.
+  void judge(const Points& positions, RowMatrix slides, RaiseAttempt& attempt) {
+    BestMeshReport& report = result_.report;
+    ValidityReport validity = check_validity(mesh_, positions, orientation_);
+    if (validity.invalid > validity_.invalid ||
+        (sliding_ && options_.is_folded && options_.is_folded(positions, slides))) {
+      at_ = {result_.positions, result_.quality, slides_};
+      return;
+    }
+    at_ = {positions, measure_quality(mesh_, positions, orientation_), std::move(slides)};
+    const WorstCells now = attempt.after = worst_cells(at_.quality);
+    if (now.min < report.plain.min || now.worst_twentieth < report.plain.worst_twentieth ||
+        sum_of_shares(now, report.base) <= sum_of_shares(report.best, report.base))
+      return;
+    attempt.is_taken = true;
+    report.best = now;
+    result_.positions = at_.positions;
+    result_.quality = at_.quality;
+    slides_ = at_.slides;
+  }
+
+  struct State {
+    Points positions;
+    QualityReport quality;
+    RowMatrix slides;
+  };
+
+  const Mesh& mesh_;
+  const ReferenceShape& reference_;
+  const Orientation& orientation_;
+  const BestMeshOptions& options_;
+  std::vector<char> is_fixed_, is_flat_;
+  std::optional<NodeCells> incidence_;
+  const SlidingNodes* sliding_ = nullptr;
+  State at_;          ///< where the last attempt ended
+  RowMatrix slides_;  ///< of the result
+  ValidityReport validity_;
+  double work_ = 0;
+  BestMeshResult result_;
+};
+
+}  // namespace
+
+WorstCells worst_cells(const QualityReport& quality) {
+  std::vector<double> values;
+  std::ranges::copy_if(quality.values, std::back_inserter(values), is_measured);
+  if (values.empty()) return {};
+  const std::size_t count = std::max<std::size_t>(values.size() / 20, 1);
+  std::ranges::nth_element(values, values.begin() + (count - 1));
+  values.resize(count);
+  std::ranges::sort(values);  // the sum in one order
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return {quality.min, sum / double(count)};
+}
+
+BestMeshResult find_best_mesh(const Mesh& mesh, const ReferenceShape& reference,
+                              const Points& positions, const QualityReport& quality,
+                              const std::vector<char>& is_fixed, const Orientation& orientation,
+                              const BestMeshOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  BestMeshResult result =
+      BestMesh(mesh, reference, positions, quality, is_fixed, orientation, options).run();
+  result.report.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+}  // namespace cadmorph

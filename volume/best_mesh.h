@@ -1,0 +1,78 @@
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "core/progress.h"
+#include "core/quality.h"
+#include "core/sliding_nodes.h"
+#include "core/validity.h"
+
+namespace cadmorph {
+
+/// What of a mesh's elements a solver feels first.
+struct WorstCells {
+  double min = 0;              ///< smallest scaled Jacobian
+  double worst_twentieth = 0;  ///< mean scaled Jacobian of the worst 5 % of the cells
+};
+
+/// Of the cells that a report measured.
+WorstCells worst_cells(const QualityReport& quality);
+
+/// The mesh that moved cells are judged against, N x 3, with its quality: that of the mesh file,
+/// also after many morphs.
+struct ReferenceShape {
+  const Points& points;
+  const QualityReport& quality;
+};
+
+/// What moves in an attempt to raise cells.
+enum class RaiseBy { InnerNodes, SlidingNodes };
+
+struct RaiseAttempt {
+  RaiseBy by = RaiseBy::InnerNodes;
+  int power = 0;          ///< see ShapeEnergy
+  Index cells = 0;        ///< whose shape it looked at
+  double passes = 0;      ///< evaluations of a cell, over the number of the mesh's cells
+  WorstCells after;       ///< what it came to
+  bool is_taken = false;  ///< whether it went into the result
+};
+
+struct BestMeshReport {
+  WorstCells base, plain, best;
+  std::vector<RaiseAttempt> attempts;  ///< in the order tried; none where little was lost
+  Index slid_nodes = 0;                ///< surface nodes that are not where they started
+  double seconds = 0;
+};
+
+struct BestMeshOptions {
+  /// Surface nodes that may slide, asked for when inner nodes alone do not do; may be empty.
+  std::function<const SlidingNodes*()> sliding = {};
+  /// Sliding nodes that stay nevertheless: ids.
+  std::vector<Index> held = {};
+  /// Whether nodes slid so that valid cells overlap.
+  std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
+  Progress progress = {};
+};
+
+struct BestMeshResult {
+  Points positions;  ///< N x 3
+  RowMatrix slides;  ///< SlidingNodes::slides of the result; empty where no surface node slid
+  QualityReport quality;
+  BestMeshReport report;
+};
+
+/// Raises the cells of a moved mesh whose shape suffered most. Where the smallest scaled Jacobian
+/// or the mean of the worst twentieth fell below 98 % of the reference's, the nodes of the worst
+/// cells minimise ShapeEnergy with growing powers: the inner ones (not `is_fixed`, N) first, then,
+/// below 90 %, those that slide, too. An attempt is taken when neither figure is below that of
+/// `positions` and their sum, each as a share of the reference's, is the largest so far; no more
+/// cells are invalid then. Cells that are not valid at `positions` (N x 3, `quality` is theirs)
+/// stay as they are. At most 20 passes over the mesh's cells (more where it is small): a count, no
+/// time, so that the result is the same on every machine and for any number of threads.
+BestMeshResult find_best_mesh(const Mesh& mesh, const ReferenceShape& reference,
+                              const Points& positions, const QualityReport& quality,
+                              const std::vector<char>& is_fixed, const Orientation& orientation,
+                              const BestMeshOptions& options = {});
+
+}  // namespace cadmorph

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "core/quality.h"
+#include "volume/free_nodes.h"
+
+namespace cadmorph {
+
+/// How poor cells are, as a smooth function of the free nodes. Of all samples of the scaled
+/// Jacobian (docs/quality.md), with q the value of one and J its edges or tangents, it is
+///
+///     1/p log sum_cells mean_samples [ q^-p + k (|F|^2 / (3 det(F)^(2/3)))^p ],   F = J J0^-1
+///
+/// J0 that of the same sample in a mesh of reference. The first term goes to -log min q for large
+/// p; the second keeps each cell near its shape of reference, a thin layer above all its height.
+/// Infinite where a sample is not positive.
+class ShapeEnergy {
+ public:
+  /// Of solid `cells`, at `positions` (N x 3) to start with. `reference` (N x 3): samples that are
+  /// not positive there have no shape to keep.
+  ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions, FreeNodes free,
+              const std::vector<Index>& cells, const Orientation& orientation);
+
+  /// Sets the power p to 2^doublings, at least 2.
+  void set_power(int doublings) { halvings_ = doublings - 1; }
+
+  /// Value at the unknowns with its gradient. The same to the last bit for any number of threads;
+  /// O(cells).
+  double operator()(const Eigen::VectorXd& x, Eigen::VectorXd& gradient);
+
+  /// A first guess of the Hessian's diagonal where the nodes are.
+  Eigen::VectorXd stiffness_diagonal();
+
+  const FreeNodes& free_nodes() const { return free_; }
+  const Points& positions() const { return positions_; }
+
+ private:
+  using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+
+  /// Three edges or tangents of a cell.
+  struct Sample {
+    std::array<int, 4> corner;  ///< edges from the first of these nodes to the others; or
+    NodeRows slopes;            ///< weights of the cell's nodes, where not empty
+    bool is_simplex;            ///< the edges span a tetrahedron: each of its corners counts
+    double unit;                ///< one over the determinant in the ideal cell with unit edges
+  };
+  using Samples = std::vector<Sample>;
+
+  /// The shape of reference of a sample: J0^-1 J0^-T and det(J0)^-1; zero: none to keep.
+  struct Shape0 {
+    Eigen::Matrix3d metric;
+    double inverse_determinant;
+  };
+  struct Cell {
+    Index id;
+    const Samples* samples;
+    double sign;
+    Index first_shape, first_slope;
+  };
+  /// What a sample adds, and its derivative by the three edges.
+  struct Terms {
+    double energy;
+    Eigen::Matrix3d by_edges;
+    double stiffness;
+  };
+
+  const Samples* samples_of(Index cell);
+  Eigen::Matrix3d edges(const Sample& sample, std::span<const Index> nodes,
+                        const Points& points) const;
+  double power(double x) const;
+  Terms terms(const Sample& sample, const Shape0& shape, double sign,
+              const Eigen::Matrix3d& j) const;
+  double evaluate(const Cell& cell);
+
+  const Mesh& mesh_;
+  Points positions_;
+  FreeNodes free_;
+  int halvings_ = 1;
+  std::vector<std::unique_ptr<Samples>> samples_;  ///< of a cell type; then of polyhedra
+  std::vector<Cell> cells_;
+  std::vector<Shape0> shapes_;
+  RowMatrix slopes_;  ///< of the energy by the nodes of each cell in turn
+};
+
+}  // namespace cadmorph
