@@ -88,6 +88,7 @@ MorphResult::MorphResult(std::shared_ptr<const Impl> impl) : impl_(std::move(imp
 
 const Points& MorphResult::positions() const { return impl_->result.positions; }
 const Report& MorphResult::report() const { return impl_->report; }
+const Mesh& MorphResult::mesh() const { return impl_->morpher->mesh; }
 std::string MorphResult::summary() const {
   return in_library_words(summary_text(impl_->result.report));
 }

@@ -323,6 +323,8 @@ void add_result(py::module_& module) {
           },
           "float64 (N, 3), in the mesh's unit; a view, not writable.")
       .def_property_readonly("report", &MorphResult::report, py::return_value_policy::copy)
+      .def_property_readonly("mesh", &MorphResult::mesh, py::return_value_policy::copy,
+                             "The one morphed, as it was.")
       .def("summary", &MorphResult::summary, "The report as the program prints it.")
       .def("json", &MorphResult::json, "The report as the program's --json writes it.")
       .def(

@@ -1,4 +1,5 @@
-# Makes the Debian packages of BUILD in FOLDER, unpacks the program's, and runs what it holds.
+# Makes the Debian packages of BUILD in FOLDER, unpacks the program's and the Python module's, and runs
+# what they hold.
 file(REMOVE_RECURSE ${FOLDER})
 file(MAKE_DIRECTORY ${FOLDER})
 execute_process(COMMAND ${CPACK} --config ${BUILD}/CPackConfig.cmake -B ${FOLDER}
@@ -25,5 +26,31 @@ execute_process(COMMAND dpkg-deb -f ${package} Depends OUTPUT_VARIABLE depends)
 foreach(library libocct-data-exchange libvtk9 libopenblas0 libtbb12)
   if(NOT depends MATCHES ${library})
     message(FATAL_ERROR "the package does not depend on ${library}: ${depends}")
+  endif()
+endforeach()
+
+file(GLOB library ${FOLDER}/libcadmorph0.1_*.deb)
+file(GLOB development ${FOLDER}/libcadmorph-dev_*.deb)
+if(NOT library OR NOT development)
+  message(FATAL_ERROR "the library and its headers have no packages")
+endif()
+execute_process(COMMAND dpkg-deb -f ${development} Depends OUTPUT_VARIABLE depends)
+if(NOT depends MATCHES "libcadmorph0.1 \\(= " OR depends MATCHES "libocct|libvtk")
+  message(FATAL_ERROR "libcadmorph-dev depends on ${depends}")
+endif()
+
+file(GLOB module ${FOLDER}/python3-cadmorph_*.deb)
+if(NOT module)
+  return()
+endif()
+execute_process(COMMAND dpkg-deb -x ${module} ${FOLDER}/python COMMAND_ERROR_IS_FATAL ANY)
+execute_process(
+  COMMAND ${CMAKE_COMMAND} -E env PYTHONPATH=${FOLDER}/python/usr/lib/python3/dist-packages
+    /usr/bin/python3 -c "import cadmorph; cadmorph.Mesh.read('${model}/hex.vtu')"
+  COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND dpkg-deb -f ${module} Depends OUTPUT_VARIABLE depends)
+foreach(package python3-numpy libocct-data-exchange libvtk9 libopenblas0 libtbb12)
+  if(NOT depends MATCHES ${package})
+    message(FATAL_ERROR "python3-cadmorph does not depend on ${package}: ${depends}")
   endif()
 endforeach()

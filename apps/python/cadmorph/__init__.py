@@ -32,6 +32,10 @@ from ._native import (
     set_thread_count,
     thread_count,
 )
+from ._picture import Picture, plot
+
+MorphResult.plot = plot
+del plot
 
 __all__ = [
     "AssociationError",
@@ -49,6 +53,7 @@ __all__ = [
     "MorphResult",
     "NodeFigures",
     "OutputError",
+    "Picture",
     "QualityError",
     "QualityFigures",
     "Report",

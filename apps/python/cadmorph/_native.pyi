@@ -1,10 +1,12 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ._picture import Picture
 
 __version__: str
 
@@ -262,6 +264,9 @@ class MorphResult:
     def positions(self) -> NDArray[np.float64]: ...
     @property
     def report(self) -> Report: ...
+    @property
+    def mesh(self) -> Mesh: ...
+    def plot(self, *, field: Literal["displacement", "quality"] = "displacement") -> Picture: ...
     def summary(self) -> str: ...
     def json(self) -> str: ...
     def write(self, path: str | PathLike[str], diagnostics: bool = False) -> Path: ...

@@ -21,6 +21,7 @@ class MorphResult {
  public:
   const Points& positions() const;  ///< N x 3, in the mesh's unit
   const Report& report() const;
+  const Mesh& mesh() const;     ///< the one morphed, as it was
   std::string summary() const;  ///< the report as the program prints it
   std::string json() const;     ///< the report as the program's --json writes it
 
