@@ -184,8 +184,15 @@ bool is_bounded(const VolumeMorphOptions& options) {
          is_triharmonic_3d(options.kernel, 3);
 }
 
-RbfField solve_with_anchors(const Part& part, const RowMatrix& values, const Anchors& anchors,
-                            const RowMatrix& targets, const VolumeMorphOptions& options) {
+// A field that anchors hold, with the first so many of them.
+struct HeldField {
+  RbfSystem system;
+  RbfField field;
+  Index anchors;
+};
+
+HeldField solve_with_anchors(const Part& part, const RowMatrix& values, const Anchors& anchors,
+                             const RowMatrix& targets, const VolumeMorphOptions& options) {
   const RowMatrix points = targets(anchors.targets, Eigen::all);
   const KdTree tree(part.centres);
   RbfOptions rbf = options.rbf;
@@ -202,7 +209,9 @@ RbfField solve_with_anchors(const Part& part, const RowMatrix& values, const Anc
       rbf.local_length(part.lengths.size() + i) =
           std::sqrt(tree.nearest(points.row(i).data(), 1).front().squared_distance);
   }
-  return RbfSystem(all, options.kernel, rbf).solve(prescribed);
+  RbfSystem system(all, options.kernel, rbf);
+  RbfField field = system.solve(prescribed);
+  return {std::move(system), std::move(field), points.rows()};
 }
 
 // A field with what it does at the volume nodes.
@@ -212,13 +221,23 @@ struct BoundedField {
   std::string remark;
 };
 
+// How it came about.
+struct HoldHistory {
+  std::vector<Index> carriers;
+  Anchors anchors;
+  std::vector<HeldField> holds;
+  std::size_t taken = 0;  // the hold that the field is of, from 1; 0: without anchors
+};
+
 // Holds a field by anchors among the volume nodes while one of them moves too far. Where centres
 // that nearly coincide leave no anchors to be found, it stays as it is.
 void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targets,
-               const VolumeMorphOptions& options, BoundedField& bounded) {
+               const VolumeMorphOptions& options, BoundedField& bounded,
+               HoldHistory* history = nullptr) {
   const double at_first = overshoot(values, bounded.displacements);
   if (!is_bounded(options) || at_first <= kMostOvershoot) return;
   const std::vector<Index> carriers = carriers_of(bounded.field, part.centres);
+  if (history) history->carriers = carriers;
   Anchors anchors;
   RowMatrix displacements(0, 3);
   char text[120];
@@ -226,12 +245,17 @@ void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targe
     for (int hold = 0; hold < kMostHolds; ++hold) {
       anchors = find_anchors(part.centres, values, carriers, options.kernel, targets, anchors,
                              displacements);
-      RbfField field = solve_with_anchors(part, values, anchors, targets, options);
-      displacements = field.evaluate(targets);
+      HeldField held = solve_with_anchors(part, values, anchors, targets, options);
+      displacements = held.field.evaluate(targets);
+      if (history) {
+        history->anchors = anchors;
+        history->holds.push_back(held);
+      }
       const double now = overshoot(values, displacements);
       if (now < overshoot(values, bounded.displacements)) {
-        bounded.field = std::move(field);
+        bounded.field = std::move(held.field);
         bounded.displacements = displacements;
+        if (history) history->taken = history->holds.size();
       }
       if (now <= kMostOvershoot) break;
     }
@@ -245,6 +269,29 @@ void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targe
                   overshoot(values, bounded.displacements));
     bounded.remark = text + std::string(error.what());
   }
+}
+
+// The derivative of what move_part does for these values.
+FieldMap derivative_of(const Part& part, const RowMatrix& values, const RowMatrix& targets,
+                       const VolumeMorphOptions& options) {
+  BoundedField bounded{part.system->solve(values), RowMatrix(0, 3), {}};
+  bounded.displacements = part.targets->evaluate({bounded.field}).front();
+  HoldHistory history;
+  hold_back(part, values, targets, options, bounded, &history);
+  FieldMap map;
+  if (history.taken == 0) {
+    map.field = part.system->derivative(bounded.field, targets);
+    return map;
+  }
+  const HeldField& held = history.holds[history.taken - 1];
+  const auto field_of = [&](Index anchors, const std::vector<Index>& rows) {
+    const auto before = std::ranges::find(history.holds, anchors, &HeldField::anchors);
+    return before->system.derivative(before->field, targets(rows, Eigen::all));
+  };
+  map.field = held.system.derivative(held.field, targets);
+  map.anchors.emplace(part.centres, history.carriers, options.kernel, targets, history.anchors,
+                      held.anchors, field_of);
+  return map;
 }
 
 // A mesh without a free node, such as a part's surface alone, has one field nevertheless: that of
@@ -523,6 +570,26 @@ std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const
     result.push_back(std::move(bounded.field));
   }
   return result;
+}
+
+VolumeDerivative VolumeMorph::derivative(const Points& surface_positions) const {
+  const Impl& s = *impl_;
+  check_positions(surface_positions, s.surface_nodes);
+  if (s.baseline)
+    throw InvalidInputError("a morph by " + to_string(s.options.method) +
+                            " has no derivative here; use the RBF method");
+  std::vector<VolumeDerivative::Part> parts(s.parts.size());
+  parallel_for(std::ssize(parts), 1, [&](Index begin, Index end) {
+    for (Index p = begin; p < end; ++p) {
+      const Part& part = s.parts[p];
+      if (!part.system) continue;
+      const RowMatrix values = surface_positions(part.nodes.surface, Eigen::all) - part.centres;
+      parts[p] = {part.nodes.surface, part.nodes.volume,
+                  derivative_of(part, values, s.base(part.nodes.volume, Eigen::all), s.options)};
+    }
+  });
+  std::erase_if(parts, [](const auto& part) { return part.volume.empty(); });
+  return {s.base.rows(), s.surface_nodes, std::move(parts)};
 }
 
 Index VolumeMorph::field_count() const {

@@ -7,6 +7,7 @@
 #include "core/mesh.h"
 #include "core/rbf/rbf_system.h"
 #include "volume/morph_method.h"
+#include "volume/volume_derivative.h"
 
 namespace cadmorph {
 
@@ -57,6 +58,12 @@ class VolumeMorph {
   /// of a mesh without a free node one, that of all its nodes.
   /// Throws as `morph` does, and InvalidInputError when the method is not RBF.
   std::vector<RbfField> fields(const Points& surface_positions) const;
+
+  /// The morph at these positions as a linear map of the surface's displacements: kernels and
+  /// anchors are held that `morph` chose. Cost: a morph and a factorisation of the kernels' system.
+  /// Throws as `morph` does, InvalidInputError when the method is not RBF or the solver the
+  /// incremental QR, and SolverError where the factor needs more memory than allowed.
+  VolumeDerivative derivative(const Points& surface_positions) const;
 
   /// Number of these fields; 0 when the method is not RBF.
   Index field_count() const;

@@ -98,6 +98,7 @@ struct AdaptiveSolver::Impl {
 
   double least_separation() const;
   std::vector<Index> first_centres() const;
+  double widest() const;
   std::optional<Attempt> attempt(const std::vector<Index>& centres, const MatrixXd& values) const;
   std::optional<UnitField> interpolate(const MatrixXd& centres, const MatrixXd& values) const;
   UnitField interpolate_dense(const MatrixXd& centres, const MatrixXd& values) const;
@@ -204,15 +205,18 @@ std::vector<Index> AdaptiveSolver::Impl::worst(const VectorXd& missed,
 
 // Levels from the spacing of the first centres down: what is missed is at most as wide as these are
 // apart.
+double AdaptiveSolver::Impl::widest() const {
+  const auto first = static_cast<Index>(first_centres().size());
+  return order.separation[std::min(first, ordered.rows() - 1)];
+}
+
 void AdaptiveSolver::Impl::correct(const MatrixXd& residual, double largest_value,
                                    AdaptiveSolution& solution) const {
   const VectorXd allowed =
       (options.tolerance * options.unit * length).cwiseMax(kRounding * largest_value + 1e-300);
-  const auto first = static_cast<Index>(first_centres().size());
-  const double widest = order.separation[std::min(first, ordered.rows() - 1)];
   try {
     auto correction = std::make_shared<const MultiscaleCorrection>(ordered, order.separation,
-                                                                   residual, allowed, widest);
+                                                                   residual, allowed, widest());
     solution.in_local_lengths =
         (correction->remainders().array() / length.array()).maxCoeff() / options.unit;
     if (!correction->is_empty()) solution.field->correction = std::move(correction);
@@ -233,6 +237,7 @@ AdaptiveSolution AdaptiveSolver::Impl::finish(std::optional<Attempt> best,
   for (const Index centre : centres) solution.centres.push_back(order.rows[centre]);
   solution.missed = best->missed.maxCoeff();
   solution.field = std::move(best->field);
+  solution.field->rows = solution.centres;
   correct(best->residual, values.cwiseAbs().maxCoeff(), solution);
   return solution;
 }
@@ -248,6 +253,8 @@ AdaptiveSolver::AdaptiveSolver(const MatrixXd& points, AdaptiveOptions options,
 void AdaptiveSolver::store(OutputArchive& archive) const {
   archive(impl_->order, impl_->length, impl_->spacing);
 }
+
+double AdaptiveSolver::correction_from() const { return impl_->widest(); }
 
 AdaptiveSolution AdaptiveSolver::solve(const MatrixXd& values) const {
   const Impl& s = *impl_;

@@ -55,6 +55,9 @@ class AdaptiveSolver {
   /// linear map of the values, to the residual allowed.
   AdaptiveSolution solve(const Eigen::MatrixXd& values, const std::vector<Index>& centres) const;
 
+  /// The widest spacing of the correction's levels.
+  double correction_from() const;
+
  private:
   struct Impl;
   std::shared_ptr<const Impl> impl_;

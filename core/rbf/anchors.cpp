@@ -98,7 +98,7 @@ std::vector<Index> graded(const RowMatrix& targets, const VectorXd& distance) {
 // Means of the values at points, with positive weights: size / distance^power of each centre.
 class Means {
  public:
-  Means(const RowMatrix& centres, const RowMatrix& values) : centres_(centres), values_(values) {
+  explicit Means(const RowMatrix& centres) : centres_(centres) {
     const int extent = CentreFrame(centres).terms() - 1;  // a flat set has the border of a plane
     power_ = extent + kLocality;
     const KdTree tree(centres);
@@ -112,21 +112,34 @@ class Means {
     });
   }
 
-  RowMatrix at(const RowMatrix& points) const {
-    RowMatrix result(points.rows(), values_.cols());
+  RowMatrix at(const RowMatrix& points, const RowMatrix& values) const {
+    RowMatrix result(points.rows(), values.cols());
     parallel_for(points.rows(), 1, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
-        const VectorXd r2 = (centres_.rowwise() - points.row(i)).rowwise().squaredNorm();
-        const VectorXd weights = size_.array() * (r2.array() / r2.minCoeff()).pow(-0.5 * power_);
-        result.row(i) = weights.transpose() * values_ / weights.sum();
+        const VectorXd weights = weights_at(points.row(i));
+        result.row(i) = weights.transpose() * values / weights.sum();
       }
     });
     return result;
   }
 
+  // Of each centre (a column) in the mean at each point.
+  MatrixXd weights(const RowMatrix& points) const {
+    MatrixXd result(points.rows(), centres_.rows());
+    for (Index i = 0; i < points.rows(); ++i) {
+      const VectorXd weights = weights_at(points.row(i));
+      result.row(i) = weights.transpose() / weights.sum();
+    }
+    return result;
+  }
+
  private:
+  VectorXd weights_at(const Eigen::RowVectorXd& point) const {
+    const VectorXd r2 = (centres_.rowwise() - point).rowwise().squaredNorm();
+    return size_.array() * (r2.array() / r2.minCoeff()).pow(-0.5 * power_);
+  }
+
   const RowMatrix& centres_;
-  const RowMatrix& values_;
   VectorXd size_;
   int power_;
 };
@@ -180,13 +193,19 @@ class Search {
          const Kernel& kernel, const RowMatrix& targets)
       : targets_(targets),
         kernel_(kernel),
-        means_(centres, values),
+        values_(values),
+        means_(centres),
         largest_(values.rowwise().norm().maxCoeff()),
         points_(select(centres, carriers)),
         prescribed_(select(values, carriers)),
         chosen_(graded(targets, distances(KdTree(points_), targets))),
         candidates_(select(targets, chosen_)) {
     anchors_.values.resize(0, values.cols());
+  }
+
+  void add(const Anchors& before) {
+    anchors_.rounds = before.rounds;
+    add(before.targets, before.values);
   }
 
   void add(const std::vector<Index>& added, const RowMatrix& values) {
@@ -205,12 +224,15 @@ class Search {
     std::vector<Index> added = rows;
     if (among)
       for (Index& target : added) target = (*among)[static_cast<std::size_t>(target)];
-    RowMatrix held = means_.at(select(targets_, added));
+    RowMatrix held = means_.at(select(targets_, added), values_);
+    VectorXd parts(held.rows());
     for (Index i = 0; i < held.rows(); ++i) {
       const double least = held.row(i).norm() / largest_, most = moved(rows[i]);
       const double part = std::min(1 / (most * most), (kWorthAdding - least) / (most - least));
-      held.row(i) += std::max(part, 0.0) * (displacements.row(rows[i]) - held.row(i));
+      parts(i) = std::max(part, 0.0);
+      held.row(i) += parts(i) * (displacements.row(rows[i]) - held.row(i));
     }
+    anchors_.rounds.push_back({static_cast<Index>(anchors_.targets.size()), !among, parts});
     add(added, held);
     return true;
   }
@@ -228,6 +250,7 @@ class Search {
  private:
   const RowMatrix& targets_;
   const Kernel& kernel_;
+  const RowMatrix& values_;
   Means means_;
   double largest_;
   RowMatrix points_, prescribed_;
@@ -249,10 +272,70 @@ Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
                      const RowMatrix& targets, const Anchors& before,
                      const RowMatrix& displacements) {
   Search search(centres, values, carriers, kernel, targets);
-  if (!before.targets.empty()) search.add(before.targets, before.values);
+  if (!before.targets.empty()) search.add(before);
   if (displacements.rows() > 0) search.add_farthest(displacements, targets, nullptr);
   search.run();
   return std::move(search.anchors());
+}
+
+AnchorDerivative::AnchorDerivative(const RowMatrix& centres, const std::vector<Index>& carriers,
+                                   const Kernel& kernel, const RowMatrix& targets,
+                                   const Anchors& anchors, Index count, const FieldMap& field)
+    : centres_(centres.rows()), count_(count) {
+  const Means means(centres);
+  std::vector<Index> all(static_cast<std::size_t>(centres.rows()));
+  std::iota(all.begin(), all.end(), Index{0});
+  const auto range = [&](Index begin, Index end) {
+    return std::vector<Index>(anchors.targets.begin() + begin, anchors.targets.begin() + end);
+  };
+  for (const Anchors::Round& round : anchors.rounds) {
+    if (round.begin >= count) break;
+    const Index end = round.begin + round.parts.size();
+    Step step;
+    step.begin = round.begin;
+    step.end = end;
+    step.parts = round.parts;
+    const std::vector<Index> at = range(step.begin, end);
+    const RowMatrix points = select(targets, at);
+    step.means = means.weights(points);
+    if (round.is_field) {
+      step.inputs = all;
+      step.field = field(step.begin, at);
+    } else {
+      step.inputs = carriers;
+      const RbfSystem system(
+          stack(select(centres, carriers), select(targets, range(0, step.begin))), kernel,
+          {.solver = SolverKind::Cholesky});
+      step.field = system.derivative(points);
+    }
+    steps_.push_back(std::move(step));
+  }
+}
+
+MatrixXd AnchorDerivative::forward(const MatrixXd& values) const {
+  MatrixXd result(count_, values.cols());
+  for (const Step& step : steps_) {
+    MatrixXd known(static_cast<Index>(step.inputs.size()) + step.begin, values.cols());
+    known << values(step.inputs, Eigen::all), result.topRows(step.begin);
+    const MatrixXd mean = step.means * values;
+    result.middleRows(step.begin, mean.rows()) =
+        mean + step.parts.asDiagonal() * (step.field.forward(known) - mean);
+  }
+  return result;
+}
+
+MatrixXd AnchorDerivative::adjoint(MatrixXd slopes) const {
+  MatrixXd result = MatrixXd::Zero(centres_, slopes.cols());
+  for (auto step = steps_.rbegin(); step != steps_.rend(); ++step) {
+    const MatrixXd own = slopes.middleRows(step->begin, step->end - step->begin);
+    const MatrixXd by_field = step->parts.asDiagonal() * own;
+    result += step->means.transpose() * (own - by_field);
+    const MatrixXd by_known = step->field.adjoint(by_field);
+    const auto inputs = static_cast<Index>(step->inputs.size());
+    for (Index i = 0; i < inputs; ++i) result.row(step->inputs[i]) += by_known.row(i);
+    slopes.topRows(step->begin) += by_known.bottomRows(step->begin);
+  }
+  return result;
 }
 
 RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,

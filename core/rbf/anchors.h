@@ -1,8 +1,10 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "core/rbf/kernel.h"
+#include "core/rbf/rbf_system.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -14,8 +16,17 @@ inline constexpr double kMostOvershoot = 1.2;
 /// Targets that are prescribed, too, so that a field between them does not run on far away from
 /// its centres; with the displacements they get.
 struct Anchors {
+  /// Those chosen together: an anchor's value is m + part (u - m), m the mean of all values, u what
+  /// the interpolant of the carriers and the anchors before did there, or the whole field.
+  struct Round {
+    Index begin = 0;        ///< of the anchors; the next round's begin ends it
+    bool is_field = false;  ///< u is the whole field's
+    Eigen::VectorXd parts;
+  };
+
   std::vector<Index> targets;  ///< rows
   RowMatrix values;
+  std::vector<Round> rounds = {};
 };
 
 /// The largest displacement of the targets over the largest of the values; 0 where all values are.
@@ -37,6 +48,40 @@ Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
                      const std::vector<Index>& carriers, const Kernel& kernel,
                      const RowMatrix& targets, const Anchors& before = {},
                      const RowMatrix& displacements = {});
+
+/// How the values of anchors depend on those at the centres, with the anchors and their parts
+/// fixed: a linear map and its transpose.
+class AnchorDerivative {
+ public:
+  /// What the whole field of so many of the anchors does at targets (rows), by the values at the
+  /// centres and these anchors: for the rounds that go by it.
+  using FieldMap = std::function<RbfDerivative(Index anchors, const std::vector<Index>& targets)>;
+
+  /// The first `count` of the anchors that find_anchors chose for the same arguments.
+  AnchorDerivative(const RowMatrix& centres, const std::vector<Index>& carriers,
+                   const Kernel& kernel, const RowMatrix& targets, const Anchors& anchors,
+                   Index count, const FieldMap& field);
+
+  /// Returns the anchors' values, A x M, for N x M values at the centres.
+  Eigen::MatrixXd forward(const Eigen::MatrixXd& values) const;
+
+  /// Returns N x M for slopes (A x M) by the anchors' values.
+  Eigen::MatrixXd adjoint(Eigen::MatrixXd slopes) const;
+
+  Index size() const { return count_; }  ///< A
+
+ private:
+  struct Step {
+    Index begin, end;
+    Eigen::VectorXd parts;
+    std::vector<Index> inputs;  // centres whose values, with those of the anchors before, give u
+    RbfDerivative field;
+    Eigen::MatrixXd means;  // weights of the values at all centres
+  };
+
+  Index centres_, count_;
+  std::vector<Step> steps_;
+};
 
 /// The targets' displacements (T x M) by the interpolant of all values, held by anchors where it
 /// would overshoot and anchors can be found; for a few thousand centres at most. Throws what

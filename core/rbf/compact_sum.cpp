@@ -179,16 +179,21 @@ std::uint64_t spread(std::uint64_t x) {
 }  // namespace
 
 CompactSum::CompactSum(const Points& points, double support, simd::InstructionSet set)
-    : tree_(points, points.rows()),
-      points_(points.rows(), 3),
+    : tree_(std::make_shared<const BoxTree>(points, points.rows())),
       support_(support),
       set_(std::min(set, simd::best())) {
-  for (Index i = 0; i < points.rows(); ++i) points_.row(i) = points.row(tree_.row(i));
+  points_ = std::make_shared<const MatrixXd>(in_tree_order(MatrixXd(points)));
+}
+
+CompactSum CompactSum::with_support(double support) const {
+  CompactSum result = *this;
+  result.support_ = support;
+  return result;
 }
 
 MatrixXd CompactSum::in_tree_order(const Eigen::Ref<const MatrixXd>& rows) const {
   MatrixXd result(rows.rows(), rows.cols());
-  for (Index i = 0; i < rows.rows(); ++i) result.row(i) = rows.row(tree_.row(i));
+  for (Index i = 0; i < rows.rows(); ++i) result.row(i) = rows.row(tree_->row(i));
   return result;
 }
 
@@ -205,8 +210,8 @@ MatrixXd CompactSum::sum(const Eigen::Ref<const MatrixXd>& targets, const Matrix
     for (Index begin = first; begin < last; begin += kTile) {
       const Tile tile(targets, begin);
       const std::span<const Range> ranges = near(begin / kTile, tile, buffer);
-      const Task task{points_.data(), points_.rows(), weights.data(), weights.rows(),
-                      ranges.data(),  ranges.size(),  support_};
+      const Task task{points_->data(), points_->rows(), weights.data(), weights.rows(),
+                      ranges.data(),   ranges.size(),   support_};
       sum_tile(task, tile.x, columns, values.data());
       for (Index m = 0; m < columns; ++m)
         for (Index i = 0; i < tile.count; ++i) result(begin + i, m) = values[m * kTile + i];
@@ -221,27 +226,27 @@ MatrixXd CompactSum::operator()(const Eigen::Ref<const MatrixXd>& targets,
   return sum(targets, in_tree_order(coefficients),
              [&](Index, const Tile& tile, std::vector<Range>& buffer) {
                buffer.clear();
-               find_near(tree_, 0, tile.box(), reach, buffer);
+               find_near(*tree_, 0, tile.box(), reach, buffer);
                return std::span<const Range>(buffer);
              });
 }
 
 CompactMatrix::CompactMatrix(const CompactSum& sum) : sum_(sum) {
-  const MatrixXd& points = sum.points_;
+  const MatrixXd& points = *sum.points_;
   near_.resize((points.rows() + kTile - 1) / kTile);
   const double reach = squared_reach(sum.support_);
   parallel_for(static_cast<Index>(near_.size()), kGrain / kTile, [&](Index first, Index last) {
     for (Index i = first; i < last; ++i)
-      find_near(sum.tree_, 0, Tile(points, i * kTile).box(), reach, near_[i]);
+      find_near(*sum.tree_, 0, Tile(points, i * kTile).box(), reach, near_[i]);
   });
 }
 
 MatrixXd CompactMatrix::operator*(const Eigen::Ref<const MatrixXd>& coefficients) const {
   const MatrixXd sums =
-      sum_.sum(sum_.points_, sum_.in_tree_order(coefficients),
+      sum_.sum(*sum_.points_, sum_.in_tree_order(coefficients),
                [&](Index tile, const auto&, auto&) { return std::span<const Range>(near_[tile]); });
   MatrixXd result(sums.rows(), sums.cols());
-  for (Index i = 0; i < sums.rows(); ++i) result.row(sum_.tree_.row(i)) = sums.row(i);
+  for (Index i = 0; i < sums.rows(); ++i) result.row(sum_.tree_->row(i)) = sums.row(i);
   return result;
 }
 

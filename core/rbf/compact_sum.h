@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -17,6 +18,11 @@ class CompactSum {
   /// `points`: N x 3, N >= 1.
   CompactSum(const Points& points, double support, simd::InstructionSet set = simd::best());
 
+  /// The sums over the same points with another support.
+  CompactSum with_support(double support) const;
+
+  double support() const { return support_; }
+
   /// Returns the sums at T x 3 targets, T x M, for coefficients N x M. Parallel; costs what lies
   /// within the support, and least where targets close together follow each other
   /// (spatial_order).
@@ -30,8 +36,8 @@ class CompactSum {
                       const Eigen::MatrixXd& weights, const Near& near) const;
   Eigen::MatrixXd in_tree_order(const Eigen::Ref<const Eigen::MatrixXd>& rows) const;
 
-  BoxTree tree_;
-  Eigen::MatrixXd points_;  // in the order of the tree
+  std::shared_ptr<const BoxTree> tree_;
+  std::shared_ptr<const Eigen::MatrixXd> points_;  // in the order of the tree
   double support_;
   simd::InstructionSet set_;
 };

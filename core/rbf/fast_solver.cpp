@@ -377,7 +377,8 @@ FastSolution FastSolver::Impl::finish(Progression solution) const {
                   .weights = std::move(solution.weights),
                   .linear = frame.linear_in_given(coefficients),
                   .far_field = far.exact,
-                  .correction = nullptr};
+                  .correction = nullptr,
+                  .rows = rows};
   return {std::move(field), {}, std::move(solution.report)};
 }
 
@@ -430,6 +431,8 @@ std::vector<FastSolution> FastSolver::solve(const std::vector<MatrixXd>& value_s
   if (s.ordered.rows() > s.points->rows()) s.correct(value_sets, solutions);
   return solutions;
 }
+
+double FastSolver::correction_from() const { return impl_->thinning_distance; }
 
 const std::string& FastSolver::remarks() const { return impl_->remarks; }
 

@@ -62,6 +62,9 @@ class FastSolver {
   /// The H2 matrix; null where sums are direct.
   std::shared_ptr<const H2Matrix> far_field() const;
 
+  /// The widest spacing of the correction's levels.
+  double correction_from() const;
+
   /// What was chosen at set-up, for the report.
   const std::string& remarks() const;
 

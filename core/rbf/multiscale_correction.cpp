@@ -12,8 +12,6 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr double kSupport = 4;  // in spacings of a level
-constexpr int kMaxLevels = 40;
 constexpr int kSweeps = 3;
 constexpr int kMaxIterations = 400;
 
@@ -77,7 +75,7 @@ void MultiscaleCorrection::add_levels(const Points& points, const std::vector<do
   const std::vector<Index> near_order = spatial_order(points);
   const MatrixXd targets = select(points, near_order);
   Index count = 0;
-  for (int level = 0; level < kMaxLevels && count < n; ++level, spacing /= 2) {
+  for (int level = 0; level < kMostLevels && count < n; ++level, spacing /= 2) {
     while (count < n && separation[count] >= spacing) ++count;
     const double support = kSupport * spacing;
     const std::vector<Index> rows = level_rows(points, count, residual, allowed, support);

@@ -14,6 +14,9 @@ namespace cadmorph {
 /// 2012).
 class MultiscaleCorrection {
  public:
+  static constexpr double kSupport = 4;  ///< of a level's functions, in spacings of the level
+  static constexpr int kMostLevels = 40;
+
   /// No correction.
   MultiscaleCorrection() = default;
 

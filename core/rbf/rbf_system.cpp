@@ -13,6 +13,7 @@
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/fast_solver.h"
+#include "core/rbf/field_derivative.h"
 #include "core/rbf/incremental_qr.h"
 #include "core/rbf/rbf_field_impl.h"
 #include "core/rbf/solver_choice.h"
@@ -156,7 +157,7 @@ struct RbfSystem::Impl {
   Eigen::VectorXd local_length;
   std::shared_ptr<const MatrixXd> centres;  // distinct, in units of the frame
   MatrixXd P;
-  std::unique_ptr<DenseSolver> dense;
+  std::shared_ptr<const DenseSolver> dense;
   std::unique_ptr<FastSolver> fast;
   std::unique_ptr<IncrementalQr> qr;
   std::unique_ptr<AdaptiveSolver> adaptive;
@@ -477,6 +478,52 @@ std::vector<RbfSolution> RbfSystem::solve_each(const std::vector<RowMatrix>& val
         s.frame, s.kernel, s.sum, std::move(problem.field), std::move(problem.report)});
   }
   return solutions;
+}
+
+RbfDerivative RbfSystem::derivative(const RbfField& field, const RowMatrix& targets) const {
+  return derivative(field.impl_->field.rows, targets);
+}
+
+RbfDerivative RbfSystem::derivative(const RowMatrix& targets) const {
+  return derivative(std::vector<Index>(), targets);
+}
+
+RbfDerivative RbfSystem::derivative(std::vector<Index> rows, const RowMatrix& targets) const {
+  const Impl& s = *impl_;
+  if (s.qr)
+    throw InvalidInputError(
+        "the incremental QR solver fits the values and has no derivative here; use another solver");
+  if (targets.cols() != s.frame.dimension())
+    throw InvalidInputError("RBF derivative: targets of dimension " +
+                            std::to_string(targets.cols()) + " for centres of dimension " +
+                            std::to_string(s.frame.dimension()));
+  const double from = s.adaptive ? s.adaptive->correction_from()
+                      : s.fast   ? s.fast->correction_from()
+                                 : 0;
+  RbfDerivative result;
+  result.map_ = std::make_shared<const FieldDerivative>(
+      FrozenField{.points = s.centres,
+                  .centres = std::move(rows),
+                  .correction_from = from,
+                  .frame = s.frame,
+                  .kernel = in_units(s.kernel, s.frame.unit()),
+                  .log_scale = log_scale(s.kernel, s.frame.unit()),
+                  .memory_limit = s.options.memory_limit,
+                  .solver = s.dense},
+      s.frame.to_unit(targets));
+  result.rows_ = s.distinct.rows;
+  result.count_ = static_cast<Index>(s.distinct.group.size());
+  return result;
+}
+
+MatrixXd RbfDerivative::forward(const MatrixXd& values) const {
+  return map_->forward(values(rows_, Eigen::all));
+}
+
+MatrixXd RbfDerivative::adjoint(const MatrixXd& slopes) const {
+  MatrixXd result = MatrixXd::Zero(count_, slopes.cols());
+  result(rows_, Eigen::all) = map_->adjoint(slopes);
+  return result;
 }
 
 const RbfReport& RbfSystem::report() const { return impl_->report; }

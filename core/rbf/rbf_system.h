@@ -14,6 +14,8 @@
 
 namespace cadmorph {
 
+class FieldDerivative;
+
 enum class SolverKind {
   Auto,
   Lu,
@@ -88,6 +90,23 @@ struct RbfSolution {
   std::exception_ptr error;
 };
 
+/// The derivative of a field's values at targets by those at the centres, and its transpose. Both
+/// maps act on each column by itself, however many.
+class RbfDerivative {
+ public:
+  /// Returns T x M for values (N x M) at the given centres.
+  Eigen::MatrixXd forward(const Eigen::MatrixXd& values) const;
+
+  /// Returns N x M for slopes (T x M) by the values at the targets.
+  Eigen::MatrixXd adjoint(const Eigen::MatrixXd& slopes) const;
+
+ private:
+  friend class RbfSystem;
+  std::shared_ptr<const FieldDerivative> map_;
+  std::vector<Index> rows_;  // the first of each set of merged centres
+  Index count_ = 0;
+};
+
 /// Everything of an RBF interpolation that depends on the centres alone: reduction of duplicate and
 /// flat sets, and the factorisation or preconditioner. Solves for any number of value sets.
 class RbfSystem {
@@ -112,11 +131,21 @@ class RbfSystem {
   /// error of one leaves the others alone. `seconds` of their reports are shares of the whole.
   std::vector<RbfSolution> solve_each(const std::vector<RowMatrix>& value_sets) const;
 
+  /// What the field of a solution does at targets (T x D) as a linear map of the values at the
+  /// system's centres, with its kernels fixed (see FieldDerivative). Centres merged into one count
+  /// by the value of the first. Throws InvalidInputError for the incremental QR, which fits values
+  /// instead of meeting them, and what FieldDerivative throws.
+  RbfDerivative derivative(const RbfField& field, const RowMatrix& targets) const;
+
+  /// The same where all centres have kernels.
+  RbfDerivative derivative(const RowMatrix& targets) const;
+
   const RbfReport& report() const;
 
  private:
   friend class RbfTargets;
   struct Impl;
+  RbfDerivative derivative(std::vector<Index> rows, const RowMatrix& targets) const;
   std::shared_ptr<const Impl> impl_;
 };
 

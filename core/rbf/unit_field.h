@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "core/types.h"
 
@@ -17,6 +18,8 @@ struct UnitField {
   Eigen::MatrixXd linear;                          ///< (D + 1) x M, of 1 and the coordinates
   std::shared_ptr<const H2Matrix> far_field;       ///< of the centres; none: sums are direct
   std::shared_ptr<const MultiscaleCorrection> correction;  ///< added; may be none
+  /// The points of its system that are centres; empty: all.
+  std::vector<Index> rows = {};
 };
 
 /// Sets the centres, weights, linear part, tree and correction of `terms`, in unit coordinates
