@@ -26,6 +26,8 @@ constexpr const char* kDescription =
     "  cadmorph batch BASE.step MESH VARIANT.step... -o DIR [options]\n"
     "  cadmorph field BASE.step VARIANT.step MESH -o FIELD.cmf [options]\n"
     "  cadmorph apply FIELD.cmf MESH [-o OUT] [options]\n"
+    "  cadmorph velocity BASE.step PLUS.step MINUS.step MESH --step H -o OUT.vtu [options]\n"
+    "  cadmorph gradient BASE.step MESH PARAMETERS.csv --sensitivity FILE [options]\n"
     "  cadmorph compare REFERENCE MESH [options]\n"
     "  cadmorph help exit-codes [CODE]\n"
     "\n"
@@ -73,6 +75,8 @@ void parse(int argc, char** argv, Action& action) {
   add_batch_command(app, action);
   add_field_command(app, action);
   add_apply_command(app, action);
+  add_velocity_command(app, action);
+  add_gradient_command(app, action);
   add_compare_command(app, action);
   add_help_command(app, action);
   try {

@@ -27,6 +27,8 @@ man_page(cadmorph-batch cadmorph batch "morphs a mesh onto many variants of one 
 man_page(cadmorph-compare cadmorph compare "tells what differs between two meshes")
 man_page(cadmorph-field cadmorph field "writes the deformation field of a morph")
 man_page(cadmorph-apply cadmorph apply "moves points with a deformation field")
+man_page(cadmorph-velocity cadmorph velocity "writes how a CAD parameter moves each node")
+man_page(cadmorph-gradient cadmorph gradient "gradient by CAD parameters from nodal sensitivities")
 man_page(cadmorph-picture cadmorph-picture "" "draws a mesh before and after morphing")
 
 add_custom_target(man ALL DEPENDS ${pages})

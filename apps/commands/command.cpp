@@ -68,6 +68,11 @@ void print(const std::string& text) {
     throw OutputError("can't write to the standard output");
 }
 
+void warn(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings)
+    std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
+}
+
 void hand_over(const std::string& json, bool is_quiet, const std::string& summary,
                const std::string& report) {
   if (!json.empty() && json != "-") write_text(json, report);

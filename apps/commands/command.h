@@ -26,6 +26,8 @@ void add_match_command(CLI::App& app, Action& action);
 void add_batch_command(CLI::App& app, Action& action);
 void add_field_command(CLI::App& app, Action& action);
 void add_apply_command(CLI::App& app, Action& action);
+void add_velocity_command(CLI::App& app, Action& action);
+void add_gradient_command(CLI::App& app, Action& action);
 void add_compare_command(CLI::App& app, Action& action);
 void add_help_command(CLI::App& app, Action& action);
 
@@ -34,6 +36,9 @@ std::string troubleshooting_line(ExitCode code);
 
 /// Writes to stdout. Throws OutputError.
 void print(const std::string& text);
+
+/// Prints warnings to stderr.
+void warn(const std::vector<std::string>& warnings);
 
 /// Prints the summary, unless quiet, or writes the report where `json` says.
 void hand_over(const std::string& json, bool is_quiet, const std::string& summary,

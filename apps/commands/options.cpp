@@ -65,17 +65,8 @@ void check_method(const MorphOptions& options) {
         to_string(method) + " has none of them");
 }
 
-void add_method_options(CLI::App& app, MorphOptions& raw) {
+void add_rbf_options(CLI::App& app, MorphOptions& raw) {
   const auto group = "Method";
-  VolumeMorphOptions& volume = raw.pipeline.volume;
-  SteppingOptions& stepping = raw.pipeline.stepping;
-  add_choice(app, "--method", volume.method,
-             {{"rbf", MorphMethod::Rbf},
-              {"femwarp", MorphMethod::Femwarp},
-              {"lbwarp", MorphMethod::Lbwarp},
-              {"simplex-linear", MorphMethod::SimplexLinear}},
-             "how the volume nodes follow the surface (default: rbf)")
-      ->group(group);
   add_choice(app, "--kernel", raw.kernel,
              {{"triharmonic", KernelName::Triharmonic},
               {"biharmonic", KernelName::Biharmonic},
@@ -114,6 +105,20 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
       ->check(CLI::PositiveNumber)
       ->type_name("SIZE")
       ->group(group);
+}
+
+void add_method_options(CLI::App& app, MorphOptions& raw) {
+  const auto group = "Method";
+  VolumeMorphOptions& volume = raw.pipeline.volume;
+  SteppingOptions& stepping = raw.pipeline.stepping;
+  add_choice(app, "--method", volume.method,
+             {{"rbf", MorphMethod::Rbf},
+              {"femwarp", MorphMethod::Femwarp},
+              {"lbwarp", MorphMethod::Lbwarp},
+              {"simplex-linear", MorphMethod::SimplexLinear}},
+             "how the volume nodes follow the surface (default: rbf)")
+      ->group(group);
+  add_rbf_options(app, raw);
   app.add_option("--steps", raw.steps, "auto: one step, more while elements are inverted; or N")
       ->type_name("auto|N")
       ->capture_default_str()
@@ -198,6 +203,16 @@ double parse_unit(const std::string& text) {
 void add_morph_options(CLI::App& app, MorphOptions& options) {
   add_method_options(app, options);
   add_mesh_options(app, options);
+}
+
+void add_derivative_options(CLI::App& app, MorphOptions& options) {
+  add_rbf_options(app, options);
+  add_mesh_options(app, options);
+}
+
+void check_linear(const MorphOptions& options) {
+  if (options.solver == SolverKind::Iqr)
+    throw UsageError("--solver iqr fits the surface's displacements and has no derivative here");
 }
 
 void add_json_option(CLI::App& app, std::string& json) {

@@ -40,6 +40,10 @@ struct MorphOptions {
 
 /// Adds the groups of options that every command that morphs has.
 void add_morph_options(CLI::App& app, MorphOptions& options);
+/// Those of them that a derivative has.
+void add_derivative_options(CLI::App& app, MorphOptions& options);
+/// Refuses what has no derivative. Throws UsageError.
+void check_linear(const MorphOptions& options);
 void add_json_option(CLI::App& app, std::string& json);
 void add_threads_option(CLI::App& app, int& threads);
 CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map);

@@ -133,6 +133,7 @@ MorphJob::~MorphJob() = default;
 MorphJob::MorphJob(MorphJob&&) noexcept = default;
 
 const CadModel& MorphJob::base() const { return *base_->cad; }
+const VolumeMorph& MorphJob::volume() const { return *base_->volume; }
 const Mesh& MorphJob::mesh() const { return base_->mesh(); }
 const Boundary& MorphJob::boundary() const { return base_->boundary; }
 const Association& MorphJob::association() const { return base_->surface->association(); }
@@ -174,6 +175,22 @@ std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& vari
   for (std::size_t i = 0; i < variants.size(); ++i)
     if (is_topology_error(attempts[i].error)) morph_merged(variants[i], attempts[i]);
   return attempts;
+}
+
+MorphResult MorphJob::morph_surface(const CadModel& variant) const {
+  try {
+    MorphResult result;
+    result.report = base_->report;
+    result.variant = variant;
+    result.match = match(*base_, variant, result.report);
+    move_surface(*base_, variant, result);
+    return result;
+  } catch (const TopologyError&) {
+    const auto pair = merge_cut_faces(base(), variant, {.given_faces = base_->options.face_map});
+    if (!pair) throw;
+    const bool is_base_merged = pair->base.merged_face_count() > base().merged_face_count();
+    return (is_base_merged ? merged_job(pair->base) : *this).morph_surface(pair->variant);
+  }
 }
 
 void MorphJob::morph_merged(const CadModel& variant, MorphAttempt& refused) const {

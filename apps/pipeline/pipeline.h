@@ -219,6 +219,10 @@ class MorphJob {
   /// times, which are shares of the whole; an error of one leaves the others alone.
   std::vector<MorphAttempt> morph_each(const std::vector<CadModel>& variants) const;
 
+  /// Morphs the surface alone: of the result only the match, the surface and its positions, and in
+  /// the report what tells of them. Throws as morph does.
+  MorphResult morph_surface(const CadModel& variant) const;
+
   /// Writes a result: to `output` when it is good, else, with the inverted cells marked in the cell
   /// array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the arrays
   /// cadmorph_displacement, _cad_dimension (0 vertex, 1 edge, 2 face, 3 interior, -1 on no CAD
@@ -235,6 +239,7 @@ class MorphJob {
   const MorphJob& of(const MorphResult& result) const;
 
   const CadModel& base() const;
+  const VolumeMorph& volume() const;
   /// The deformation field of a result: what moves any other points as it moved the nodes, repair
   /// by optimisation apart, which has no field. Throws what record_deformation throws.
   DeformationTerms deformation(const MorphResult& result) const;

@@ -23,7 +23,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Levels are solved to this part of their largest value: rounding.
-constexpr double kSolved = 1e-15;
+constexpr double kSolved = 1e-13;
 constexpr int kMaxIterations = 3000;
 
 // Sources that a thread sums over at a time where the targets are few.

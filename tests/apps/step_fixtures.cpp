@@ -2,10 +2,14 @@
 // box_chamfer.step (one face more) and box_inch.step (the same in inches) into a folder; with SHIFT
 // only sphere_moved.step: models/shapes/sphere_in_box.step with the sphere moved along x.
 // step_fixtures FOLDER boxes COUNT: v0.step, v1.step, ... only, boxes a tenth longer each.
+// step_fixtures FOLDER block NAME LENGTH X RADIUS: NAME only, a block of LENGTH x 40 x 20 with a
+// bore along z at (X, 20).
+// step_fixtures FOLDER tube NAME LENGTH RADIUS: NAME only, a straight tube along z, 30 wide.
 
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepFilletAPI_MakeChamfer.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
 #include <Interface_Static.hxx>
 #include <STEPControl_Controller.hxx>
@@ -47,11 +51,31 @@ bool write_boxes(const std::filesystem::path& folder, int count) {
   return is_done;
 }
 
+TopoDS_Shape block(double length, double x, double radius) {
+  const TopoDS_Shape outside = BRepPrimAPI_MakeBox(length, 40, 20).Solid();
+  const gp_Ax2 axis(gp_Pnt(x, 20, -5), gp_Dir(0, 0, 1));
+  return BRepAlgoAPI_Cut(outside, BRepPrimAPI_MakeCylinder(axis, radius, 30).Solid()).Shape();
+}
+
+TopoDS_Shape tube(double length, double radius) {
+  const gp_Ax2 axis(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1));
+  return BRepAlgoAPI_Cut(BRepPrimAPI_MakeCylinder(axis, 15, length).Solid(),
+                         BRepPrimAPI_MakeCylinder(axis, radius, length).Solid())
+      .Shape();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc < 2) return 1;
   const std::filesystem::path folder = argv[1];
+  if (argc == 7)
+    return write(block(std::atof(argv[4]), std::atof(argv[5]), std::atof(argv[6])),
+                 folder / argv[3])
+               ? 0
+               : 1;
+  if (argc == 6)
+    return write(tube(std::atof(argv[4]), std::atof(argv[5])), folder / argv[3]) ? 0 : 1;
   if (argc == 4) return write_boxes(folder, std::atoi(argv[3])) ? 0 : 1;
   if (argc == 3)
     return write(sphere_in_box(std::atof(argv[2])), folder / "sphere_moved.step") ? 0 : 1;

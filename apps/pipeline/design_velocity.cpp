@@ -1,0 +1,280 @@
+#include "apps/pipeline/design_velocity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <future>
+#include <limits>
+#include <sstream>
+
+#include "cad/step_reader.h"
+#include "core/errors.h"
+
+namespace cadmorph {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A step is refused that moves the surface by less than the CAD's tolerance, and warned of below
+// this many of it.
+constexpr double kSureMotion = 100;
+
+// The base is about midway between both models where it is nearer to the middle than this part of
+// the motion.
+constexpr double kUneven = 0.1;
+
+// The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size.
+constexpr double kSmallMotion = 1e-6;
+
+Points base_positions(const MorphJob& job) {
+  return job.mesh().points(job.volume().surface_nodes(), Eigen::all);
+}
+
+double largest(const RowMatrix& rows) {
+  return rows.rows() == 0 ? 0 : rows.rowwise().norm().maxCoeff();
+}
+
+double typical_tolerance(const CadModel& cad) {
+  std::vector<double> tolerances;
+  for (const CadEdge& edge : cad.edges()) tolerances.push_back(edge.tolerance);
+  if (tolerances.empty()) return 0;
+  const auto middle = tolerances.begin() + std::ssize(tolerances) / 2;
+  std::nth_element(tolerances.begin(), middle, tolerances.end());
+  return *middle;
+}
+
+std::string text_of(double value) {
+  std::ostringstream text;
+  text.precision(3);
+  text << value;
+  return text.str();
+}
+
+// Whether the step is one that differences can be taken of.
+void judge(const ParameterModels& models, SurfaceVelocity& result) {
+  const std::string pair = models.plus.file_name() + " and " + models.minus.file_name();
+  const std::string figures = "the step of " + text_of(models.step) + " between " + pair +
+                              " moves the surface by " + text_of(result.motion) +
+                              " mm at most, and the CAD's tolerance is " +
+                              text_of(result.cad_tolerance) + " mm";
+  if (result.motion == 0) {
+    result.warnings.push_back(pair + " have the same surface: nothing moves with this parameter");
+    return;
+  }
+  if (result.motion < result.cad_tolerance)
+    throw InvalidInputError(figures + ": the difference would be noise; take a larger step");
+  if (result.motion < kSureMotion * result.cad_tolerance)
+    result.warnings.push_back(figures + ": the velocity may be off by up to " +
+                              text_of(100 * result.cad_tolerance / result.motion) +
+                              " %; take a larger step");
+  if (result.unevenness > kUneven)
+    result.warnings.push_back(
+        "the base is not midway between " + pair + ", by " + text_of(100 * result.unevenness) +
+        " % of the motion: take a smaller step, or see to it that they are the base's parameter "
+        "plus and minus the step");
+}
+
+std::shared_ptr<const MeshFile> open_mesh(const fs::path& path) {
+  return std::make_shared<const MeshFile>(path);
+}
+
+void add_new(std::vector<std::string>& to, const std::vector<std::string>& lines) {
+  for (const std::string& line : lines)
+    if (std::ranges::find(to, line) == to.end()) to.push_back(line);
+}
+
+// STEP models in their order, the next read while the one before it is at work.
+class StepQueue {
+ public:
+  explicit StepQueue(std::vector<fs::path> files) : files_(std::move(files)) {
+    for (const fs::path& file : files_) check_step_file(file);
+    read_ahead();
+  }
+
+  CadModel next() {
+    CadModel model = coming_.get();
+    read_ahead();
+    return model;
+  }
+
+ private:
+  void read_ahead() {
+    if (at_ < files_.size())
+      coming_ = std::async(std::launch::async, [path = files_[at_++]] { return read_step(path); });
+  }
+
+  std::vector<fs::path> files_;
+  std::size_t at_ = 0;
+  std::future<CadModel> coming_;
+};
+
+ParameterModels next_pair(StepQueue& queue, double step) {
+  CadModel plus = queue.next();
+  CadModel minus = queue.next();
+  return {std::move(plus), std::move(minus), step};
+}
+
+}  // namespace
+
+SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models) {
+  if (!(models.step > 0) || !std::isfinite(models.step))
+    throw InvalidInputError("the step " + text_of(models.step) + " of a parameter is not positive");
+  const MorphResult plus = job.morph_surface(models.plus);
+  const MorphResult minus = job.morph_surface(models.minus);
+  const double unit = plus.report.mesh_unit_mm;
+  const Points apart = plus.surface_positions - minus.surface_positions;
+  const Points bent = plus.surface_positions + minus.surface_positions - 2 * base_positions(job);
+  SurfaceVelocity result;
+  result.velocity = apart / (2 * models.step);
+  result.step = models.step;
+  result.motion = 0.5 * unit * largest(apart);
+  result.cad_tolerance = typical_tolerance(job.base());
+  result.unevenness = result.motion > 0 ? largest(bent) / largest(apart) : 0;
+  for (const MorphResult* side : {&plus, &minus}) {
+    add_new(result.warnings, side->report.warnings);
+    add_new(result.warnings, side->surface.folds);
+  }
+  judge(models, result);
+  return result;
+}
+
+SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
+                                 const ParameterModels& half) {
+  constexpr double kRounding = 1e-12;
+  if (!(std::abs(2 * half.step - models.step) <= kRounding * models.step))
+    throw InvalidInputError("Richardson's estimate takes a second step of half the first, " +
+                            text_of(models.step / 2) + ", not " + text_of(half.step));
+  const SurfaceVelocity wide = surface_velocity(job, models);
+  SurfaceVelocity result = surface_velocity(job, half);
+  result.error = (result.velocity - wide.velocity) / 3;
+  result.velocity += result.error;
+  add_new(result.warnings, wide.warnings);
+  return result;
+}
+
+NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface) {
+  const Points start = base_positions(job);
+  const double speed = largest(surface.velocity);
+  const double size =
+      (job.mesh().points.colwise().maxCoeff() - job.mesh().points.colwise().minCoeff()).norm();
+  const double scale = speed > 0 ? kSmallMotion * size / speed : 0;
+  const VolumeDerivative map = job.volume().derivative(start + scale * surface.velocity);
+  RowMatrix all(start.rows(), 3 + surface.error.cols() * (surface.error.rows() > 0));
+  all.leftCols(3) = surface.velocity;
+  if (all.cols() > 3) all.rightCols(3) = surface.error;
+  const RowMatrix moved = map.forward(all);
+  NodeVelocity result{moved.leftCols(3), RowMatrix(moved.rows(), 0)};
+  if (all.cols() > 3) result.error = moved.rightCols(3).rowwise().norm();
+  return result;
+}
+
+RowMatrix carry_to_surface(const MorphJob& job, const RowMatrix& sensitivity) {
+  const auto& nodes = job.volume().surface_nodes();
+  RowMatrix inside = sensitivity;
+  if (sensitivity.rows() == job.mesh().node_count()) inside(nodes, Eigen::all).setZero();
+  // Nothing to carry: what a solver knows of the surface alone.
+  if (inside.isZero(0)) return sensitivity(nodes, Eigen::all);
+  return job.volume().derivative(base_positions(job)).adjoint(sensitivity);
+}
+
+double gradient(const RowMatrix& surface_sensitivity, const SurfaceVelocity& velocity) {
+  return surface_sensitivity.cwiseProduct(RowMatrix(velocity.velocity)).sum();
+}
+
+VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions& options) {
+  PhaseClock clock(options.progress);
+  clock.start("velocity");
+  const bool has_half = !files.half_plus.empty();
+  std::vector<fs::path> models = {files.base_cad, files.plus, files.minus};
+  if (has_half) models.insert(models.end(), {files.half_plus, files.half_minus});
+  std::vector<fs::path> inputs = models;
+  inputs.push_back(files.mesh);
+  check_output(files.output, inputs);
+  auto mesh_to_come = std::async(std::launch::async, [&] { return open_mesh(files.mesh); });
+  StepQueue queue(models);
+  const auto base = std::make_shared<const CadModel>(queue.next());
+  const auto mesh = mesh_to_come.get();
+  mesh->check_target(files.output);
+  if (!mesh->takes_arrays(files.output))
+    throw InvalidInputError(files.output.string() +
+                            ": a velocity is an array of nodes, which this format does not hold; "
+                            "name a .vtu file");
+  const MorphJob job(base, mesh, options);
+  const ParameterModels pair = next_pair(queue, files.step);
+  const SurfaceVelocity surface =
+      has_half ? surface_velocity(job, pair, next_pair(queue, files.step / 2))
+               : surface_velocity(job, pair);
+  const NodeVelocity nodes = carry_inside(job, surface);
+
+  VelocityReport report;
+  ExtraArrays extra;
+  extra.point_arrays["cadmorph_velocity"] = nodes.velocity;
+  if (has_half) {
+    extra.point_arrays["cadmorph_velocity_error"] = nodes.error;
+    report.max_error = nodes.error.maxCoeff();
+  }
+  as_output([&] { mesh->write(files.output, mesh->mesh().points, extra); });
+  report.base_cad = files.base_cad;
+  report.mesh = files.mesh;
+  report.written = files.output;
+  report.nodes = job.mesh().node_count();
+  report.surface_nodes = std::ssize(job.volume().surface_nodes());
+  report.mesh_unit_mm = job.association().mesh_unit_mm;
+  report.step = surface.step;
+  report.motion = surface.motion;
+  report.cad_tolerance = surface.cad_tolerance;
+  report.unevenness = surface.unevenness;
+  report.max_speed = nodes.velocity.rowwise().norm().maxCoeff(&report.fastest_node);
+  report.fastest_place = job.mesh().points.row(report.fastest_node);
+  report.warnings = surface.warnings;
+  report.seconds = clock.phases().front().seconds;
+  return report;
+}
+
+GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const MeshFile> mesh,
+                              const RowMatrix& sensitivity,
+                              const std::vector<DesignParameter>& parameters,
+                              const PipelineOptions& options) {
+  PhaseClock clock(options.progress);
+  clock.start("base");
+  if (sensitivity.rows() != mesh->mesh().node_count() || sensitivity.cols() != 3)
+    throw InvalidInputError("a sensitivity of " + std::to_string(sensitivity.rows()) + " x " +
+                            std::to_string(sensitivity.cols()) + " for " +
+                            std::to_string(mesh->mesh().node_count()) + " nodes x 3 in " +
+                            mesh->path().string());
+  std::vector<fs::path> models = {base_cad};
+  for (const DesignParameter& parameter : parameters)
+    models.insert(models.end(), {parameter.plus, parameter.minus});
+  StepQueue queue(std::move(models));
+  const MorphJob job(std::make_shared<const CadModel>(queue.next()), mesh, options);
+  clock.start("adjoint");
+  const RowMatrix surface = carry_to_surface(job, sensitivity);
+  clock.start("parameters");
+  GradientReport report;
+  for (const DesignParameter& parameter : parameters) {
+    if (options.progress)
+      options.progress("parameters", static_cast<double>(report.entries.size()) /
+                                         static_cast<double>(parameters.size()));
+    const SurfaceVelocity velocity = surface_velocity(job, next_pair(queue, parameter.step));
+    for (const std::string& line : velocity.warnings)
+      add_new(report.warnings, {parameter.name + ": " + line});
+    report.entries.push_back({.name = parameter.name,
+                              .gradient = gradient(surface, velocity),
+                              .step = velocity.step,
+                              .max_speed = largest(velocity.velocity),
+                              .motion = velocity.motion});
+  }
+  report.base_cad = base_cad;
+  report.mesh = mesh->path();
+  report.nodes = job.mesh().node_count();
+  report.surface_nodes = surface.rows();
+  report.mesh_unit_mm = job.association().mesh_unit_mm;
+  report.sensitivity_norm = sensitivity.norm();
+  report.surface_norm = surface.norm();
+  for (const PhaseTime& phase : clock.phases()) {
+    report.seconds += phase.seconds;
+    if (phase.name == "adjoint") report.adjoint_seconds = phase.seconds;
+  }
+  return report;
+}
+
+}  // namespace cadmorph
