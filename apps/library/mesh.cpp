@@ -18,17 +18,19 @@ CellType cell_type(std::uint8_t number, Index cell, const std::string& name) {
   return type;
 }
 
-cadmorph::Mesh inner_mesh(MeshArrays arrays, const std::string& name) {
+// All is copied: Eigen allocates otherwise in programs built for other vector instructions, so that
+// no matrix may change hands.
+cadmorph::Mesh inner_mesh(const MeshArrays& arrays, const std::string& name) {
   cadmorph::Mesh mesh;
   mesh.types.reserve(arrays.types.size());
   for (const std::uint8_t number : arrays.types)
     mesh.types.push_back(cell_type(number, std::ssize(mesh.types), name));
-  mesh.points = std::move(arrays.points);
-  mesh.offsets = std::move(arrays.offsets);
-  mesh.connectivity = std::move(arrays.connectivity);
-  mesh.regions = std::move(arrays.regions);
-  for (MeshGroup& group : arrays.groups)
-    mesh.groups.push_back({std::move(group.name), std::move(group.kind), std::move(group.nodes)});
+  mesh.points = arrays.points;
+  mesh.offsets = arrays.offsets;
+  mesh.connectivity = arrays.connectivity;
+  mesh.regions = arrays.regions;
+  for (const MeshGroup& group : arrays.groups)
+    mesh.groups.push_back({group.name, group.kind, group.nodes});
   for (const NodeGroup& group : mesh.groups)
     for (const Index node : group.nodes)
       if (node < 0 || node >= mesh.node_count())
@@ -37,10 +39,10 @@ cadmorph::Mesh inner_mesh(MeshArrays arrays, const std::string& name) {
   return mesh;
 }
 
-std::shared_ptr<const Mesh::Impl> make_impl(MeshArrays arrays, const std::string& name) {
+std::shared_ptr<const Mesh::Impl> make_impl(const MeshArrays& arrays, const std::string& name) {
   return at_door([&] {
     return std::make_shared<const Mesh::Impl>(
-        std::make_shared<const MeshFile>(inner_mesh(std::move(arrays), name), name));
+        std::make_shared<const MeshFile>(inner_mesh(arrays, name), name));
   });
 }
 
@@ -76,15 +78,14 @@ void append(MeshArrays& arrays, const GmshElements& block,
 
 Mesh::Mesh(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
 
-Mesh::Mesh(MeshArrays arrays, const std::string& name)
-    : impl_(make_impl(std::move(arrays), name)) {}
+Mesh::Mesh(const MeshArrays& arrays, const std::string& name) : impl_(make_impl(arrays, name)) {}
 
 Mesh Mesh::read(const std::filesystem::path& path) {
   return at_door(
       [&] { return Mesh(std::make_shared<const Impl>(std::make_shared<const MeshFile>(path))); });
 }
 
-Mesh Mesh::from_gmsh(std::span<const std::size_t> node_tags, Points coordinates,
+Mesh Mesh::from_gmsh(std::span<const std::size_t> node_tags, const Points& coordinates,
                      std::span<const GmshElements> elements, const std::string& name) {
   if (std::ssize(node_tags) != coordinates.rows())
     throw InvalidInputError(name + ": " + std::to_string(node_tags.size()) +
@@ -94,17 +95,16 @@ Mesh Mesh::from_gmsh(std::span<const std::size_t> node_tags, Points coordinates,
   for (const std::size_t tag : node_tags)
     if (!ids.emplace(tag, std::ssize(ids)).second)
       throw InvalidInputError(name + ": the node tag " + std::to_string(tag) + " comes twice");
-  MeshArrays arrays{
-      .points = std::move(coordinates), .types = {}, .offsets = {0}, .connectivity = {}};
+  MeshArrays arrays{.points = coordinates, .types = {}, .offsets = {0}, .connectivity = {}};
   for (const GmshElements& block : elements) append(arrays, block, ids, name);
-  return Mesh(std::move(arrays), name);
+  return Mesh(arrays, name);
 }
 
-Mesh Mesh::at(Points positions) const {
+Mesh Mesh::at(const Points& positions) const {
   return at_door([&] {
     check_positions(impl_->mesh(), positions);
     auto moved = std::make_shared<Impl>(impl_->file, impl_->file->mesh());
-    moved->moved->points = std::move(positions);
+    moved->moved->points = positions;
     return Mesh(std::shared_ptr<const Impl>(std::move(moved)));
   });
 }

@@ -152,9 +152,9 @@ void add_cad_model(py::module_& module) {
 
 Mesh make_mesh(const py::object& points, const py::object& cells, const py::object& celltypes,
                const py::object& regions, const py::object& groups, const std::string& name) {
-  MeshArrays arrays = to_mesh_arrays(points, cells, celltypes, regions, groups);
+  const MeshArrays arrays = to_mesh_arrays(points, cells, celltypes, regions, groups);
   const py::gil_scoped_release release;
-  return Mesh(std::move(arrays), name);
+  return Mesh(arrays, name);
 }
 
 Mesh mesh_of_gmsh(const py::object& node_tags, const py::object& coordinates,
@@ -168,7 +168,7 @@ Mesh mesh_of_gmsh(const py::object& node_tags, const py::object& coordinates,
   const std::vector<std::size_t> tags = tags_of(node_tags, "node_tags");
   const py::object rows =
       py::module_::import("numpy").attr("asarray")(coordinates).attr("reshape")(-1, 3);
-  Points points = to_points(rows, "coordinates", std::ssize(tags));
+  const Points points = to_points(rows, "coordinates", std::ssize(tags));
   const std::vector<Index> types = to_integers(element_types, "element_types");
   if (!py::isinstance<py::sequence>(element_node_tags) ||
       py::len(element_node_tags) != types.size())
@@ -179,7 +179,7 @@ Mesh mesh_of_gmsh(const py::object& node_tags, const py::object& coordinates,
     elements.push_back({int(types[i]), tags_of(element_node_tags[py::int_(i)],
                                                "element_node_tags[" + std::to_string(i) + "]")});
   const py::gil_scoped_release release;
-  return Mesh::from_gmsh(tags, std::move(points), elements, name);
+  return Mesh::from_gmsh(tags, points, elements, name);
 }
 
 Mesh mesh_of_meshio(const py::object& mesh) {

@@ -14,6 +14,13 @@ int main(int argc, char** argv) {
                                     {.min_scaled_jacobian = 0.1});
     const cadmorph::MorphResult result = morpher.morph(cadmorph::CadModel::from_step(argv[2]));
     result.write(argv[4]);
+    // Matrices of this program go in and stay its own.
+    const cadmorph::Mesh copy({.points = mesh.points(),
+                               .types = mesh.types(),
+                               .offsets = mesh.offsets(),
+                               .connectivity = mesh.connectivity()});
+    const cadmorph::Points positions = result.positions();
+    if (copy.at(positions).points() != positions) return 7;
     std::printf("%lld nodes moved by at most %g mm\n",
                 static_cast<long long>(result.positions().rows()),
                 result.report().max_displacement_mm);

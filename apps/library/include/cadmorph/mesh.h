@@ -53,18 +53,18 @@ class Mesh {
   /// Takes arrays. `name` stands for a path in messages. Throws InvalidInputError for sizes that do
   /// not fit, ids out of range, values that are not finite, types that are none, polyhedra (which a
   /// file can bring).
-  explicit Mesh(MeshArrays arrays, const std::string& name = "mesh in memory");
+  explicit Mesh(const MeshArrays& arrays, const std::string& name = "mesh in memory");
 
   /// Takes what gmsh's API gives: the tags of the nodes, their coordinates (N x 3, in that order)
   /// and the elements. Nodes keep their order. Throws InvalidInputError as above, and for tags and
   /// types that are not known.
-  static Mesh from_gmsh(std::span<const std::size_t> node_tags, Points coordinates,
+  static Mesh from_gmsh(std::span<const std::size_t> node_tags, const Points& coordinates,
                         std::span<const GmshElements> elements,
                         const std::string& name = "mesh of gmsh");
 
   /// The same mesh at other positions (N x 3): where a morph begins that goes on from another one.
   /// Its file, and what `write` copies, is the one read. Throws InvalidInputError.
-  Mesh at(Points positions) const;
+  Mesh at(const Points& positions) const;
 
   const Points& points() const;  ///< N x 3, in the mesh's own unit
   std::vector<std::uint8_t> types() const;
