@@ -77,7 +77,9 @@ class Trip {
   PipelineOptions leg_options() const {
     PipelineOptions options = options_;
     if (leg_ > 0) options.surface.association.mesh_unit_mm = whole_.mesh_unit_mm;
-    if (leg_ + 1 < targets_.size()) options.min_scaled_jacobian.reset();
+    if (leg_ + 1 == targets_.size()) return options;
+    options.min_scaled_jacobian.reset();
+    options.quality = QualityMode::Fast;  // nodes that slid would not go back the way they came
     return options;
   }
 
