@@ -92,6 +92,16 @@ UntangleMode inner(Untangle untangle) {
   throw InvalidInputError("the option untangle has no such choice");
 }
 
+QualityMode inner(Quality quality) {
+  switch (quality) {
+    case Quality::Best:
+      return QualityMode::Best;
+    case Quality::Fast:
+      return QualityMode::Fast;
+  }
+  throw InvalidInputError("the option quality has no such choice");
+}
+
 }  // namespace
 
 PipelineOptions inner_options(const MorphOptions& options) {
@@ -110,6 +120,7 @@ PipelineOptions inner_options(const MorphOptions& options) {
   result.stepping.steps = options.steps;
   result.stepping.max_steps = options.max_steps;
   result.untangle = inner(options.untangle);
+  result.quality = inner(options.quality);
   result.improve_below = options.improve_below;
   result.min_scaled_jacobian = options.min_scaled_jacobian;
   result.face_map = options.face_map;

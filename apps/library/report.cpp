@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "apps/library/impl.h"
 #include "apps/summary/summary.h"
 
@@ -96,7 +98,10 @@ Report report_of(const PipelineReport& report) {
     result.repaired_cells = report.untangling->before - report.untangling->after;
   if (report.improving)
     result.raised_cells = report.improving->poor_before - report.improving->poor_after;
-  result.is_plain = report.stepping.steps <= 1 && !report.untangling && !report.improving;
+  result.is_raised =
+      report.best_mesh && std::ranges::any_of(report.best_mesh->attempts, &RaiseAttempt::is_taken);
+  result.is_plain =
+      report.stepping.steps <= 1 && !report.untangling && !report.improving && !result.is_raised;
   if (report.diagnosis) result.diagnosis = diagnosis_of(*report.diagnosis);
   result.warnings = in_library_words(report.warnings);
   result.notes = in_library_words(report.notes);

@@ -62,6 +62,10 @@ Untangle untangle_of(const std::string& text) {
       {{"auto", Untangle::Auto}, {"never", Untangle::Never}, {"always", Untangle::Always}});
 }
 
+Quality quality_of(const std::string& text) {
+  return choose<Quality>("quality", text, {{"best", Quality::Best}, {"fast", Quality::Fast}});
+}
+
 std::string path_of(const py::object& path) {
   const Source source = to_source(path);
   if (!source.bytes.is_none())
@@ -355,7 +359,8 @@ std::unique_ptr<Morpher> make_morpher(
     std::vector<std::string> follow, std::vector<std::pair<int, int>> face_map,
     const std::string& method, const std::string& solver, double solver_tolerance,
     double memory_limit_bytes, int steps, int max_steps, const std::string& untangle,
-    std::optional<double> improve_below, std::optional<double> min_scaled_jacobian) {
+    const std::string& quality, std::optional<double> improve_below,
+    std::optional<double> min_scaled_jacobian) {
   const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
                              .association_tolerance = association_tolerance,
                              .snap = snap,
@@ -371,6 +376,7 @@ std::unique_ptr<Morpher> make_morpher(
                              .steps = steps,
                              .max_steps = max_steps,
                              .untangle = untangle_of(untangle),
+                             .quality = quality_of(quality),
                              .improve_below = improve_below,
                              .min_scaled_jacobian = min_scaled_jacobian};
   return run_unlocked(progress, [&](const Progress& tell) {
@@ -392,8 +398,8 @@ void add_morpher(py::module_& module) {
           "face_map"_a = defaults.face_map, "method"_a = "rbf", "solver"_a = "auto",
           "solver_tolerance"_a = defaults.solver_tolerance,
           "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
-          "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "improve_below"_a = py::none(),
-          "min_scaled_jacobian"_a = py::none(),
+          "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "quality"_a = "best",
+          "improve_below"_a = py::none(), "min_scaled_jacobian"_a = py::none(),
           R"(Finds the CAD entity of each surface node, measures the mesh and sets up the volume morph.
 
 progress: called with the phase's name and the fraction of it done; returns False to cancel.
@@ -408,6 +414,7 @@ solver: 'auto', 'adaptive', 'lu', 'ldlt', 'cholesky', 'iqr', 'fast'.
 solver_tolerance: residual of the iterative solvers, in local edge lengths.
 steps: 0: one, more (up to max_steps) while elements are inverted; or how many.
 untangle: repair of inverted elements by optimisation: 'auto', 'never', 'always'.
+quality: 'best' raises the worst elements where they lost shape, 'fast' does not.
 improve_below: raises elements with a scaled Jacobian below, by optimisation.
 min_scaled_jacobian: refuses a result with an element below.
 

@@ -159,6 +159,8 @@ void add_reports(py::module_& module) {
       .field("repaired_cells", &Report::repaired_cells,
              "Inverted before optimisation, and not after.")
       .field("raised_cells", &Report::raised_cells, "Below improve_below before, and not after.")
+      .field("is_raised", &Report::is_raised,
+             "Whether elements that lost shape were raised (quality='best').")
       .field("is_plain", &Report::is_plain,
              "Whether it took one step, no repair and nothing raised: positions are then a linear "
              "function of the surface's.")

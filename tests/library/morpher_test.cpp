@@ -59,7 +59,7 @@ TEST_CASE("Files and positions are the program's, to the last bit", "[library]")
 }
 
 TEST_CASE("A report tells what was done, with units", "[library]") {
-  const Morpher morpher = box_morpher();
+  const Morpher morpher = box_morpher({.quality = Quality::Fast});
   CHECK(morpher.report().nodes.vertex == 8);
   CHECK(morpher.report().mesh_unit_mm == 1);
   CHECK(morpher.report().base_cad.faces == 6);
@@ -79,9 +79,23 @@ TEST_CASE("A report tells what was done, with units", "[library]") {
   CHECK(std::ssize(morpher.surface_nodes()) == on_surface);
 }
 
+TEST_CASE("A report tells whether positions are a linear function of the surface's", "[library]") {
+  const auto morph = [](Quality quality) {
+    const Morpher morpher(cad("bore/base"), mesh("bore/hex"), {.quality = quality});
+    return morpher.morph(cad("bore/step20"));
+  };
+  const MorphResult fast = morph(Quality::Fast), best = morph(Quality::Best);
+  CHECK(fast.report().is_plain);
+  CHECK(!fast.report().is_raised);
+  CHECK(best.report().is_raised);
+  CHECK(!best.report().is_plain);
+  CHECK(best.report().after.min_scaled_jacobian > fast.report().after.min_scaled_jacobian);
+}
+
 TEST_CASE("A morph goes on from the positions of another", "[library]") {
-  const MorphResult first = box_morpher().morph(cad("shapes/box_variant"));
-  const Morpher back(cad("shapes/box_variant"), mesh("shapes/box").at(first.positions()));
+  const MorphOptions fast{.quality = Quality::Fast};
+  const MorphResult first = box_morpher(fast).morph(cad("shapes/box_variant"));
+  const Morpher back(cad("shapes/box_variant"), mesh("shapes/box").at(first.positions()), fast);
   const MorphResult second = back.morph(cad("shapes/box"));
   const Points base = mesh("shapes/box").points();
   // There and back: an affine change, which a morph carries to 1e-9 of the diagonal.

@@ -154,6 +154,7 @@ class BadMorphs(unittest.TestCase):
             "method": {"method": "magic"},
             "solver": {"solver": "magic"},
             "untangle": {"untangle": "magic"},
+            "quality": {"quality": "magic"},
             "mesh_unit_mm": {"mesh_unit_mm": -1.0},
             "association_tolerance": {"association_tolerance": float("nan")},
             "steps": {"steps": -1},

@@ -45,7 +45,7 @@ class Morphs(unittest.TestCase):
         self.assertTrue(np.array_equal(positions, wanted))
 
     def test_the_report_has_units_in_its_names(self):
-        morpher = models.box_morpher()
+        morpher = models.box_morpher(quality="fast")
         result = morpher.morph(models.cad("shapes/box_variant"))
         report = result.report
         moved = np.linalg.norm(result.positions - morpher.mesh.points, axis=1).max()
@@ -74,9 +74,10 @@ class Morphs(unittest.TestCase):
             self.assertEqual(result.write(Path(folder) / "out.vtu").name, "out.failed.vtu")
 
     def test_a_morph_goes_on_from_another(self):
-        first = models.box_morpher().morph(models.cad("shapes/box_variant"))
+        first = models.box_morpher(quality="fast").morph(models.cad("shapes/box_variant"))
         there = models.mesh("shapes/box").at(first.positions)
-        back = cadmorph.Morpher(models.cad("shapes/box_variant"), there).morph(models.cad("shapes/box"))
+        back = cadmorph.Morpher(models.cad("shapes/box_variant"), there, quality="fast").morph(
+            models.cad("shapes/box"))
         base = models.mesh("shapes/box").points
         self.assertLess(abs(back.positions - base).max(), 1e-9 * models.cad("shapes/box").diagonal_mm)
 

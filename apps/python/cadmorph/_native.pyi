@@ -162,6 +162,8 @@ class Report:
     @property
     def raised_cells(self) -> int: ...
     @property
+    def is_raised(self) -> bool: ...
+    @property
     def is_plain(self) -> bool: ...
     @property
     def diagnosis(self) -> Diagnosis | None: ...
@@ -293,6 +295,7 @@ class Morpher:
         steps: int = 0,
         max_steps: int = 8,
         untangle: str = "auto",
+        quality: str = "best",
         improve_below: float | None = None,
         min_scaled_jacobian: float | None = None,
     ) -> None: ...

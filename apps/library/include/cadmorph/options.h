@@ -30,6 +30,12 @@ enum class Untangle {
   Always,  ///< at once, instead of steps
 };
 
+/// What is done for the elements of a valid result.
+enum class Quality {
+  Best,  ///< where they lost shape, the worst are raised
+  Fast,  ///< nothing: the positions are those of the volume morph
+};
+
 /// How to morph. The defaults are the program's; docs/choosing.md tells what to change when.
 struct MorphOptions {
   std::optional<double> mesh_unit_mm = {};  ///< millimetres per mesh unit; none: detected
@@ -49,6 +55,7 @@ struct MorphOptions {
   int steps = 0;                    ///< 0: one, more while elements are inverted
   int max_steps = 8;                ///< where `steps` is 0
   Untangle untangle = Untangle::Auto;
+  Quality quality = Quality::Best;
   std::optional<double> improve_below = {};        ///< raises elements with a scaled Jacobian below
   std::optional<double> min_scaled_jacobian = {};  ///< refuses a result with an element below
 };

@@ -84,6 +84,7 @@ struct Report {
   int steps = 0;             ///< the change was split into
   Index repaired_cells = 0;  ///< inverted before optimisation, and not after
   Index raised_cells = 0;    ///< below MorphOptions::improve_below before, and not after
+  bool is_raised = false;    ///< elements that lost shape were raised (Quality::Best)
   /// Positions are a linear function of the surface's: one step, no repair, nothing raised.
   bool is_plain = true;
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
