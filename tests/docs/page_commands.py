@@ -44,7 +44,7 @@ def begins_with_program(root, line):
     words = [word for word in line.split() if "=" not in word]
     if not words:
         return False
-    is_ours = words[0].startswith("cadmorph") and "::" not in words[0]
+    is_ours = re.fullmatch(r"cadmorph[\w-]*", words[0]) is not None
     return (
         is_ours or words[0] in NOT_EVERYWHERE or shutil.which(words[0]) is not None
         or "/" in words[0] and shutil.which(root / words[0]) is not None
