@@ -2,6 +2,7 @@
 cadmorph_library(library
   SOURCES
     library/cad_model.cpp
+    library/derivative.cpp
     library/errors.cpp
     library/mesh.cpp
     library/morpher.cpp

@@ -1,5 +1,6 @@
 #include <exception>
 
+#include "apps/library/derivative.h"
 #include "apps/library/impl.h"
 #include "apps/summary/json_report.h"
 #include "apps/summary/summary.h"
@@ -76,6 +77,32 @@ MorphResult Morpher::morph(const CadModel& variant, const MorphCall& call) const
     if (!call.keep_refused) check_outcome(report);
     result->report = report_of(report);
     return MorphResult(std::move(result));
+  });
+}
+
+void Morpher::warp_to(const Points& surface_positions, double* result) const {
+  at_door([&] {
+    const auto lock = lock_or_refuse(impl_->at_work);
+    Eigen::Map<Points>(result, impl_->mesh.node_count(), 3) =
+        impl_->job->volume().morph(surface_positions);
+  });
+}
+
+Derivative Morpher::derivative(const Points& surface_positions) const {
+  return at_door([&] {
+    const auto lock = lock_or_refuse(impl_->at_work);
+    return make_derivative(*impl_->job, surface_positions);
+  });
+}
+
+Derivative Morpher::derivative() const {
+  return derivative(impl_->job->mesh().points(impl_->surface_nodes, Eigen::all));
+}
+
+Velocity Morpher::velocity(const CadModel& plus, const CadModel& minus, double step) const {
+  return at_door([&] {
+    const auto lock = lock_or_refuse(impl_->at_work);
+    return make_velocity(*impl_->job, *plus.impl().model, *minus.impl().model, step);
   });
 }
 

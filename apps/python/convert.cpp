@@ -35,6 +35,22 @@ std::vector<Index> integers_of(const py::array& array, const std::string& what) 
   return {flat.data(), flat.data() + flat.size()};
 }
 
+// An array of a shape that fits, as doubles.
+template <class Fits>
+RowMatrix rows_of(const py::object& object, const std::string& name, const std::string& expected,
+                  const Fits& fits) {
+  const py::array array = to_array(object, name, expected.c_str());
+  if (!fits(array))
+    throw InvalidInputError(name + ": expected " + expected + ", not " + describe(array));
+  const bool is_float64 = array.dtype().kind() == 'f' && array.itemsize() == 8;
+  if (!is_float64 && !is_integral(array))
+    throw InvalidInputError(name + ": expected " + expected + ", not " + describe(array) +
+                            "; where fewer digits do, convert it by .astype(float)");
+  const auto rows = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
+  if (!rows) throw py::error_already_set();
+  return Eigen::Map<const RowMatrix>(rows.data(), rows.shape(0), rows.shape(1));
+}
+
 struct CellKind {
   std::uint8_t vtk;
   Index nodes;  ///< 0: any number
@@ -146,20 +162,16 @@ void add_flat_cells(const py::object& cells, const py::object& celltypes, MeshAr
 }  // namespace
 
 Points to_points(const py::object& object, const char* what, Index nodes) {
-  const std::string name(what);
   const std::string rows = nodes < 0 ? "N" : std::to_string(nodes);
   const std::string expected = "a float64 array of shape (" + rows + ", 3)";
-  const py::array array = to_array(object, name, expected.c_str());
-  if (array.ndim() != 2 || array.shape(1) != 3 || (nodes >= 0 && array.shape(0) != nodes))
-    throw InvalidInputError(name + ": expected " + expected + ", not " + describe(array));
-  const bool is_float64 = array.dtype().kind() == 'f' && array.itemsize() == 8;
-  if (!is_float64 && !is_integral(array))
-    throw InvalidInputError(name + ": expected " + expected + ", not " + describe(array) +
-                            "; where fewer digits do, convert it by .astype(float)");
-  const auto rows_of =
-      py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
-  if (!rows_of) throw py::error_already_set();
-  return Eigen::Map<const Points>(rows_of.data(), rows_of.shape(0), 3);
+  return rows_of(object, what, expected, [&](const py::array& array) {
+    return array.ndim() == 2 && array.shape(1) == 3 && (nodes < 0 || array.shape(0) == nodes);
+  });
+}
+
+RowMatrix to_rows(const py::object& object, const char* what) {
+  return rows_of(object, what, "a float64 array of shape (nodes, columns)",
+                 [](const py::array& array) { return array.ndim() == 2; });
 }
 
 std::vector<Index> to_integers(const py::object& object, const std::string& what) {

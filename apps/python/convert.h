@@ -15,6 +15,9 @@ namespace py = pybind11;
 /// is no array of shape (N, 3) of float64 or integers; `nodes`, if not negative, is N.
 Points to_points(const py::object& object, const char* what, Index nodes = -1);
 
+/// The same of any width.
+RowMatrix to_rows(const py::object& object, const char* what);
+
 /// The integers of an array of one dimension. Throws InvalidInputError.
 std::vector<Index> to_integers(const py::object& object, const std::string& what);
 

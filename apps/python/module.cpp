@@ -352,6 +352,50 @@ void add_result(py::module_& module) {
       });
 }
 
+void add_derivative(py::module_& module) {
+  const auto apply = [](RowMatrix (Derivative::*map)(const RowMatrix&) const, const char* what) {
+    return [map, what](const Derivative& self, const py::object& rows) {
+      const RowMatrix values = to_rows(rows, what);
+      const py::gil_scoped_release release;
+      return (self.*map)(values);
+    };
+  };
+  py::class_<Derivative>(module, "Derivative",
+                         "The volume morph as a linear map, the centres that it chose held, and "
+                         "its transpose: of one plain morph, without steps and repair. It does not "
+                         "change; threads may share it.")
+      .def(
+          "forward", apply(&Derivative::forward, "surface"), "surface"_a,
+          "Returns the displacements of all nodes, float64 (N, M), for those of the surface nodes, "
+          "(m, M); each column counts by itself. Raises InvalidInputError, SolverError.")
+      .def(
+          "adjoint", apply(&Derivative::adjoint, "volume"), "volume"_a,
+          "Returns the derivative of a quantity by the surface nodes' positions, float64 (m, M), "
+          "for that by the positions of all nodes, (N, M). Raises InvalidInputError, SolverError.");
+  py::class_<Velocity>(
+      module, "Velocity",
+      "How the nodes move with a CAD parameter, in the mesh's unit per unit of it.")
+      .def_property_readonly(
+          "surface",
+          [](const py::object& self) {
+            const Points& rows = self.cast<const Velocity&>().surface();
+            return view(rows.data(), {rows.rows(), 3}, self);
+          },
+          "float64 (m, 3), rows as Morpher.surface_nodes; a view, not writable.")
+      .def_property_readonly(
+          "nodes",
+          [](const py::object& self) {
+            const Points& rows = self.cast<const Velocity&>().nodes();
+            return view(rows.data(), {rows.rows(), 3}, self);
+          },
+          "float64 (N, 3); a view, not writable.")
+      .def_property_readonly("motion_mm", &Velocity::motion_mm,
+                             "Most that the step moves a surface node.")
+      .def_property_readonly("unevenness", &Velocity::unevenness,
+                             "Of the base between both models, in parts of the motion.")
+      .def_property_readonly("warnings", &Velocity::warnings);
+}
+
 std::unique_ptr<Morpher> make_morpher(
     const CadModel& base, const Mesh& mesh, const py::object& progress,
     std::optional<double> mesh_unit_mm, double association_tolerance, bool snap,
@@ -432,6 +476,43 @@ Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
           "keep_refused returns a result with inverted or too poor elements instead of raising "
           "QualityError. Raises TopologyError, QualityError, SolverError, CancelledError; "
           "InvalidInputError while another call is at work on this object.")
+      .def(
+          "warp",
+          [](const Morpher& morpher, const py::object& surface_positions) {
+            const Points positions = to_points(surface_positions, "surface_positions",
+                                               std::ssize(morpher.surface_nodes()));
+            const py::gil_scoped_release release;
+            return morpher.warp(positions);
+          },
+          "surface_positions"_a,
+          "Returns the positions of all nodes, float64 (N, 3), for those of the surface nodes, "
+          "(m, 3) in the order of surface_nodes: the volume morph alone, in one step, nothing "
+          "repaired. Raises InvalidInputError, SolverError.")
+      .def(
+          "derivative",
+          [](const Morpher& morpher, const py::object& surface_positions) {
+            if (surface_positions.is_none()) {
+              const py::gil_scoped_release release;
+              return morpher.derivative();
+            }
+            const Points positions = to_points(surface_positions, "surface_positions",
+                                               std::ssize(morpher.surface_nodes()));
+            const py::gil_scoped_release release;
+            return morpher.derivative(positions);
+          },
+          "surface_positions"_a = py::none(),
+          "The derivative of warp at these positions, (m, 3); None: at the base. Raises "
+          "InvalidInputError, also for methods other than 'rbf' and the solver 'iqr'; SolverError.")
+      .def(
+          "velocity",
+          [](const Morpher& morpher, const CadModel& plus, const CadModel& minus, double step) {
+            const py::gil_scoped_release release;
+            return morpher.velocity(plus, minus, step);
+          },
+          "plus"_a, "minus"_a, "step"_a,
+          "How the nodes move with a CAD parameter: central differences of the surface morphs onto "
+          "the models with the parameter larger and smaller by step, carried inside by the "
+          "derivative. Raises TopologyError, InvalidInputError, SolverError.")
       .def_property_readonly("base", &Morpher::base, py::return_value_policy::copy)
       .def_property_readonly("mesh", &Morpher::mesh, py::return_value_policy::copy)
       .def_property_readonly("report", &Morpher::report, py::return_value_policy::copy,
@@ -458,6 +539,7 @@ PYBIND11_MODULE(_native, module) {
   add_cad_model(module);
   add_mesh(module);
   add_result(module);
+  add_derivative(module);
   add_morpher(module);
   module.def(
       "set_thread_count", &set_thread_count, "count"_a,

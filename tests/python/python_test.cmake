@@ -2,7 +2,7 @@
 if(NOT TARGET cadmorph_python)
   return()
 endif()
-foreach(subject mesh morpher bad_arguments stubs memory picture freecad pip)
+foreach(subject mesh morpher derivative bad_arguments stubs memory picture freecad pip)
   add_test(NAME python.${subject}
     COMMAND ${Python_EXECUTABLE} -m unittest --verbose ${subject}_test
     WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/python)

@@ -3,6 +3,7 @@
 // All of the public interface.
 
 #include "cad_model.h"
+#include "derivative.h"
 #include "errors.h"
 #include "mesh.h"
 #include "morpher.h"

@@ -8,6 +8,7 @@
 
 #include "api.h"
 #include "cad_model.h"
+#include "derivative.h"
 #include "mesh.h"
 #include "options.h"
 #include "progress.h"
@@ -61,6 +62,27 @@ class Morpher {
   /// for it serves one thread at a time.
   MorphResult morph(const CadModel& variant, const MorphCall& call = {}) const;
 
+  /// Positions of all nodes (N x 3) for those of the surface nodes (m x 3, rows as surface_nodes):
+  /// the volume morph alone, in one step, nothing repaired. Throws InvalidInputError on a wrong
+  /// size or a number that is not finite, SolverError.
+  Points warp(const Points& surface_positions) const {
+    Points result(mesh().node_count(), 3);
+    warp_to(surface_positions, result.data());
+    return result;
+  }
+
+  /// The derivative of `warp` at these positions, or at the base. Costs a morph and a factorisation
+  /// of the centres' system. Throws as `warp` does, and InvalidInputError for methods other than
+  /// RBF and the solver Iqr.
+  Derivative derivative(const Points& surface_positions) const;
+  Derivative derivative() const;
+
+  /// How the nodes move with a CAD parameter, by central differences of the surface morphs onto the
+  /// models with the parameter larger and smaller by `step`; inside by the derivative at the base
+  /// in that direction. Throws TopologyError; InvalidInputError for a step that is not positive or
+  /// moves the surface by less than the CAD's tolerance; as `derivative` does.
+  Velocity velocity(const CadModel& plus, const CadModel& minus, double step) const;
+
   const CadModel& base() const;
   const Mesh& mesh() const;
   const Report& report() const;  ///< of the base: what `after` and the like would say is empty
@@ -71,6 +93,8 @@ class Morpher {
   struct Impl;
 
  private:
+  void warp_to(const Points& surface_positions, double* result) const;
+
   std::shared_ptr<Impl> impl_;
 };
 

@@ -1,4 +1,4 @@
 #pragma once
 
-// Index (64 bits, signed) and Points (N x 3 doubles, row-major).
+// Index (64 bits, signed), Points (N x 3 doubles, row-major) and RowMatrix (of any width).
 #include "core/types.h"

@@ -1,0 +1,92 @@
+"""An OpenMDAO component over cadmorph: needs the package openmdao."""
+
+import numpy as np
+import openmdao.api as om
+
+
+class MeshComp(om.ExplicitComponent):
+    """Surface coordinates in, volume coordinates out.
+
+    Options: morpher, a cadmorph.Morpher. Input x_surface (3 m,), the nodes morpher.surface_nodes;
+    output x_volume (3 N,). Both directions of the derivative are products without a matrix.
+    """
+
+    def initialize(self):
+        self.options.declare("morpher", recordable=False)
+
+    def setup(self):
+        morpher = self.options["morpher"]
+        points = morpher.mesh.points
+        self.add_input("x_surface", val=points[morpher.surface_nodes].ravel())
+        self.add_output("x_volume", val=points.ravel())
+        self._at = None
+
+    def setup_partials(self):
+        self.declare_partials("x_volume", "x_surface")
+
+    def compute(self, inputs, outputs):
+        outputs["x_volume"] = self.options["morpher"].warp(inputs["x_surface"].reshape(-1, 3)).ravel()
+
+    def compute_jacvec_product(self, inputs, d_inputs, d_outputs, mode):
+        if "x_volume" not in d_outputs or "x_surface" not in d_inputs:
+            return
+        derivative = self._derivative(inputs["x_surface"])
+        if mode == "fwd":
+            d_outputs["x_volume"] += derivative.forward(d_inputs["x_surface"].reshape(-1, 3)).ravel()
+        else:
+            d_inputs["x_surface"] += derivative.adjoint(d_outputs["x_volume"].reshape(-1, 3)).ravel()
+
+    def _derivative(self, surface):
+        if self._at is None or not np.array_equal(self._at[0], surface):
+            self._at = (surface.copy(), self.options["morpher"].derivative(surface.reshape(-1, 3)))
+        return self._at[1]
+
+
+class ParameterComp(om.ExplicitComponent):
+    """CAD parameters in, volume coordinates out.
+
+    Options: morpher; model, a function of the parameters (an array) that returns the CadModel;
+    start, their values at the morpher's base; steps, of the central differences. Input parameters,
+    output x_volume (3 N,). The derivative is taken at the base: for values elsewhere make the
+    component of a Morpher whose base and mesh are there.
+    """
+
+    def initialize(self):
+        self.options.declare("morpher", recordable=False)
+        self.options.declare("model", recordable=False)
+        self.options.declare("start")
+        self.options.declare("steps")
+
+    def setup(self):
+        self.start = np.atleast_1d(np.asarray(self.options["start"], dtype=float))
+        self.steps = np.broadcast_to(np.asarray(self.options["steps"], dtype=float), self.start.shape)
+        self.add_input("parameters", val=self.start)
+        self.add_output("x_volume", val=self.options["morpher"].mesh.points.ravel())
+        self._velocities = None
+
+    def setup_partials(self):
+        self.declare_partials("x_volume", "parameters")
+
+    def compute(self, inputs, outputs):
+        variant = self.options["model"](np.array(inputs["parameters"]))
+        outputs["x_volume"] = self.options["morpher"].morph(variant).positions.ravel()
+
+    def compute_jacvec_product(self, inputs, d_inputs, d_outputs, mode):
+        if "x_volume" not in d_outputs or "parameters" not in d_inputs:
+            return
+        for i, velocity in enumerate(self._all_velocities()):
+            if mode == "fwd":
+                d_outputs["x_volume"] += d_inputs["parameters"][i] * velocity
+            else:
+                d_inputs["parameters"][i] += np.dot(velocity, d_outputs["x_volume"])
+
+    def _all_velocities(self):
+        if self._velocities is None:
+            model, morpher = self.options["model"], self.options["morpher"]
+            self._velocities = []
+            for i, step in enumerate(self.steps):
+                motion = np.zeros_like(self.start)
+                motion[i] = step
+                self._velocities.append(
+                    morpher.velocity(model(self.start + motion), model(self.start - motion), step).nodes.ravel())
+        return self._velocities

@@ -1,0 +1,131 @@
+"""Derivatives of the volume and the surface, and the programs' classes over them."""
+
+import unittest
+
+import cadmorph
+import models
+import numpy as np
+from cadmorph.idwarp import USMesh
+
+try:
+    import openmdao.api as om
+except ImportError:
+    om = None
+
+
+class Derivatives(unittest.TestCase):
+    def setUp(self):
+        self.morpher = models.box_morpher()
+        mesh = self.morpher.mesh.points
+        self.n, self.m = len(mesh), len(self.morpher.surface_nodes)
+        self.start = mesh[self.morpher.surface_nodes]
+        self.random = np.random.default_rng(3)
+
+    def test_forward_and_adjoint_are_transposes(self):
+        target = self.start + 0.1 * np.sin(self.start[:, ::-1])
+        for derivative in (self.morpher.derivative(), self.morpher.derivative(target)):
+            u, v = self.random.normal(size=(self.m, 6)), self.random.normal(size=(self.n, 6))
+            forward, adjoint = derivative.forward(u), derivative.adjoint(v)
+            self.assertEqual((forward.shape, adjoint.shape), ((self.n, 6), (self.m, 6)))
+            self.assertLess(abs(np.vdot(v, forward) - np.vdot(adjoint, u)),
+                            1e-12 * np.linalg.norm(v) * np.linalg.norm(forward))
+            self.assertTrue(np.array_equal(forward[self.morpher.surface_nodes], u))
+
+    def test_it_is_the_slope_of_the_warp(self):
+        u = self.random.normal(size=(self.m, 3))
+        slope = self.morpher.derivative().forward(u)
+        for h in (1e-1, 1e-3):
+            plus, minus = (self.morpher.warp(self.start + sign * h * u) for sign in (1, -1))
+            self.assertLess(abs((plus - minus) / (2 * h) - slope).max(), 1e-10 / h)
+
+    def test_velocity_of_the_box(self):
+        base, variant = models.cad("shapes/box"), models.cad("shapes/box_variant")
+        velocity = self.morpher.velocity(variant, base, 0.5)
+        # A step so large, for once, leads onto the variant: the morph of so few nodes is linear.
+        moved = self.morpher.warp(self.start + velocity.surface) - self.morpher.mesh.points
+        self.assertLess(abs(velocity.nodes - moved).max(), 1e-9)
+        plain = models.box_morpher(untangle="never").morph(variant).positions
+        self.assertLess(abs(plain - moved - self.morpher.mesh.points).max(), 1e-9)
+        self.assertTrue(np.array_equal(velocity.surface, velocity.nodes[self.morpher.surface_nodes]))
+        self.assertAlmostEqual(velocity.unevenness, 1)
+        self.assertIn("not midway", velocity.warnings[0])
+
+    def test_what_does_not_fit_is_refused(self):
+        derivative = self.morpher.derivative()
+        u = np.zeros((self.m, 3))
+        for bad in (u[:-1], u[:, 0], "text", u.astype(complex), np.full_like(u, np.nan), None):
+            with self.assertRaises(cadmorph.InvalidInputError):
+                derivative.forward(bad)
+        with self.assertRaises(cadmorph.InvalidInputError):
+            derivative.adjoint(u)
+        with self.assertRaises(cadmorph.InvalidInputError):
+            self.morpher.warp(u[:-1])
+        with self.assertRaises(cadmorph.InvalidInputError):
+            models.box_morpher(method="femwarp").derivative()
+        base = models.cad("shapes/box")
+        with self.assertRaises(cadmorph.InvalidInputError):
+            self.morpher.velocity(base, base, 0.0)
+        strided = np.zeros((self.m, 6))[:, ::2]
+        strided.flags.writeable = False
+        self.assertEqual(derivative.forward(strided).shape, (self.n, 3))
+
+
+class IDWarp(unittest.TestCase):
+    def test_its_calls(self):
+        mesh = USMesh({"gridFile": models.FOLDER / "shapes/box.vtu", "cadFile": models.FOLDER / "shapes/box.step"})
+        surface = mesh.getSurfaceCoordinates()
+        mesh.setSurfaceCoordinates(surface * [1.5, 1, 1])
+        mesh.warpMesh()
+        grid = mesh.getSolverGrid().reshape(-1, 3)
+        self.assertLess(abs(grid - mesh.morpher.mesh.points * [1.5, 1, 1]).max(), 1e-9)
+        random = np.random.default_rng(4)
+        u, v = random.normal(size=surface.shape), random.normal(size=grid.size)
+        mesh.warpDeriv(v)
+        forward = mesh.warpDerivFwd(u)
+        self.assertLess(abs(np.dot(v, forward) - np.vdot(mesh.getdXs(), u)),
+                        1e-12 * np.linalg.norm(v) * np.linalg.norm(forward))
+        with self.assertRaises(ValueError):
+            mesh.setSurfaceCoordinates(surface[:-1])
+        with self.assertRaises(ValueError):
+            USMesh({"gridFile": "box.vtu"})
+
+
+@unittest.skipUnless(om, "needs OpenMDAO")
+class OpenMDAO(unittest.TestCase):
+    def check(self, component, bound):
+        problem = om.Problem()
+        problem.model.add_subsystem("mesh", component)
+        problem.setup(force_alloc_complex=False)
+        problem.run_model()
+        checked = problem.check_partials(out_stream=None, form="central", step=1e-3)
+        for (output, given), errors in checked["mesh"].items():
+            self.assertLess(max(abs(errors["J_fwd"] - errors["J_fd"]).max(),
+                                abs(errors["J_rev"] - errors["J_fd"]).max()), bound, (output, given))
+
+    def test_partials_of_the_mesh(self):
+        from cadmorph.openmdao import MeshComp
+
+        self.check(MeshComp(morpher=models.box_morpher()), 1e-8)
+
+    def test_partials_of_parameters(self):
+        from cadmorph.openmdao import ParameterComp
+
+        base, variant = models.cad("shapes/box"), models.cad("shapes/box_variant")
+        # A parameter whose models are at hand: 0 and 1 alone.
+        component = ParameterComp(morpher=models.box_morpher(), start=[0.0], steps=1e-3,
+                                  model=lambda p: variant if p[0] > 0 else base)
+        problem = om.Problem()
+        problem.model.add_subsystem("mesh", component)
+        problem.setup()
+        problem.set_val("mesh.parameters", 1.0)
+        problem.run_model()
+        wanted = models.box_morpher().morph(variant).positions
+        self.assertTrue(np.array_equal(problem.get_val("mesh.x_volume").reshape(-1, 3), wanted))
+        jacobian = problem.compute_totals(of=["mesh.x_volume"], wrt=["mesh.parameters"])
+        slope = next(iter(jacobian.values())).reshape(-1, 3)
+        moved = models.box_morpher().velocity(variant, base, 0.5).nodes
+        self.assertLess(abs(2e-3 * slope - moved).max(), 1e-9)
+
+
+if __name__ == "__main__":
+    unittest.main()
