@@ -6,11 +6,7 @@ import cadmorph
 import models
 import numpy as np
 from cadmorph.idwarp import USMesh
-
-try:
-    import openmdao.api as om
-except ImportError:
-    om = None
+from openmdao_alone import om
 
 
 class Derivatives(unittest.TestCase):
