@@ -21,7 +21,7 @@ END
 # The "solver": the smallest scaled Jacobian and the number of arguments.
 cat >solve <<'END'
 #!/usr/bin/env bash
-grep -A 9 '"after"' "$2" | grep -oE '"min_scaled_jacobian": [0-9.]+' | cut -d ' ' -f 2
+python3 -c 'import json, sys; print(json.load(open(sys.argv[1]))["after"]["min_scaled_jacobian"])' "$2"
 [[ -s $1 ]] && echo $#
 END
 chmod +x make_variant solve
