@@ -1,5 +1,6 @@
 #include "volume/best_mesh.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -16,9 +17,13 @@ namespace {
 
 using Eigen::VectorXd;
 
-// Shares of the reference's figures below which inner nodes move, and surface nodes slide.
+// Share of the reference's figures below which inner nodes move.
 constexpr double kLost = 0.98;
-constexpr double kLostMuch = 0.9;
+// Surface nodes leave the place that the CAD's parameters give them only where less than the first
+// share is kept of what a stretch of the part leaves, and then until the second is.
+constexpr double kLostHalf = 0.5, kLostMuch = 0.9;
+// Of the mesh's size: above what exchanged CAD differs by, below a change that costs quality.
+constexpr double kAffine = 1e-4;
 // Worst cells whose nodes move: at most this share of all, while their neighbours are no more than
 // that share.
 constexpr double kMostSeeds = 0.05;
@@ -64,15 +69,16 @@ class BestMesh {
         is_fixed_(std::move(is_fixed)) {
     result_.positions = at_.positions = positions;
     result_.quality = at_.quality = quality;
-    result_.report.base = worst_cells(reference.quality);
+    can_keep_ = result_.report.base = worst_cells(reference.quality);
     result_.report.plain = result_.report.best = worst_cells(quality);
   }
 
   BestMeshResult run() {
-    if (dimension(mesh_) == 3 && kept() < kLost) {
+    if (dimension(mesh_) == 3 && kept() < kLost && compare_with_stretch()) {
       hold_flat_cells();
       for (const int doublings : {2, 3}) raise(RaiseBy::InnerNodes, doublings);
-      if (kept() < kLostMuch && options_.sliding && (sliding_ = options_.sliding())) {
+      if (least_share(result_.report.best, can_keep_) < kLostHalf && options_.sliding &&
+          (sliding_ = options_.sliding())) {
         for (const Index node : sliding_->nodes) is_fixed_[node] = is_flat_[node];
         for (const Index node : options_.held) is_fixed_[node] = 1;
         at_.slides = slides_ = sliding_->slides;
@@ -87,6 +93,26 @@ class BestMesh {
 
  private:
   double kept() const { return least_share(result_.report.best, result_.report.base); }
+
+  // Finds what the affine map nearest to the motion leaves of the reference: what a stretch of the
+  // whole part costs is no loss. Returns whether there is more to the motion than that map.
+  bool compare_with_stretch() {
+    const Index n = mesh_.node_count();
+    Eigen::MatrixX4d from(n, 4);
+    from << reference_.points, VectorXd::Ones(n);
+    const Eigen::Matrix4d normal = from.transpose() * from;
+    const Eigen::Matrix<double, 4, 3> map =
+        normal.ldlt().solve(from.transpose() * result_.positions);
+    const Points image = from * map;
+    const double size = (image.colwise().maxCoeff() - image.colwise().minCoeff()).norm();
+    if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size) return false;
+    if (map.topRows(3).determinant() > 0) {
+      const WorstCells left = worst_cells(measure_quality(mesh_, image, orientation_));
+      can_keep_.min = std::min(can_keep_.min, left.min);
+      can_keep_.worst_twentieth = std::min(can_keep_.worst_twentieth, left.worst_twentieth);
+    }
+    return true;
+  }
 
   double work_left() const {
     const double cells = double(mesh_.cell_count());
@@ -220,8 +246,9 @@ class BestMesh {
   std::vector<char> is_fixed_, is_flat_;
   std::optional<NodeCells> incidence_;
   const SlidingNodes* sliding_ = nullptr;
-  State at_;          ///< where the last attempt ended
-  RowMatrix slides_;  ///< of the result
+  WorstCells can_keep_;  ///< of the reference, where the part is stretched as a whole
+  State at_;             ///< where the last attempt ended
+  RowMatrix slides_;     ///< of the result
   ValidityReport validity_;
   double work_ = 0;
   BestMeshResult result_;

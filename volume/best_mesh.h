@@ -65,11 +65,13 @@ struct BestMeshResult {
 /// Raises the cells of a moved mesh whose shape suffered most. Where the smallest scaled Jacobian
 /// or the mean of the worst twentieth fell below 98 % of the reference's, the nodes of the worst
 /// cells minimise ShapeEnergy with growing powers: the inner ones (not `is_fixed`, N) first, then,
-/// below 90 %, those that slide, too. An attempt is taken when neither figure is below that of
-/// `positions` and their sum, each as a share of the reference's, is the largest so far; no more
-/// cells are invalid then. Cells that are not valid at `positions` (N x 3, `quality` is theirs)
-/// stay as they are. At most 20 passes over the mesh's cells (more where it is small): a count, no
-/// time, so that the result is the same on every machine and for any number of threads.
+/// where less than half is kept of what the affine map nearest to the motion leaves, those that
+/// slide, too. A motion that is an affine map is left as it is. An
+/// attempt is taken when neither figure is below that of `positions` and their sum, each as a share
+/// of the reference's, is the largest so far; no more cells are invalid then. Cells that are not
+/// valid at `positions` (N x 3, `quality` is theirs) stay as they are. At most 20 passes over the
+/// mesh's cells (more where it is small): a count, no time, so that the result is the same on every
+/// machine and for any number of threads.
 BestMeshResult find_best_mesh(const Mesh& mesh, const ReferenceShape& reference,
                               const Points& positions, const QualityReport& quality,
                               const std::vector<char>& is_fixed, const Orientation& orientation,
