@@ -13,8 +13,7 @@ FaultGuard::FaultGuard() {
 FaultGuard::~FaultGuard() { restore(0); }
 
 void FaultGuard::restore(std::size_t from) {
-  for (std::size_t i = from; i < kSignals.size(); ++i)
-    sigaction(kSignals[i], &before_[i], nullptr);
+  for (std::size_t i = from; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
 }
 
 }  // namespace cadmorph
