@@ -256,6 +256,18 @@ int corner_count(CellType type, Index node_count) {
   }
 }
 
+void reserve_cells(Mesh& mesh, Index cells, Index nodes) {
+  const auto reserve = [](auto& values, Index more) {
+    const std::size_t size = values.size() + std::size_t(more);
+    // Twice as much as before, at least: many small blocks would move all values each time.
+    if (size > values.capacity()) values.reserve(std::max(size, 2 * values.capacity()));
+  };
+  reserve(mesh.types, cells);
+  reserve(mesh.offsets, cells + 1);
+  reserve(mesh.regions, cells);
+  reserve(mesh.connectivity, nodes);
+}
+
 void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes) {
   if (mesh.offsets.empty()) mesh.offsets.push_back(0);
   mesh.types.push_back(type);

@@ -71,6 +71,9 @@ struct Mesh {
   int region(Index c) const { return regions.empty() ? 0 : regions[c]; }
 };
 
+/// Makes room for so many more cells, and more nodes of them all.
+void reserve_cells(Mesh& mesh, Index cells, Index nodes);
+
 /// Appends a cell. Its nodes are in VTK's order; a polyhedron needs add_polyhedron.
 void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes);
 

@@ -23,13 +23,14 @@ void check_coordinates(const fs::path& path, const Points& points, Index nodes) 
     throw InvalidInputError("the coordinates to write to " + path.string() + " are not all finite");
 }
 
-CoordinateRounding measure_rounding(Mesh mesh, const Points& wanted, const Points& written) {
+CoordinateRounding measure_rounding(const Mesh& mesh, const Points& wanted, const Points& written) {
   if (written.rows() == 0) return {};
   const Eigen::VectorXd distances = (written - wanted).rowwise().norm();
   CoordinateRounding rounding;
   if (distances.maxCoeff() == 0) return rounding;
-  mesh.points = wanted;
-  const Eigen::VectorXd edges = incident_edges(mesh).shortest;
+  Mesh moved = mesh;
+  moved.points = wanted;
+  const Eigen::VectorXd edges = incident_edges(moved).shortest;
   for (Index n = 0; n < distances.size(); ++n) {
     rounding.largest = std::max(rounding.largest, distances(n));
     const double relative = edges(n) > 0 ? distances(n) / edges(n) : 0;

@@ -4,6 +4,7 @@
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/info.h>
 #include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/parallel_pipeline.h>
 #include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
@@ -44,6 +45,32 @@ void parallel_for(Index count, Index grain, const std::function<void(Index, Inde
         body(c * chunk, std::min(count, (c + 1) * chunk));
     };
     tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), run, context);
+  });
+}
+
+void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
+                       const std::function<void(Index)>& work,
+                       const std::function<void(Index)>& take) {
+  // Isolated, and with a context of its own: see parallel_for.
+  tbb::this_task_arena::isolate([&] {
+    tbb::task_group_context context(tbb::task_group_context::isolated);
+    Index count = 0;
+    // There are never more items on their way than slots, and they leave in their order.
+    const auto first = [&](tbb::flow_control& control) {
+      const Index slot = count++ % slots;
+      if (!read(slot)) control.stop();
+      return slot;
+    };
+    const auto second = [&](Index slot) {
+      work(slot);
+      return slot;
+    };
+    tbb::parallel_pipeline(
+        std::size_t(slots),
+        tbb::make_filter<void, Index>(tbb::filter_mode::serial_in_order, first) &
+            tbb::make_filter<Index, Index>(tbb::filter_mode::parallel, second) &
+            tbb::make_filter<Index, void>(tbb::filter_mode::serial_in_order, take),
+        context);
   });
 }
 

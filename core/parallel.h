@@ -18,4 +18,12 @@ int thread_count();
 void parallel_for(Index count, Index grain,
                   const std::function<void(Index begin, Index end)>& body);
 
+/// A line of work over items that come one after the other: `read` makes the next in a slot of
+/// [0, slots) and returns false when there is none, `work` goes on with it on any thread, `take`
+/// ends it, in the order of the items. The three run at the same time, on different slots. Rethrows
+/// exceptions.
+void parallel_pipeline(Index slots, const std::function<bool(Index slot)>& read,
+                       const std::function<void(Index slot)>& work,
+                       const std::function<void(Index slot)>& take);
+
 }  // namespace cadmorph

@@ -592,6 +592,8 @@ class Reader {
     // Faces between cells are no boundary.
     const bool is_inner = section.number == kNgon && has_inner_face(section, uses);
     std::vector<Index> nodes, boundary;
+    if (section.count > 0 && section.dimension(0) == dimension_)
+      reserve_cells(result_.mesh, section.count, std::ssize(section.connectivity));
     for (Index i = 0; i < section.count; ++i) {
       const auto numbers = section.element_nodes(i);
       nodes.clear();

@@ -16,13 +16,6 @@ namespace {
 
 constexpr const char* kAxes[] = {"x", "y", "z"};
 
-/// A coordinate that changes.
-struct Edit {
-  TextToken token;
-  Index node = 0;
-  int component = 0;
-};
-
 [[noreturn]] void refuse_change(Index node, int component, double before, double after) {
   throw InvalidInputError("the file has no " + std::string(kAxes[component]) +
                           " coordinates, but node " + std::to_string(node) + " would move from " +
@@ -30,61 +23,82 @@ struct Edit {
                           " there; a plane mesh needs CAD models in the same plane");
 }
 
-/// A plane of constant z, not in the file, is kept by a morph to rounding.
-bool is_rounding(double before, double after, const Points& all) {
+/// What a plane of constant z, not in the file, may move by: a morph keeps it to rounding.
+double largest_rounding(const Points& points) {
   constexpr double kRounding = 1e-9;  // of the mesh's size
-  return std::abs(after - before) <= kRounding * all.cwiseAbs().maxCoeff();
+  return points.size() ? kRounding * points.cwiseAbs().maxCoeff() : 0;
 }
 
 Index node_of(const std::vector<Index>& nodes, Index row) {
   return nodes.empty() ? row : nodes[row];
 }
 
-/// The changed coordinates in the order of the file.
-std::vector<Edit> edits_of(const TextPlaces& places, const Points& before, const Points& after) {
-  std::vector<Edit> edits;
-  edits.reserve(places.tokens.size());
+/// Whether a coordinate changes. Throws where it does and the file does not have it.
+bool has_change(const TextPlaces& places, const Points& before, const Points& after) {
+  const double rounding = largest_rounding(before);
+  bool result = false;
   const Index rows = std::ssize(places.tokens) / places.components;
   for (Index row = 0; row < rows; ++row) {
     const Index node = node_of(places.nodes, row);
     for (int c = 0; c < 3; ++c) {
       const double old_value = before(node, c), new_value = after(node, c);
       if (old_value == new_value) continue;
-      const TextToken token =
-          c < places.components ? places.tokens[row * places.components + c] : TextToken{};
-      if (token.length > 0)
-        edits.push_back({token, node, c});
-      else if (!is_rounding(old_value, new_value, before))
+      const bool is_there =
+          c < places.components && places.tokens[row * places.components + c].length > 0;
+      if (!is_there && !(std::abs(new_value - old_value) <= rounding))
         refuse_change(node, c, old_value, new_value);
+      result = result || is_there;
     }
   }
-  const auto by_place = [](const Edit& a, const Edit& b) { return a.token.place < b.token.place; };
-  if (!std::ranges::is_sorted(edits, by_place)) std::ranges::sort(edits, by_place);
-  return edits;
+  return result;
 }
 
-/// The changed coordinates in the style of their file.
-class ChangedNumbers : public ReplacedText {
+/// The coordinates of a text, in the style of the file.
+class NewNumbers : public ReplacedText {
  public:
-  ChangedNumbers(const TextPlaces& places, const Points& before, const Points& after)
-      : edits_(edits_of(places, before, after)), after_(after), write_number_(places.write) {}
+  NewNumbers(const TextPlaces& places, const Points& before, const Points& after)
+      : places_(places), before_(before), after_(after) {
+    const auto is_before = [](TextToken a, TextToken b) { return a.place < b.place; };
+    const auto is_there = [](TextToken token) { return token.length > 0; };
+    if (std::ranges::all_of(places.tokens, is_there) &&
+        std::ranges::is_sorted(places.tokens, is_before))
+      return;
+    is_in_order_ = false;
+    for (Index i = 0; i < std::ssize(places.tokens); ++i)
+      if (is_there(places.tokens[i])) order_.push_back(i);
+    std::ranges::sort(order_, is_before, [&](Index i) { return places.tokens[i]; });
+  }
 
-  Index count() const override { return std::ssize(edits_); }
-  TextToken place(Index part) const override { return edits_[std::size_t(part)].token; }
+  Index count() const override {
+    return is_in_order_ ? std::ssize(places_.tokens) : std::ssize(order_);
+  }
+  TextToken place(Index part) const override { return places_.tokens[number(part)]; }
   void write(Index part, std::string_view old_text, std::string& text) const override {
-    const Edit& edit = edits_[std::size_t(part)];
-    write_number_(after_(edit.node, edit.component), old_text, text);
+    const Index i = number(part);
+    const Index node = node_of(places_.nodes, i / places_.components);
+    const auto component = int(i % places_.components);
+    const double value = after_(node, component);
+    if (value == before_(node, component))
+      text += old_text;
+    else
+      places_.write(value, old_text, text);
   }
 
  private:
-  std::vector<Edit> edits_;
-  const Points& after_;
-  NumberWriter write_number_;
+  /// The place in `tokens` of a part.
+  Index number(Index part) const { return is_in_order_ ? part : order_[part]; }
+
+  const TextPlaces& places_;
+  const Points &before_, &after_;
+  bool is_in_order_ = true;
+  std::vector<Index> order_;  ///< places in `tokens`, by their places in the file
 };
 
-void write_text(const SourceFile& source, const ChangedNumbers& numbers, const fs::path& target) {
-  if (numbers.count() == 0) return write_unchanged(source, target);  // gzip's bytes too
-  write_replaced(source, numbers, target);
+void write_text(const SourceFile& source, const TextPlaces& places, const Points& before,
+                const Points& after, const fs::path& target) {
+  if (!has_change(places, before, after))
+    return write_unchanged(source, target);  // gzip's bytes too
+  write_replaced(source, NewNumbers(places, before, after), target);
 }
 
 template <class Bits>
@@ -139,18 +153,21 @@ void write_binary(const SourceFile& source, const BinaryPlaces& places, const Po
 
 Points readable_text(const TextPlaces& places, const Points& before, const Points& after) {
   if (!places.read_back) return {};
+  has_change(places, before, after);
   Points result = after;
-  const std::vector<Edit> edits = edits_of(places, before, after);
   // Only the width of the original counts here.
-  parallel_for(std::ssize(edits), 1 << 14, [&](Index begin, Index end) {
+  const Index rows = std::ssize(places.tokens) / places.components;
+  parallel_for(rows, 1 << 14, [&](Index begin, Index end) {
     std::string text;
-    for (Index i = begin; i < end; ++i) {
-      const Edit& edit = edits[i];
-      const std::string original(edit.token.length, ' ');
-      text.clear();
-      places.write(after(edit.node, edit.component), original, text);
-      result(edit.node, edit.component) = places.read_back(text);
-    }
+    for (Index row = begin; row < end; ++row)
+      for (int c = 0; c < places.components; ++c) {
+        const Index node = node_of(places.nodes, row);
+        const TextToken token = places.tokens[row * places.components + c];
+        if (token.length == 0 || before(node, c) == after(node, c)) continue;
+        text.clear();
+        places.write(after(node, c), std::string(token.length, ' '), text);
+        result(node, c) = places.read_back(text);
+      }
   });
   return result;
 }
@@ -222,11 +239,12 @@ bool replace_coordinates(std::string& bytes, const BinaryPlaces& places, const P
 }
 
 void check_components(const BinaryPlaces& places, const Points& before, const Points& after) {
+  const double rounding = largest_rounding(before);
   for (int c = 0; c < 3; ++c) {
     if (std::ranges::any_of(places.runs, [&](const BinaryRun& run) { return run.component == c; }))
       continue;
     for (Index n = 0; n < before.rows(); ++n)
-      if (!is_rounding(before(n, c), after(n, c), before))
+      if (!(std::abs(after(n, c) - before(n, c)) <= rounding))
         refuse_change(n, c, before(n, c), after(n, c));
   }
 }
@@ -234,7 +252,7 @@ void check_components(const BinaryPlaces& places, const Points& before, const Po
 void write_copy(const SourceFile& source, const CoordinatePlaces& places, const Points& before,
                 const Points& after, const fs::path& target) {
   if (const auto* text = std::get_if<TextPlaces>(&places))
-    write_text(source, ChangedNumbers(*text, before, after), target);
+    write_text(source, *text, before, after, target);
   else
     write_binary(source, std::get<BinaryPlaces>(places), before, after, target);
 }

@@ -205,6 +205,7 @@ class Reader {
       file_.fail(variable, "elements of type " + type + " with " + std::to_string(size) +
                                " nodes are not known");
     std::vector<Index> nodes;
+    reserve_cells(result_.mesh, std::ssize(connectivity) / size, std::ssize(connectivity));
     for (std::size_t at = 0; at < connectivity.size(); at += std::size_t(size)) {
       nodes.clear();
       if (kind->order.empty())

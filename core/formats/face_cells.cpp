@@ -200,6 +200,8 @@ void add_solid_cells(Mesh& mesh, const FaceList& faces, Index cells, const fs::p
   const auto with_cells = [&](const std::vector<char>& is_element) {
     Mesh result;
     result.points = mesh.points;
+    constexpr Index kUsual = 8;  // nodes of a cell
+    reserve_cells(result, cells, kUsual * cells);
     SolidCells maker(result);
     for (Index c = 0; c < cells; ++c) maker.add(faces, of_cells.of(c), c, is_element[c] != 0);
     return result;

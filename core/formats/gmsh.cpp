@@ -400,7 +400,7 @@ class Reader {
   }
 
   void add_to_group(int dimension, Index tag, const GmshElement& kind) {
-    if (tag == 0) return;
+    if (tag == 0 || dimension == 3) return;  // volumes are regions
     if (!last_group_ || last_key_ != EntityKey{dimension, tag}) {
       last_key_ = {dimension, tag};
       const auto [entry, is_new] = groups_.try_emplace(last_key_);
@@ -417,7 +417,8 @@ class Reader {
     const Index total = in_.count("the number of elements", kSizeSize, 16, 4);
     in_.size("the least number of an element");
     in_.size("the largest number of an element");
-    reserve_cells(total);
+    constexpr Index kUsual = 4;  // nodes of a cell: most are tetrahedra
+    reserve_cells(result_.mesh, total, kUsual * total);
     Index read = 0;
     for (Index block = 0; block < blocks; ++block) {
       const int dimension = int(in_.integer("the dimension of an entity"));
@@ -444,7 +445,8 @@ class Reader {
   void read_old_elements() {
     const Index count = in_.text().count("the number of elements", 8);
     in_.begin_numbers();
-    reserve_cells(count);
+    constexpr Index kUsual = 4;  // nodes of a cell: most are tetrahedra
+    reserve_cells(result_.mesh, count, kUsual * count);
     if (!in_.is_binary()) {
       for (Index i = 0; i < count; ++i) {
         in_.integer("the number of an element");
@@ -480,13 +482,6 @@ class Reader {
     read_element_nodes(kind, kIntSize);
     if (add_element(kind, elementary)) physical_.push_back(physical);
     add_to_group(dimension(kind.type), physical, kind);
-  }
-
-  void reserve_cells(Index count) {
-    result_.mesh.types.reserve(std::size_t(count));
-    result_.mesh.offsets.reserve(std::size_t(count) + 1);
-    result_.mesh.connectivity.reserve(4 * std::size_t(count));
-    result_.mesh.regions.reserve(std::size_t(count));
   }
 
   void finish() {
@@ -526,8 +521,7 @@ class Reader {
     for (const EntityKey& key : group_order_) {
       Group& group = groups_[key];
       const auto [group_dimension, tag] = key;
-      // Volumes are regions.
-      if (group_dimension == 3 || group_dimension > highest || group.nodes.empty()) continue;
+      if (group_dimension > highest || group.nodes.empty()) continue;
       if (group.name.empty())
         group.name =
             "physical " + std::string(kDimensions[group_dimension]) + " " + std::to_string(tag);

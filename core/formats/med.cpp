@@ -179,6 +179,7 @@ class Reader {
     const Index count = std::ssize(nodes) / size;
     const std::vector<Index> families = families_in(group, count);
     std::vector<Index> cell(std::size_t(size), 0);
+    reserve_cells(result_.mesh, count, std::ssize(nodes));
     for (Index e = 0; e < count; ++e) {
       for (Index i = 0; i < size; ++i) {
         const Index position = kind->order.empty() ? i : kind->order[std::size_t(i)];

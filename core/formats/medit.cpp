@@ -272,6 +272,7 @@ class Reader {
   void add_cells(const Block& block) {
     Mesh& mesh = result_.mesh;
     const auto width = std::size_t(cell_node_count(block.type));
+    reserve_cells(mesh, std::ssize(block.references), std::ssize(block.nodes));
     for (std::size_t i = 0; i < block.references.size(); ++i) {
       add_cell(mesh, block.type, std::span(block.nodes).subspan(width * i, width));
       mesh.regions.push_back(int(block.references[i]));

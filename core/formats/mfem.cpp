@@ -485,6 +485,7 @@ class Reader {
       mesh.points.row(node_of[std::size_t(dof)]) = values_.row(dof);
     places_.nodes = node_of;
     std::size_t first = 0;
+    reserve_cells(mesh, std::ssize(elements_), std::ssize(dofs_));
     for (const Element& element : elements_) {
       const CellType type = is_quadratic ? element.shape->quadratic : element.shape->linear;
       const auto width = std::size_t(cell_node_count(type));

@@ -52,10 +52,9 @@ void append_cells(const NumberedMesh& part, const NumberTable& table,
                   const std::vector<Index>& nodes, const DeckSources& sources, Mesh& mesh) {
   if (mesh.offsets.empty()) mesh.offsets.push_back(0);
   const Index shift = std::ssize(mesh.connectivity);
+  reserve_cells(mesh, std::ssize(part.types), std::ssize(part.connectivity));
   mesh.types.insert(mesh.types.end(), part.types.begin(), part.types.end());
   mesh.regions.insert(mesh.regions.end(), part.regions.begin(), part.regions.end());
-  mesh.connectivity.reserve(mesh.connectivity.size() + part.connectivity.size());
-  mesh.offsets.reserve(mesh.offsets.size() + part.types.size());
   for (std::size_t e = 0; e < part.types.size(); ++e) {
     for (Index i = part.offsets[e]; i < part.offsets[e + 1]; ++i) {
       const Index row = table.find(part.connectivity[std::size_t(i)]);

@@ -11,6 +11,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "core/content_hash.h"
 #include "core/errors.h"
@@ -151,31 +152,25 @@ class PieceWriter {
   off_t place_ = 0;
 };
 
-/// The pieces of a chunk of a file with parts `begin` to `end` replaced; `at` is the place in the
-/// file where the chunk begins. `pieces` keep their memory from chunk to chunk.
-void replace_parts(std::string_view chunk, std::uint64_t at, const ReplacedText& parts, Index begin,
-                   Index end, std::vector<std::string>& pieces) {
-  constexpr Index kBlock = 1 << 12;
-  const std::size_t count = std::size_t(std::max<Index>(1, (end - begin + kBlock - 1) / kBlock));
-  pieces.resize(count);
-  parallel_for(std::ssize(pieces), 1, [&](Index first, Index last) {
-    for (Index p = first; p < last; ++p) {
-      std::string& piece = pieces[std::size_t(p)];
-      piece.clear();
-      const Index first_part = begin + p * kBlock, end_part = std::min(end, first_part + kBlock);
-      std::size_t from = p == 0 ? 0 : std::size_t(parts.place(first_part).place - at);
-      for (Index part = first_part; part < end_part; ++part) {
-        const TextToken token = parts.place(part);
-        const auto place = std::size_t(token.place - at);
-        piece.append(chunk, from, place - from);
-        parts.write(part, chunk.substr(place, token.length), piece);
-        from = place + token.length;
-      }
-      const std::size_t to =
-          end_part < end ? std::size_t(parts.place(end_part).place - at) : chunk.size();
-      piece.append(chunk, from, to - from);
-    }
-  });
+/// A piece of a file on its way to a copy.
+struct CopiedPiece {
+  std::string old_text, new_text;
+  std::uint64_t at = 0;                ///< where it begins in the file
+  Index first_part = 0, end_part = 0;  ///< that lie in it
+};
+
+void replace_parts(const ReplacedText& parts, CopiedPiece& piece) {
+  const std::string_view old_text = piece.old_text;
+  piece.new_text.clear();
+  std::size_t from = 0;
+  for (Index part = piece.first_part; part < piece.end_part; ++part) {
+    const TextToken token = parts.place(part);
+    const auto place = std::size_t(token.place - piece.at);
+    piece.new_text.append(old_text, from, place - from);
+    parts.write(part, old_text.substr(place, token.length), piece.new_text);
+    from = place + token.length;
+  }
+  piece.new_text.append(old_text, from);
 }
 
 [[noreturn]] void fail_changed(const fs::path& path) {
@@ -223,33 +218,39 @@ void write_pieces(const fs::path& target, const std::vector<std::string_view>& p
 }
 
 void write_replaced(const SourceFile& source, const ReplacedText& parts, const fs::path& target) {
-  constexpr std::size_t kChunk = 1 << 22;
+  constexpr std::size_t kPiece = 1 << 20;
   SourceReader reader(source.path);
   PieceWriter writer(target, source.is_compressed);
   ContentHasher hasher;
-  std::string chunk;
-  std::vector<std::string> pieces;
-  std::uint64_t at = 0;  // of the chunk in the file
+  std::vector<CopiedPiece> pieces(std::size_t(2 * thread_count() + 2));
+  std::string rest;      // of a part that was cut off
+  std::uint64_t at = 0;  // of the next piece in the file
   Index next = 0;
-  for (bool goes_on = true; goes_on;) {
-    const std::size_t kept = chunk.size();
-    goes_on = reader.append(kChunk, chunk);
-    hasher.add(std::string_view(chunk).substr(kept));
-    Index end = next;
-    for (; end < parts.count(); ++end) {
-      const TextToken token = parts.place(end);
-      if (token.place + token.length > at + chunk.size()) break;
+  const auto read = [&](Index slot) {
+    CopiedPiece& piece = pieces[std::size_t(slot)];
+    piece.old_text = std::exchange(rest, {});
+    const std::size_t kept = piece.old_text.size();
+    const bool goes_on = reader.append(kPiece, piece.old_text);
+    hasher.add(std::string_view(piece.old_text).substr(kept));
+    piece.at = at;
+    piece.first_part = next;
+    for (; next < parts.count(); ++next) {
+      const TextToken token = parts.place(next);
+      if (token.place + token.length <= at + piece.old_text.size()) continue;
+      const std::uint64_t size = std::min<std::uint64_t>(token.place - at, piece.old_text.size());
+      if (!goes_on) break;
+      rest = piece.old_text.substr(std::size_t(size));
+      piece.old_text.resize(std::size_t(size));
+      break;
     }
-    // A part that is cut off here waits for its rest.
-    const std::size_t size =
-        end < parts.count() ? std::min<std::uint64_t>(parts.place(end).place - at, chunk.size())
-                            : chunk.size();
-    replace_parts(std::string_view(chunk).substr(0, size), at, parts, next, end, pieces);
-    for (const std::string& piece : pieces) writer.put(piece);
-    chunk.erase(0, size);
-    at += size;
-    next = end;
-  }
+    piece.end_part = next;
+    at += piece.old_text.size();
+    return goes_on || !piece.old_text.empty();
+  };
+  parallel_pipeline(
+      std::ssize(pieces), read,
+      [&](Index slot) { replace_parts(parts, pieces[std::size_t(slot)]); },
+      [&](Index slot) { writer.put(pieces[std::size_t(slot)].new_text); });
   if (next < parts.count() || hasher.hash() != source.hash) fail_changed(source.path);
   writer.commit();
 }

@@ -44,7 +44,7 @@ class ReplacedText {
 
   virtual Index count() const = 0;
   virtual TextToken place(Index part) const = 0;
-  /// Appends what stands there instead of `old_text`. Called by several threads.
+  /// Appends what stands there instead of `old_text`, or that. Called by several threads.
   virtual void write(Index part, std::string_view old_text, std::string& text) const = 0;
 };
 

@@ -119,6 +119,7 @@ class Reader {
     const Index count = in_.count("the number of elements (NELEM)", 4);
     for (Index i = 0; i < count; ++i) {
       const CellType type = read_element();
+      if (i == 0) reserve_cells(result_.mesh, count, count * std::ssize(nodes_));
       add_cell(result_.mesh, type, nodes_);
       result_.mesh.regions.push_back(zone_);
     }

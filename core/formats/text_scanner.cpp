@@ -4,6 +4,7 @@
 #include <charconv>
 
 #include "core/formats/mesh_format.h"
+#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
@@ -13,7 +14,34 @@ bool is_space(char c) { return is_blank(c) || c == '\n' || c == '\r' || c == '\f
 
 constexpr std::size_t kLongestToken = 0xffff;
 
+// What a thread reads ahead at once, and how many of these: they stay in the cache.
+constexpr std::size_t kAheadBlock = 1 << 18;
+constexpr Index kAheadBlocks = 16;
+constexpr Index kNumbersBefore = 1000;  // after which many more are likely
+
+/// Reads an integer of at most 18 digits; 0 characters when it is none, or "-0", a real number.
+std::size_t read_short_integer(const char* begin, const char* end, std::int64_t& value) {
+  constexpr std::ptrdiff_t kDigits = 18;  // no overflow
+  const bool has_sign = *begin == '-' || *begin == '+';
+  const char* const first = begin + (has_sign ? 1 : 0);
+  const char* at = first;
+  std::int64_t number = 0;
+  for (; at < end && *at >= '0' && *at <= '9' && at - first < kDigits; ++at)
+    number = 10 * number + (*at - '0');
+  if (at == first || (*begin == '-' && number == 0)) return 0;
+  value = *begin == '-' ? -number : number;
+  return std::size_t(at - begin);
+}
+
 }  // namespace
+
+TextScanner::TextScanner(std::string_view text, std::filesystem::path path, char comment,
+                         std::string_view separators)
+    : text_(text), path_(std::move(path)), comment_(comment) {
+  for (const char c : std::string_view(" \t\n\r\f\v"))
+    ends_word_[static_cast<unsigned char>(c)] = true;
+  for (const char c : separators) ends_word_[static_cast<unsigned char>(c)] = true;
+}
 
 bool TextScanner::skip_space() {
   while (at_ < text_.size()) {
@@ -44,10 +72,6 @@ void TextScanner::expect(char character, std::string_view after_what) {
     fail_expected("'" + std::string(1, character) + "' after " + std::string(after_what));
 }
 
-bool TextScanner::ends_word(char c) const {
-  return is_space(c) || separators_.find(c) != std::string_view::npos;
-}
-
 std::string_view TextScanner::line() {
   const std::size_t begin = at_;
   skip_line();
@@ -68,6 +92,89 @@ std::string_view TextScanner::word(std::string_view what) {
   return text_.substr(begin, at_ - begin);
 }
 
+/// The next word, if it was read ahead; after many numbers reads ahead.
+const TextScanner::Ahead* TextScanner::next_ahead() {
+  if (numbers_read_ >= kNumbersBefore && at_ >= ahead_end_) read_ahead();
+  for (; ahead_block_ < ahead_.size(); ++ahead_block_, ahead_word_ = 0) {
+    const std::vector<Ahead>& words = ahead_[ahead_block_];
+    for (; ahead_word_ < words.size(); ++ahead_word_) {
+      const TextToken token = words[ahead_word_].token;
+      if (at_ <= token.place) return at_ >= ahead_from_ ? &words[ahead_word_] : nullptr;
+      ahead_from_ = token.place + token.length;
+    }
+  }
+  return nullptr;
+}
+
+/// Where a block that reaches to `place` ends, outside of words and comments;
+/// npos where that is far.
+std::size_t TextScanner::block_end(std::size_t place) const {
+  const std::string_view near = text_.substr(0, std::min(text_.size(), place + kAheadBlock));
+  if (place >= near.size()) return near.size();
+  const std::size_t end = comment_ ? near.find('\n', place) : near.find_first_of(" \t\n", place);
+  if (end != std::string_view::npos) return end + 1;
+  return near.size() == text_.size() ? text_.size() : std::string_view::npos;
+}
+
+void TextScanner::read_ahead() {
+  ahead_.resize(std::size_t(kAheadBlocks));
+  std::array<std::size_t, std::size_t(kAheadBlocks) + 1> starts{at_};
+  for (std::size_t block = 1; block < starts.size(); ++block) {
+    const std::size_t end = block_end(at_ + block * kAheadBlock);
+    starts[block] = end != std::string_view::npos ? end : starts[block - 1];
+  }
+  parallel_for(kAheadBlocks, 1, [&](Index first, Index last) {
+    for (Index i = first; i < last; ++i) {
+      const auto block = std::size_t(i);
+      ahead_[block].clear();
+      read_words(starts[block], starts[block + 1], ahead_[block]);
+    }
+  });
+  ahead_block_ = ahead_word_ = 0;
+  ahead_from_ = at_;
+  ahead_end_ = starts.back();
+  if (ahead_end_ == at_) numbers_read_ = 0;
+}
+
+void TextScanner::read_words(std::size_t begin, std::size_t end, std::vector<Ahead>& words) const {
+  const char* const text = text_.data();
+  const char* const text_end = text + text_.size();
+  const auto ends = [&](const char* at) {
+    return at == text_end || ends_word(*at) || *at == comment_;
+  };
+  for (std::size_t at = begin; at < end;) {
+    if (is_space(text[at])) {
+      ++at;
+      continue;
+    }
+    if (comment_ && text[at] == comment_) {
+      at = std::min(text_.find('\n', at), end);
+      continue;
+    }
+    Ahead word;
+    std::int64_t integer = 0;
+    double real = 0;
+    std::size_t length = read_short_integer(text + at, text_end, integer);
+    if (length > 0 && ends(text + at + length)) {
+      word.integer = integer;
+      word.kind = Ahead::Kind::Integer;
+    } else {
+      const char* const first = text + at + (text[at] == '+' ? 1 : 0);
+      const auto [last, error] = std::from_chars(first, text_end, real);
+      length = std::size_t(last - (text + at));
+      if (error == std::errc() && ends(last) && length <= kLongestToken) {
+        word.real = real;
+        word.kind = Ahead::Kind::Real;
+      } else {
+        for (length = 1; at + length < end && !ends(text + at + length);) ++length;
+      }
+    }
+    word.token = {.place = at, .length = std::min(length, kLongestToken)};
+    words.push_back(word);
+    at += length;
+  }
+}
+
 template <class Number>
 TextToken TextScanner::parse(std::string_view what, Number& value, const auto&... base) {
   if (!skip_space()) fail_expected(what);
@@ -81,10 +188,15 @@ TextToken TextScanner::parse(std::string_view what, Number& value, const auto&..
     fail_expected(what);
   const TextToken token{.place = at_, .length = std::uint64_t(last - begin)};
   at_ += std::size_t(last - begin);
+  ++numbers_read_;
   return token;
 }
 
 Index TextScanner::integer(std::string_view what) {
+  if (const Ahead* ahead = next_ahead(); ahead && ahead->kind == Ahead::Kind::Integer) {
+    at_ = ahead->token.place + ahead->token.length;
+    return ahead->integer;
+  }
   Index value = 0;
   parse(what, value);
   return value;
@@ -98,11 +210,18 @@ Index TextScanner::hexadecimal(std::string_view what) {
 
 double TextScanner::number(std::string_view what) {
   double value = 0;
-  parse(what, value);
+  number(what, value);
   return value;
 }
 
-TextToken TextScanner::number(std::string_view what, double& value) { return parse(what, value); }
+TextToken TextScanner::number(std::string_view what, double& value) {
+  if (const Ahead* ahead = next_ahead(); ahead && ahead->kind != Ahead::Kind::Other) {
+    at_ = ahead->token.place + ahead->token.length;
+    value = ahead->kind == Ahead::Kind::Real ? ahead->real : double(ahead->integer);
+    return ahead->token;
+  }
+  return parse(what, value);
+}
 
 Index TextScanner::count(std::string_view what, std::size_t least_bytes) {
   if (!skip_space()) fail_expected(what);

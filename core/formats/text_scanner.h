@@ -1,8 +1,11 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "core/types.h"
 
@@ -14,17 +17,20 @@ struct TextToken {
   std::uint64_t length : 16 = 0;
 };
 
-/// Reads words and numbers out of a text at some 500 MB/s; an error names file and line.
+/// Reads words and numbers out of a text; an error names file and line. Where numbers follow
+/// numbers all threads read ahead, some MB at a time.
 class TextScanner {
  public:
   /// `text` must outlive it. `comment`, if not 0, begins a comment that runs to the line's end.
   /// Words and numbers end at white space and at each of `separators`.
   TextScanner(std::string_view text, std::filesystem::path path, char comment = 0,
-              std::string_view separators = {})
-      : text_(text), path_(std::move(path)), comment_(comment), separators_(separators) {}
+              std::string_view separators = {});
 
   std::size_t place() const { return at_; }
-  void go_to(std::size_t place) { at_ = place; }
+  void go_to(std::size_t place) {
+    if (place < ahead_from_ || place > ahead_end_) numbers_read_ = 0;
+    at_ = place;
+  }
   std::string_view text() const { return text_; }
 
   /// Skips white space, line ends and comments; false at the end of the text.
@@ -66,15 +72,36 @@ class TextScanner {
   [[noreturn]] void fail_expected(std::string_view what) const;
 
  private:
+  /// A word that was read ahead.
+  struct Ahead {
+    enum class Kind : std::uint8_t { Integer, Real, Other };  ///< Other: not told yet
+    TextToken token;
+    union {
+      std::int64_t integer = 0;
+      double real;
+    };
+    Kind kind = Kind::Other;
+  };
+
   template <class Number>
   TextToken parse(std::string_view what, Number& value, const auto&... base);
-  bool ends_word(char c) const;
+  const Ahead* next_ahead();
+  void read_ahead();
+  void read_words(std::size_t begin, std::size_t end, std::vector<Ahead>& words) const;
+  std::size_t block_end(std::size_t place) const;
+
+  bool ends_word(char c) const { return ends_word_[static_cast<unsigned char>(c)]; }
 
   std::string_view text_;
   std::filesystem::path path_;
   char comment_;
-  std::string_view separators_;
+  std::array<bool, 256> ends_word_{};
   std::size_t at_ = 0;
+
+  std::vector<std::vector<Ahead>> ahead_;         ///< in the order of the text
+  std::size_t ahead_block_ = 0, ahead_word_ = 0;  ///< the next of them
+  std::size_t ahead_from_ = 0, ahead_end_ = 0;    ///< no word begins between here and the next
+  Index numbers_read_ = 0;                        ///< one after the other
 };
 
 }  // namespace cadmorph

@@ -252,6 +252,7 @@ class Reader {
     std::array<Index, 8> ordered;
     for (std::size_t kind = 0; kind < 4; ++kind) {
       const SolidKind& solid = kSolids[kind];
+      reserve_cells(result_.mesh, counts_[3 + kind], counts_[3 + kind] * Index(solid.nodes));
       for (Index i = 0; i < counts_[3 + kind]; ++i) {
         read_nodes(solid.nodes);
         for (std::size_t n = 0; n < solid.nodes; ++n) ordered[n] = nodes_[solid.order[n]];

@@ -74,6 +74,7 @@ class Reader {
         nodes > result_.mesh.node_count() - first_node_)
       file_.fail(kRoot, "part " + std::to_string(parts_) + " is larger than the arrays");
     std::vector<Index> cell;
+    reserve_cells(result_.mesh, cells, size);
     for (Index c = 0; c < cells; ++c) {
       const Index begin = offsets_[std::size_t(first_offset + c)];
       const Index end = offsets_[std::size_t(first_offset + c + 1)];

@@ -342,6 +342,7 @@ class Reader {
     if (size < 1 || std::ssize(values) % size != 0)
       fail(node, std::to_string(values.size()) + " node numbers are no elements of " +
                      std::to_string(size) + " nodes");
+    reserve_cells(result_.mesh, std::ssize(values) / size, std::ssize(values));
     for (std::size_t at = 0; at < values.size(); at += std::size_t(size))
       add_element(node, number, std::span(values).subspan(at, std::size_t(size)));
   }
