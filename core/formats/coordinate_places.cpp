@@ -5,6 +5,7 @@
 #include <bit>
 #include <charconv>
 #include <cstring>
+#include <span>
 
 #include "core/errors.h"
 #include "core/parallel.h"
@@ -134,21 +135,72 @@ double load(const BinaryRun& run, Index i, std::string_view bytes) {
                                      : load<double, std::uint64_t>(from, run.is_big_endian));
 }
 
-void store(const BinaryRun& run, Index i, double value, std::string& bytes) {
-  char* to = bytes.data() + run.place + std::uint64_t(i) * run.stride;
-  const double number = value / run.scale;
-  if (is_single(run))
-    store<float, std::uint32_t>(number, to, run.is_big_endian);
-  else
-    store<double, std::uint64_t>(number, to, run.is_big_endian);
+std::uint64_t number_size(const BinaryRun& run) {
+  return is_single(run) ? sizeof(float) : sizeof(double);
 }
 
-void write_binary(const SourceFile& source, const BinaryPlaces& places, const Points& before,
-                  const Points& after, const fs::path& target) {
-  check_components(places, before, after);
-  std::string bytes = read_again(source);
-  if (!replace_coordinates(bytes, places, before, after)) return write_unchanged(source, target);
-  write_pieces(target, {bytes}, source.is_compressed);
+/// The first number of a run that begins at `place` or behind.
+Index first_from(const BinaryRun& run, std::uint64_t place) {
+  if (place <= run.place) return 0;
+  const std::uint64_t stride = std::max<std::uint64_t>(run.stride, 1);  // of a single number
+  return std::min(run.count, Index((place - run.place + stride - 1) / stride));
+}
+
+/// Replaces the numbers that differ in `bytes`, which stand at `place` in the file and cut none.
+void replace_numbers(const BinaryPlaces& places, const Points& before, const Points& after,
+                     std::uint64_t place, std::span<char> bytes) {
+  for (const BinaryRun& run : places.runs) {
+    const Index end = first_from(run, place + bytes.size());
+    for (Index i = first_from(run, place); i < end; ++i) {
+      const Index node = node_of(run, i);
+      const double value = after(node, run.component);
+      if (before(node, run.component) == value) continue;
+      char* to = bytes.data() + (run.place + std::uint64_t(i) * run.stride - place);
+      if (is_single(run))
+        store<float, std::uint32_t>(value / run.scale, to, run.is_big_endian);
+      else
+        store<double, std::uint64_t>(value / run.scale, to, run.is_big_endian);
+    }
+  }
+}
+
+/// The numbers of a binary file.
+class NewBinaryNumbers : public Replacement {
+ public:
+  NewBinaryNumbers(const BinaryPlaces& places, const Points& before, const Points& after)
+      : places_(places), before_(before), after_(after) {}
+
+  std::uint64_t last_cut(std::uint64_t begin, std::uint64_t end) const override {
+    // Numbers of several runs may lie beside each other.
+    for (std::uint64_t cut = end;; end = cut) {
+      for (const BinaryRun& run : places_.runs) {
+        const Index next = first_from(run, cut);
+        if (next == 0) continue;
+        const std::uint64_t last = run.place + std::uint64_t(next - 1) * run.stride;
+        if (last + number_size(run) > cut) cut = std::max(last, begin);
+      }
+      if (cut == end) return cut;
+    }
+  }
+  void append(std::uint64_t place, std::string_view bytes, std::string& copy) const override {
+    const std::size_t begin = copy.size();
+    copy += bytes;
+    replace_numbers(places_, before_, after_, place, std::span(copy).subspan(begin));
+  }
+
+ private:
+  const BinaryPlaces& places_;
+  const Points &before_, &after_;
+};
+
+bool has_change(const BinaryPlaces& places, const Points& before, const Points& after) {
+  return std::ranges::any_of(places.runs, [&](const BinaryRun& run) {
+    for (Index i = 0; i < run.count; ++i) {
+      const Index node = node_of(run, i);
+      if (before(node, run.component) != after(node, run.component)) return true;
+    }
+    return false;
+  });
 }
 
 Points readable_text(const TextPlaces& places, const Points& before, const Points& after) {
@@ -215,9 +267,8 @@ void read_runs(std::string_view bytes, const BinaryPlaces& places, const fs::pat
                Points& points) {
   for (const BinaryRun& run : places.runs) {
     if (run.count == 0) continue;
-    const std::uint64_t size = is_single(run) ? sizeof(float) : sizeof(double);
     const std::uint64_t last = run.place + std::uint64_t(run.count - 1) * run.stride;
-    if (last + size > bytes.size())
+    if (last + number_size(run) > bytes.size())
       fail_reading(path, "byte " + std::to_string(run.place) + ": coordinates of " +
                              std::to_string(run.count) + " nodes reach beyond the end of the file");
     for (Index i = 0; i < run.count; ++i)
@@ -225,17 +276,15 @@ void read_runs(std::string_view bytes, const BinaryPlaces& places, const fs::pat
   }
 }
 
-bool replace_coordinates(std::string& bytes, const BinaryPlaces& places, const Points& before,
+void replace_coordinates(std::span<char> bytes, const BinaryPlaces& places, const Points& before,
                          const Points& after) {
-  bool has_changed = false;
-  for (const BinaryRun& run : places.runs)
-    for (Index i = 0; i < run.count; ++i) {
-      const Index node = node_of(run, i);
-      if (before(node, run.component) == after(node, run.component)) continue;
-      store(run, i, after(node, run.component), bytes);
-      has_changed = true;
-    }
-  return has_changed;
+  replace_numbers(places, before, after, 0, bytes);
+}
+
+void write_places(const SourceFile& source, const BinaryPlaces& places, const Points& before,
+                  const Points& after, const fs::path& target) {
+  if (!has_change(places, before, after)) return write_unchanged(source, target);
+  write_replaced(source, NewBinaryNumbers(places, before, after), target);
 }
 
 void check_components(const BinaryPlaces& places, const Points& before, const Points& after) {
@@ -252,9 +301,10 @@ void check_components(const BinaryPlaces& places, const Points& before, const Po
 void write_copy(const SourceFile& source, const CoordinatePlaces& places, const Points& before,
                 const Points& after, const fs::path& target) {
   if (const auto* text = std::get_if<TextPlaces>(&places))
-    write_text(source, *text, before, after, target);
-  else
-    write_binary(source, std::get<BinaryPlaces>(places), before, after, target);
+    return write_text(source, *text, before, after, target);
+  const auto& binary = std::get<BinaryPlaces>(places);
+  check_components(binary, before, after);
+  write_places(source, binary, before, after, target);
 }
 
 Points readable_points(const CoordinatePlaces& places, const Points& before, const Points& after) {

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <variant>
 #include <vector>
 
@@ -55,17 +56,21 @@ using CoordinatePlaces = std::variant<TextPlaces, BinaryPlaces>;
 void read_runs(std::string_view bytes, const BinaryPlaces& places,
                const std::filesystem::path& path, Points& points);
 
-/// Replaces the coordinates that differ between `before` and `after`; false when there is none.
-bool replace_coordinates(std::string& bytes, const BinaryPlaces& places, const Points& before,
+/// Replaces the coordinates that differ between `before` and `after`.
+void replace_coordinates(std::span<char> bytes, const BinaryPlaces& places, const Points& before,
                          const Points& after);
+
+/// Writes a copy of the file in which they are replaced; whatever no run has stays. Throws IoError,
+/// leaving nothing behind.
+void write_places(const SourceFile& source, const BinaryPlaces& places, const Points& before,
+                  const Points& after, const std::filesystem::path& target);
 
 /// Throws InvalidInputError when a component would change that no run has.
 void check_components(const BinaryPlaces& places, const Points& before, const Points& after);
 
 /// Writes a copy of the file in which only the coordinates that differ between `before` and `after`
 /// are other characters or bytes. Throws IoError, leaving nothing behind; InvalidInputError when a
-/// coordinate that the file does not have would change. Memory: the file, and 24 bytes a changed
-/// coordinate.
+/// coordinate that the file does not have would change.
 void write_copy(const SourceFile& source, const CoordinatePlaces& places, const Points& before,
                 const Points& after, const std::filesystem::path& target);
 

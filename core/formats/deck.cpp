@@ -194,7 +194,7 @@ class DeckCopier : public MeshCopier {
     for (std::size_t file = 0; file < files_.size(); ++file) {
       const std::vector<Edit> edits = edits_of(records_, file, before, after);
       if (edits.empty()) continue;
-      const std::string bytes = read_again(files_[file].source);
+      const FileBytes bytes = read_again(files_[file].source);
       parallel_for(std::ssize(edits), 1 << 13, [&](Index begin, Index end) {
         std::string text;
         for (Index i = begin; i < end; ++i) {

@@ -88,7 +88,7 @@ class DeckSources {
 
  private:
   std::vector<DeckFile> files_;
-  std::vector<std::string> texts_;
+  std::vector<FileBytes> texts_;
   std::vector<std::size_t> open_ = {0};
   bool has_repeats_ = false;
 };

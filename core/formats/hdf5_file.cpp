@@ -441,12 +441,11 @@ class Hdf5Copier : public MeshCopier {
 
   void write(const fs::path& target, const Points& before, const Points& after) const override {
     check_components(all_, before, after);
-    std::string bytes = read_again(source_);
-    const bool is_patched = replace_coordinates(bytes, places_, before, after);
     const bool is_rewritten = std::ranges::any_of(
         rewritten_, [&](const RewrittenRun& run) { return has_changed(run.run, before, after); });
-    if (!is_patched && !is_rewritten) return write_unchanged(source_, target);
-    if (!is_rewritten) return write_pieces(target, {bytes}, false);
+    if (!is_rewritten) return write_places(source_, places_, before, after, target);
+    FileBytes bytes = read_again(source_);
+    replace_coordinates({bytes.data(), bytes.size()}, places_, before, after);
     TemporaryFile file(target);
     file.write(bytes.data(), bytes.size(), 0);
     if (try_out(bytes.size(), [&] { return rewrite_datasets(file.path(), before, after); }) !=

@@ -6,12 +6,13 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <limits>
 #include <memory>
 #include <optional>
-#include <utility>
+#include <ranges>
 
 #include "core/content_hash.h"
 #include "core/errors.h"
@@ -65,7 +66,7 @@ std::string read_through_zlib(const fs::path& path, std::size_t size) {
   return bytes;
 }
 
-std::string read_plain(const fs::path& path) {
+FileBytes read_plain(const fs::path& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) fail_reading(path, std::strerror(errno));
   const std::unique_ptr<const int, void (*)(const int*)> closer(&file,
@@ -73,16 +74,22 @@ std::string read_plain(const fs::path& path) {
   struct stat status {};
   if (fstat(file, &status) != 0) fail_reading(path, std::strerror(errno));
   if (S_ISDIR(status.st_mode)) fail_reading(path, "it is a folder");
-  std::string bytes(std::size_t(status.st_size), '\0');
-  std::size_t at = 0;
-  while (at < bytes.size()) {
-    const ssize_t got = ::read(file, bytes.data() + at, std::min(kLargestBlock, bytes.size() - at));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) fail_reading(path, std::strerror(errno));
-    if (got == 0) break;
-    at += std::size_t(got);
-  }
-  bytes.resize(at);
+  FileBytes bytes(std::size_t(status.st_size));
+  std::atomic<Index> end =
+      std::ssize(std::string_view(bytes));  // nearer when the file gets shorter
+  constexpr Index kPiece = 1 << 23;
+  parallel_for(end, kPiece, [&](Index at, Index piece_end) {
+    while (at < piece_end) {
+      const ssize_t got = pread(file, bytes.data() + at, std::size_t(piece_end - at), at);
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) fail_reading(path, std::strerror(errno));
+      at += got;
+      if (got > 0) continue;
+      for (Index known = end; at < known && !end.compare_exchange_weak(known, at);) continue;
+      return;
+    }
+  });
+  bytes.cut(std::size_t(end.load()));
   return bytes;
 }
 
@@ -152,35 +159,15 @@ class PieceWriter {
   off_t place_ = 0;
 };
 
-/// A piece of a file on its way to a copy.
-struct CopiedPiece {
-  std::string old_text, new_text;
-  std::uint64_t at = 0;                ///< where it begins in the file
-  Index first_part = 0, end_part = 0;  ///< that lie in it
-};
-
-void replace_parts(const ReplacedText& parts, CopiedPiece& piece) {
-  const std::string_view old_text = piece.old_text;
-  piece.new_text.clear();
-  std::size_t from = 0;
-  for (Index part = piece.first_part; part < piece.end_part; ++part) {
-    const TextToken token = parts.place(part);
-    const auto place = std::size_t(token.place - piece.at);
-    piece.new_text.append(old_text, from, place - from);
-    parts.write(part, old_text.substr(place, token.length), piece.new_text);
-    from = place + token.length;
-  }
-  piece.new_text.append(old_text, from);
-}
-
 [[noreturn]] void fail_changed(const fs::path& path) {
   fail_reading(path, "it has changed while it was in use; run again");
 }
 
-class NoReplacedText : public ReplacedText {
-  Index count() const override { return 0; }
-  TextToken place(Index /*part*/) const override { return {}; }
-  void write(Index /*part*/, std::string_view /*old_text*/, std::string& /*text*/) const override {}
+class NoReplacement : public Replacement {
+  std::uint64_t last_cut(std::uint64_t /*begin*/, std::uint64_t end) const override { return end; }
+  void append(std::uint64_t /*place*/, std::string_view bytes, std::string& copy) const override {
+    copy += bytes;
+  }
 };
 
 }  // namespace
@@ -190,13 +177,16 @@ SourceBytes read_source(const fs::path& path) {
   result.source.path = path;
   result.bytes = read_plain(path);
   result.source.is_compressed = is_gzip(result.bytes);
-  if (result.source.is_compressed)
-    result.bytes = read_through_zlib(path, std::numeric_limits<std::size_t>::max());
+  if (result.source.is_compressed) {
+    const std::string text = read_through_zlib(path, std::numeric_limits<std::size_t>::max());
+    result.bytes = FileBytes(text.size());
+    std::ranges::copy(text, result.bytes.data());
+  }
   result.source.hash = content_hash(result.bytes);
   return result;
 }
 
-std::string read_again(const SourceFile& source) {
+FileBytes read_again(const SourceFile& source) {
   SourceBytes again = read_source(source.path);
   if (again.source.hash != source.hash) fail_changed(source.path);
   return std::move(again.bytes);
@@ -217,46 +207,71 @@ void write_pieces(const fs::path& target, const std::vector<std::string_view>& p
   writer.commit();
 }
 
-void write_replaced(const SourceFile& source, const ReplacedText& parts, const fs::path& target) {
+Index ReplacedText::first_part_from(std::uint64_t at) const {
+  const auto parts = std::views::iota(Index{0}, count());
+  return std::ranges::partition_point(parts, [&](Index p) { return place(p).place < at; }) -
+         parts.begin();
+}
+
+std::uint64_t ReplacedText::last_cut(std::uint64_t /*begin*/, std::uint64_t end) const {
+  const Index next = first_part_from(end);
+  if (next == 0) return end;
+  const TextToken last = place(next - 1);
+  return last.place + last.length > end ? last.place : end;
+}
+
+void ReplacedText::append(std::uint64_t at, std::string_view bytes, std::string& copy) const {
+  std::size_t from = 0;
+  const Index parts = count();
+  for (Index part = first_part_from(at); part < parts; ++part) {
+    const TextToken token = place(part);
+    if (token.place >= at + bytes.size()) break;
+    const auto begin = std::size_t(token.place - at);
+    copy.append(bytes, from, begin - from);
+    write(part, bytes.substr(begin, token.length), copy);
+    from = begin + token.length;
+  }
+  copy.append(bytes, from);
+}
+
+void write_replaced(const SourceFile& source, const Replacement& parts, const fs::path& target) {
   constexpr std::size_t kPiece = 1 << 20;
+  struct Piece {
+    std::uint64_t at = 0;  ///< in the file
+    std::string bytes, copy;
+  };
   SourceReader reader(source.path);
   PieceWriter writer(target, source.is_compressed);
   ContentHasher hasher;
-  std::vector<CopiedPiece> pieces(std::size_t(2 * thread_count() + 2));
-  std::string rest;      // of a part that was cut off
-  std::uint64_t at = 0;  // of the next piece in the file
-  Index next = 0;
+  std::vector<Piece> pieces(std::size_t(2 * thread_count() + 2));
+  std::string cut_off;  // the beginning of the next piece
+  std::uint64_t at = 0;
   const auto read = [&](Index slot) {
-    CopiedPiece& piece = pieces[std::size_t(slot)];
-    piece.old_text = std::exchange(rest, {});
-    const std::size_t kept = piece.old_text.size();
-    const bool goes_on = reader.append(kPiece, piece.old_text);
-    hasher.add(std::string_view(piece.old_text).substr(kept));
+    Piece& piece = pieces[std::size_t(slot)];
     piece.at = at;
-    piece.first_part = next;
-    for (; next < parts.count(); ++next) {
-      const TextToken token = parts.place(next);
-      if (token.place + token.length <= at + piece.old_text.size()) continue;
-      const std::uint64_t size = std::min<std::uint64_t>(token.place - at, piece.old_text.size());
-      if (!goes_on) break;
-      rest = piece.old_text.substr(std::size_t(size));
-      piece.old_text.resize(std::size_t(size));
-      break;
-    }
-    piece.end_part = next;
-    at += piece.old_text.size();
-    return goes_on || !piece.old_text.empty();
+    piece.bytes = cut_off;
+    const bool goes_on = reader.append(kPiece, piece.bytes);
+    hasher.add(std::string_view(piece.bytes).substr(cut_off.size()));
+    const std::size_t end = piece.bytes.size();
+    const auto size = goes_on ? std::size_t(parts.last_cut(at, at + end) - at) : end;
+    cut_off.assign(piece.bytes, size);
+    piece.bytes.resize(size);
+    at += size;
+    return end > 0;
   };
-  parallel_pipeline(
-      std::ssize(pieces), read,
-      [&](Index slot) { replace_parts(parts, pieces[std::size_t(slot)]); },
-      [&](Index slot) { writer.put(pieces[std::size_t(slot)].new_text); });
-  if (next < parts.count() || hasher.hash() != source.hash) fail_changed(source.path);
+  const auto replace = [&](Index slot) {
+    Piece& piece = pieces[std::size_t(slot)];
+    piece.copy.clear();
+    parts.append(piece.at, piece.bytes, piece.copy);
+  };
+  const auto write = [&](Index slot) { writer.put(pieces[std::size_t(slot)].copy); };
+  parallel_pipeline(std::ssize(pieces), read, replace, write);
+  if (hasher.hash() != source.hash) fail_changed(source.path);
   writer.commit();
 }
 
 void write_unchanged(const SourceFile& source, const fs::path& target) {
-  if (!source.is_compressed) return write_replaced(source, NoReplacedText(), target);
+  if (!source.is_compressed) return write_replaced(source, NoReplacement(), target);
   read_again(source);
   write_pieces(target, {read_plain(source.path)}, false);
 }

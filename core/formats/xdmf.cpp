@@ -121,7 +121,8 @@ class XdmfCopier : public MeshCopier {
       if (name == heavy || others.contains(name)) name = target.filename().string() + ".h5";
     }
     copier->write(target.parent_path() / name, before, after);
-    const std::string bytes = read_again(xml);
+    const FileBytes file = read_again(xml);
+    const std::string_view bytes = file;
     std::string text;
     std::size_t at = 0;
     for (const Reference& reference : references) {
@@ -139,7 +140,7 @@ class Reader {
  public:
   explicit Reader(const fs::path& path) : path_(path), file_(read_source(path)) {
     const pugi::xml_parse_result parsed = xml_.load_buffer(
-        file_.bytes.data(), file_.bytes.size(), pugi::parse_default, pugi::encoding_utf8);
+        file_.bytes.data(), text_.size(), pugi::parse_default, pugi::encoding_utf8);
     if (!parsed)
       fail_at(std::size_t(std::max<std::ptrdiff_t>(parsed.offset, 0)),
               std::string("the XML is damaged: ") + parsed.description());
@@ -163,7 +164,7 @@ class Reader {
 
  private:
   [[noreturn]] void fail_at(std::size_t place, const std::string& why) const {
-    TextScanner(file_.bytes, path_).fail_at(std::min(place, file_.bytes.size()), why);
+    TextScanner(text_, path_).fail_at(std::min(place, text_.size()), why);
   }
   [[noreturn]] void fail(const pugi::xml_node& node, const std::string& why) const {
     fail_at(std::size_t(std::max<std::ptrdiff_t>(node.offset_debug(), 0)), why);
@@ -213,14 +214,16 @@ class Reader {
 
   Reference reference_of(const pugi::xml_node& item) const {
     std::size_t begin = text_place(item);
-    while (begin < file_.bytes.size() && is_space(file_.bytes[begin])) ++begin;
-    std::size_t end = std::min(file_.bytes.find('<', begin), file_.bytes.size());
-    while (end > begin && is_space(file_.bytes[end - 1])) --end;
-    const std::string text = file_.bytes.substr(begin, end - begin);
+    while (begin < text_.size() && is_space(text_[begin])) ++begin;
+    std::size_t end = std::min(text_.find('<', begin), text_.size());
+    while (end > begin && is_space(text_[end - 1])) --end;
+    const std::string_view text = text_.substr(begin, end - begin);
     const std::size_t colon = text.find(":/");
     if (colon == std::string::npos || colon == 0)
-      fail_at(begin, "expected FILE:/DATASET, found '" + text + "'");
-    return {.file = text.substr(0, colon), .dataset = text.substr(colon + 1), .place = begin};
+      fail_at(begin, "expected FILE:/DATASET, found '" + std::string(text) + "'");
+    return {.file = std::string(text.substr(0, colon)),
+            .dataset = std::string(text.substr(colon + 1)),
+            .place = begin};
   }
 
   void collect_references(const pugi::xml_node& node) {
@@ -254,8 +257,8 @@ class Reader {
 
   TextScanner scanner_at(const pugi::xml_node& item) const {
     const std::size_t begin = text_place(item);
-    const std::size_t end = std::min(file_.bytes.find('<', begin), file_.bytes.size());
-    TextScanner scanner(std::string_view(file_.bytes).substr(0, end), path_);
+    const std::size_t end = std::min(text_.find('<', begin), text_.size());
+    TextScanner scanner(text_.substr(0, end), path_);
     scanner.go_to(begin);
     return scanner;
   }
@@ -384,6 +387,7 @@ class Reader {
 
   fs::path path_;
   SourceBytes file_;
+  std::string_view text_ = file_.bytes;
   pugi::xml_document xml_;
   ReadMesh result_;
   std::unique_ptr<XdmfCopier> copier_;

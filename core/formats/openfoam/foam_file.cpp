@@ -26,7 +26,8 @@ bool ends_number(char c) { return is_space(c) || is_punctuation(c) || c == '/'; 
 
 FoamFile::FoamFile(const fs::path& path) : path_(path) {
   SourceBytes file = read_source(path);
-  bytes_ = std::move(file.bytes);
+  contents_ = std::move(file.bytes);
+  bytes_ = contents_;
   source_ = std::move(file.source);
   read_header();
 }
@@ -109,7 +110,7 @@ std::string FoamFile::word(std::string_view what) {
     const std::size_t end = bytes_.find('"', begin + 1);
     if (end == std::string::npos) fail("the text in quotation marks has no end");
     at_ = end + 1;
-    return bytes_.substr(begin + 1, end - begin - 1);
+    return std::string(bytes_.substr(begin + 1, end - begin - 1));
   }
   // Names of patches may have brackets: "List<word>", "patch(1)".
   int depth = 0;
@@ -124,9 +125,9 @@ std::string FoamFile::word(std::string_view what) {
   if (depth > 0) at_ = bytes_.find('(', begin);  // of a list that follows
   if (at_ == begin) fail_expected(what);
   if (bytes_[begin] == '#')
-    fail("'" + bytes_.substr(begin, at_ - begin) +
+    fail("'" + std::string(bytes_.substr(begin, at_ - begin)) +
          "' is not followed here; write the file out in full");
-  return bytes_.substr(begin, at_ - begin);
+  return std::string(bytes_.substr(begin, at_ - begin));
 }
 
 bool FoamFile::is_at_number() const {
@@ -368,7 +369,7 @@ void FoamFile::fail_expected(std::string_view what) const {
   constexpr std::size_t kShown = 40;
   std::size_t end = at_;
   while (end < bytes_.size() && !is_space(bytes_[end]) && end - at_ < kShown) ++end;
-  std::string found = bytes_.substr(at_, end - at_);
+  std::string found(bytes_.substr(at_, end - at_));
   std::ranges::replace_if(
       found, [](unsigned char c) { return c < 32 || c > 126; }, '?');
   fail("expected " + std::string(what) + ", found " +

@@ -65,7 +65,8 @@ class FoamFile {
   [[noreturn]] void fail_expected(std::string_view what) const;
 
   std::filesystem::path path_;
-  std::string bytes_;
+  FileBytes contents_;
+  std::string_view bytes_;  ///< of contents_
   SourceFile source_;
   std::size_t at_ = 0;
   std::string class_;
