@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/errors.h"
 #include "core/formats/deck.h"
 #include "core/formats/formats.h"
 #include "core/formats/node_styles.h"
@@ -281,13 +282,110 @@ class Reader {
     for (std::size_t at = 0; at < text.size();) {
       here_ = {file, at};
       const std::string_view line = take_line(text, at);
-      if (line.starts_with("**")) continue;
-      if (line.starts_with('*')) {
-        read_keyword(joined(text, line, at));
+      if (!line.starts_with('*') || line.starts_with("**")) {
+        read_data(line);
         continue;
       }
-      if (data_ == Data::Skip || trimmed(line).empty()) continue;
-      read_data(line);
+      read_keyword(joined(text, line, at));
+      if (data_ != Data::Nodes && (data_ != Data::Elements || left_out_)) continue;
+      const std::size_t end = end_of_data(text, at);
+      if (end - at < kTextBlock) continue;
+      read_data_blocks(file, at, end);
+      at = end;
+    }
+  }
+
+  /// The next keyword, or the end of the text.
+  static std::size_t end_of_data(std::string_view text, std::size_t at) {
+    if (at > 0) --at;  // the end of the line before
+    while (true) {
+      at = text.find("\n*", at);
+      if (at == std::string_view::npos) return text.size();
+      if (!text.substr(at).starts_with("\n**")) return at + 1;
+      ++at;
+    }
+  }
+
+  /// A line under *NODE.
+  struct NodeLine {
+    DeckPlace place;
+    std::size_t length = 0;
+    Index number = 0;
+    Eigen::RowVector3d point;
+    Index long_numbers = 0;
+    bool has_normals = false;
+  };
+
+  /// Some of the lines under *NODE or *ELEMENT.
+  struct DataBlock {
+    std::size_t begin = 0, end = 0;
+    bool is_whole = false;  ///< all was read, and no element is without its end
+    std::vector<NodeLine> nodes;
+    std::vector<Index> elements;      ///< the number and the nodes of each
+    std::vector<std::size_t> places;  ///< of each element
+  };
+
+  /// Lines of data on all threads; those that go on in the next block, and errors, on one.
+  void read_data_blocks(std::size_t file, std::size_t begin, std::size_t end) {
+    const std::string_view text = sources_.text(file);
+    const auto goes_on = [&](std::size_t place) {
+      const std::size_t line_end = text.find_last_not_of(" \t\r\n", place - 1);
+      return line_end != std::string_view::npos && text[line_end] == ',' && data_ == Data::Elements;
+    };
+    const auto read = [&](DataBlock& block) {
+      try {
+        block.is_whole = read_block(file, block);
+      } catch (const Error&) {
+        block.is_whole = false;
+      }
+    };
+    const auto take = [&](DataBlock& block) {
+      if (block.is_whole && element_.empty()) {
+        add_block(file, block);
+        return true;
+      }
+      for (std::size_t at = block.begin; at < block.end;) {
+        here_ = {file, at};
+        read_data(take_line(text, at));
+      }
+      return true;
+    };
+    read_blocks<DataBlock>(text, begin, end, goes_on, read, take);
+  }
+
+  /// False where the last element goes on behind the block.
+  bool read_block(std::size_t file, DataBlock& block) const {
+    const std::string_view text = sources_.text(file);
+    const auto width = std::size_t(element_nodes_) + 1;
+    block.nodes.clear();
+    block.elements.clear();
+    block.places.clear();
+    for (std::size_t at = block.begin; at < block.end;) {
+      const DeckPlace place{file, at};
+      const std::string_view line = take_line(text, at);
+      if (line.starts_with("**") || trimmed(line).empty()) continue;
+      if (data_ == Data::Nodes) {
+        block.nodes.push_back(node_line(place, line));
+        continue;
+      }
+      if (block.elements.size() == width * block.places.size()) block.places.push_back(place.place);
+      append_numbers(place, line, block.elements);
+      if (block.elements.size() > width * block.places.size()) return false;
+    }
+    return data_ == Data::Nodes || block.elements.size() == width * block.places.size();
+  }
+
+  void add_block(std::size_t file, const DataBlock& block) {
+    for (const NodeLine& node : block.nodes) {
+      here_ = node.place;
+      add_node(node);
+    }
+    const auto width = std::size_t(element_nodes_) + 1;
+    for (std::size_t e = 0; e < block.places.size(); ++e) {
+      element_place_ = {file, block.places[e]};
+      const auto first = block.elements.begin() + std::ptrdiff_t(e * width);
+      element_.assign(first, first + std::ptrdiff_t(width));
+      add_element();
     }
   }
 
@@ -300,6 +398,7 @@ class Reader {
   }
 
   void read_data(std::string_view line) {
+    if (line.starts_with("**") || data_ == Data::Skip || trimmed(line).empty()) return;
     switch (data_) {
       case Data::Skip:
         return;
@@ -500,35 +599,44 @@ class Reader {
     return all.back();
   }
 
-  void read_node(std::string_view line) {
-    Index number = 0;
-    Eigen::RowVector3d point;
+  void read_node(std::string_view line) { add_node(node_line(here_, line)); }
+
+  NodeLine node_line(DeckPlace place, std::string_view line) const {
+    NodeLine node{.place = place, .length = line.size(), .point = {}};
     const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
     std::size_t end = 0;
     while (end < line.size() && is_blank(line[end])) ++end;
     while (end < line.size() && line[end] != ',' && !is_blank(line[end])) ++end;
-    if (!read_integer(line.substr(0, end), number) || number < 1 || number > kHighestNumber)
-      fail_number("the number of a node", line.substr(0, end));
-    const std::string_view bad = style_->read(line, point);
-    if (!bad.empty()) fail_number("a coordinate", bad);
-    if (line.size() > 0xffff) sources_.fail(here_, "the line is too long");
-    if (line.size() > 2 * kFieldWidth || std::ranges::count(line, ',') > 3) check_fields(line);
-    for (const NodeFrame& frame : node_frames_) point = frame.to_mesh(point);
+    if (!read_integer(line.substr(0, end), node.number) || node.number < 1 ||
+        node.number > kHighestNumber)
+      fail_number(place, "the number of a node", line.substr(0, end));
+    const std::string_view bad = style_->read(line, node.point);
+    if (!bad.empty()) fail_number(place, "a coordinate", bad);
+    if (line.size() > 0xffff) sources_.fail(place, "the line is too long");
+    if (line.size() > 2 * kFieldWidth || std::ranges::count(line, ',') > 3)
+      check_fields(line, node);
+    for (const NodeFrame& frame : node_frames_) node.point = frame.to_mesh(node.point);
+    return node;
+  }
+
+  void add_node(const NodeLine& node) {
     NodeRecords& records = node_records();
     Part& in = part();
-    records.places.push_back({.place = here_.place, .length = line.size()});
+    records.places.push_back({.place = node.place.place, .length = node.length});
     records.nodes.push_back(std::ssize(in.mesh.node_numbers));
-    in.mesh.add_node(number, point);
-    if (node_set_) node_set_->numbers.push_back(number);
+    in.mesh.add_node(node.number, node.point);
+    if (node_set_) node_set_->numbers.push_back(node.number);
+    long_numbers_ += node.long_numbers;
+    has_normals_ = has_normals_ || node.has_normals;
   }
 
   /// Counts coordinates of which CalculiX reads the first 20 characters alone; looks for normals.
-  void check_fields(std::string_view line) {
+  static void check_fields(std::string_view line, NodeLine& node) {
     FreeFields fields(line);
     std::string_view field;
     for (int i = 0; i < 4 && fields.next(field); ++i)
-      if (trimmed(field).size() > kFieldWidth) ++long_numbers_;
-    has_normals_ = has_normals_ || (fields.next(field) && !trimmed(field).empty());
+      if (trimmed(field).size() > kFieldWidth) ++node.long_numbers;
+    node.has_normals = fields.next(field) && !trimmed(field).empty();
   }
 
   void begin_elements(const Keyword& keyword) {
@@ -553,6 +661,17 @@ class Reader {
       return;
     }
     if (element_.empty()) element_place_ = here_;
+    append_numbers(here_, line, element_);
+    if (std::ssize(element_) <= element_nodes_) return;
+    if (std::ssize(element_) > element_nodes_ + 1)
+      sources_.fail(here_, "element " + std::to_string(element_[0]) + " has " +
+                               std::to_string(element_.size() - 1) + " nodes, expected " +
+                               std::to_string(element_nodes_));
+    add_element();
+  }
+
+  /// Appends the numbers of a line: of an element, and of nodes.
+  void append_numbers(DeckPlace place, std::string_view line, std::vector<Index>& numbers) const {
     const char* at = line.data();
     const char* const end = at + line.size();
     const auto is_between = [](char c) { return c == ' ' || c == ',' || c == '\t' || c == '\r'; };
@@ -563,17 +682,11 @@ class Reader {
       const auto [last, error] = std::from_chars(at, end, number);
       if (error != std::errc() || (last < end && !is_between(*last)) || number < 1 ||
           number > kHighestNumber)
-        fail_number(element_.empty() ? "the number of an element" : "the number of a node",
+        fail_number(place, numbers.empty() ? "the number of an element" : "the number of a node",
                     {at, end});
-      element_.push_back(number);
+      numbers.push_back(number);
       at = last;
     }
-    if (std::ssize(element_) <= element_nodes_) return;
-    if (std::ssize(element_) > element_nodes_ + 1)
-      sources_.fail(here_, "element " + std::to_string(element_[0]) + " has " +
-                               std::to_string(element_.size() - 1) + " nodes, expected " +
-                               std::to_string(element_nodes_));
-    add_element();
   }
 
   void add_element() {
@@ -674,10 +787,14 @@ class Reader {
   }
 
   [[noreturn]] void fail_number(std::string_view what, std::string_view found) const {
+    fail_number(here_, what, found);
+  }
+  [[noreturn]] void fail_number(DeckPlace place, std::string_view what,
+                                std::string_view found) const {
     std::string text(trimmed(found).substr(0, 40));
     std::ranges::replace_if(
         text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    sources_.fail(here_, "expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
   }
 
   void assemble() {

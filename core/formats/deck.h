@@ -1,6 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <atomic>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -9,6 +12,7 @@
 #include "core/formats/mesh_format.h"
 #include "core/formats/source_file.h"
 #include "core/formats/text_scanner.h"
+#include "core/parallel.h"
 
 namespace cadmorph {
 
@@ -95,6 +99,35 @@ class DeckSources {
 
 /// The line of a text that begins at `at`, without its end; moves `at` to the next line.
 std::string_view take_line(std::string_view text, std::size_t& at);
+
+inline constexpr std::size_t kTextBlock = 1 << 18;
+
+/// Reads the lines of [begin, end) of a text block by block: `read` on any thread, `take` in the
+/// order of the text, until it returns false. A Block has `begin` and `end`, its place in the text;
+/// none begins at a line that `goes_on`, told by its place, says belongs to the one before.
+template <class Block>
+void read_blocks(std::string_view text, std::size_t begin, std::size_t end,
+                 const std::function<bool(std::size_t place)>& goes_on,
+                 const std::function<void(Block&)>& read, const std::function<bool(Block&)>& take) {
+  std::vector<Block> blocks(std::size_t(2 * thread_count() + 2));
+  std::atomic<bool> has_ended = false;
+  const auto cut = [&](Index slot) {
+    if (begin >= end || has_ended) return false;
+    Block& block = blocks[std::size_t(slot)];
+    block.begin = begin;
+    std::size_t place = std::min(begin + kTextBlock, end);
+    do {
+      place = std::min(text.find('\n', place), end - 1) + 1;
+    } while (place < end && goes_on(place));
+    block.end = begin = place;
+    return true;
+  };
+  parallel_pipeline(
+      std::ssize(blocks), cut, [&](Index slot) { read(blocks[std::size_t(slot)]); },
+      [&](Index slot) {
+        if (!has_ended) has_ended = !take(blocks[std::size_t(slot)]);
+      });
+}
 
 /// A copier for decks whose nodes stand in records of text. Included files are copied beside the
 /// main one, by the names that the deck gives them; an output that would overwrite an included file
