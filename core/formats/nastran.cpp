@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/errors.h"
 #include "core/formats/deck.h"
 #include "core/formats/formats.h"
 #include "core/formats/number_fields.h"
@@ -275,14 +276,56 @@ class Reader {
     return 0;
   }
 
+  /// A card of a node or an element, read.
+  struct ReadCard {
+    enum class Kind { Grid, Element, Other } kind = Kind::Other;
+    std::size_t begin = 0, end = 0;  ///< in the text
+    Index number = 0;
+    Index system_or_property = 0;
+    const ElementCard* element = nullptr;
+    std::size_t first = 0;  ///< of its nodes, or of its coordinates
+  };
+
+  /// Some of the lines of a file, and their cards.
+  struct CardBlock {
+    std::size_t begin = 0, end = 0;
+    bool has_failed = false;  ///< what follows the card that can't be read is not tried
+    std::vector<ReadCard> cards;
+    std::vector<Index> nodes;
+    std::vector<double> coordinates;
+  };
+
+  /// Cards of nodes and elements are read on all threads; others, and what is wrong, on one.
   void read_file(std::size_t file, std::size_t at) {
     const std::string_view text = sources_.text(file);
-    std::size_t begin = at, end = at;  // of the card
-    const auto finish = [&] {
-      if (end > begin) read_card({file, begin}, text.substr(begin, end - begin));
-      begin = end = at;
+    const auto goes_on = [&](std::size_t place) {
+      const std::string_view line = without_comment(take_line(text, place));
+      return trimmed(line).empty() || is_continuation(line);
     };
-    while (at < text.size() && !has_ended_) {
+    const auto read = [&](CardBlock& block) { read_block(file, block); };
+    const auto take = [&](CardBlock& block) {
+      for (const ReadCard& card : block.cards) {
+        if (has_ended_) break;
+        here_ = {file, card.begin};
+        take_card(text, block, card);
+      }
+      return !has_ended_;
+    };
+    read_blocks<CardBlock>(text, at, text.size(), goes_on, read, take);
+  }
+
+  void read_block(std::size_t file, CardBlock& block) const {
+    const std::string_view text = sources_.text(file);
+    block.has_failed = false;
+    block.cards.clear();
+    block.nodes.clear();
+    block.coordinates.clear();
+    CardName last;
+    std::size_t begin = block.begin, end = block.begin;  // of the card
+    const auto finish = [&] {
+      if (end > begin) block.cards.push_back(read_card(file, begin, end, last, block));
+    };
+    for (std::size_t at = block.begin; at < block.end;) {
       const std::size_t place = at;
       const std::string_view full = take_line(text, at);
       const std::string_view line = without_comment(full);
@@ -291,85 +334,146 @@ class Reader {
         finish();
         begin = place;
       } else if (end == begin) {
-        continue;  // of nothing
+        begin = end = at;  // of nothing
+        continue;
       }
       end = place + full.size();
     }
-    if (!has_ended_) finish();
+    finish();
   }
 
-  void read_card(DeckPlace place, std::string_view record) {
-    here_ = place;
-    std::string_view field = name_field(without_comment(record.substr(0, record.find('\n'))));
-    if (field.ends_with('*')) field.remove_suffix(1);
-    if (field != last_field_) {
-      last_field_ = field;
-      name_ = upper(trimmed(field));
+  /// The name of a card, and what it is: many of one name follow each other.
+  struct CardName {
+    std::string field, name;
+    const ElementCard* element = nullptr;
+
+    void set(std::string_view record) {
+      std::string_view found = name_field(without_comment(record.substr(0, record.find('\n'))));
+      if (found.ends_with('*')) found.remove_suffix(1);
+      if (found == field && !name.empty()) return;
+      field = found;
+      name = upper(trimmed(field));
+      element = nullptr;
+      for (const ElementCard& candidate : kElements)
+        if (candidate.name == name) element = &candidate;
     }
-    const std::string& name = name_;
-    if (name == "GRID") return read_grid(record);
+  };
+
+  ReadCard read_card(std::size_t file, std::size_t begin, std::size_t end, CardName& name,
+                     CardBlock& block) const {
+    ReadCard card{.begin = begin, .end = end};
+    if (block.has_failed) return card;
+    const std::string_view record = sources_.text(file).substr(begin, end - begin);
+    name.set(record);
+    if (name.name != "GRID" && !name.element) return card;
+    const std::size_t nodes = block.nodes.size(), coordinates = block.coordinates.size();
+    try {
+      if (name.element)
+        read_element(*name.element, {file, begin}, record, card, block);
+      else
+        read_grid({file, begin}, record, card, block);
+    } catch (const Error&) {
+      // It is read again in its turn, when what went wrong is told.
+      card.kind = ReadCard::Kind::Other;
+      block.has_failed = true;
+      block.nodes.resize(nodes);
+      block.coordinates.resize(coordinates);
+    }
+    return card;
+  }
+
+  void take_card(std::string_view text, CardBlock& block, const ReadCard& card) {
+    switch (card.kind) {
+      case ReadCard::Kind::Grid:
+        return add_grid(block, card);
+      case ReadCard::Kind::Element:
+        return add_element(block, card);
+      case ReadCard::Kind::Other:
+        return read_other(text.substr(card.begin, card.end - card.begin), block, card);
+    }
+  }
+
+  void read_other(std::string_view record, CardBlock& block, ReadCard card) {
+    name_.set(record);
+    const std::string& name = name_.name;
     if (name == "ENDDATA") {
       has_ended_ = true;
-      return;
-    }
-    if (name.starts_with("INCLUDE")) return read_include(record);
-    if (name == "GRDSET") return read_default(record);
-    if (name.starts_with("CORD")) return read_system(name, record);
-    if (last_element_ == nullptr || last_element_->name != name) {
-      last_element_ = nullptr;
-      for (const ElementCard& element : kElements)
-        if (element.name == name) last_element_ = &element;
-    }
-    if (last_element_)
-      read_element(*last_element_, record);
-    else if (std::ranges::find(kLeftOut, name) != std::end(kLeftOut))
+    } else if (name == "GRID") {
+      read_grid(here_, record, card, block);
+      add_grid(block, card);
+    } else if (name.starts_with("INCLUDE")) {
+      read_include(record);
+    } else if (name == "GRDSET") {
+      read_default(record);
+    } else if (name.starts_with("CORD")) {
+      read_system(name, record);
+    } else if (name_.element) {
+      read_element(*name_.element, here_, record, card, block);
+      add_element(block, card);
+    } else if (std::ranges::find(kLeftOut, name) != std::end(kLeftOut)) {
       ++left_out_[name];
+    }
   }
 
-  Index number_of(std::string_view field, std::string_view what, bool may_be_blank) const {
+  Index number_of(DeckPlace place, std::string_view field, std::string_view what,
+                  bool may_be_blank) const {
     Index value = 0;
     const bool is_blank = trimmed(field).empty();
     if (is_blank && may_be_blank) return 0;
     if (!read_integer(field, value) || value < 0 || value > kHighestNumber)
-      fail_expected(what, field);
+      fail_expected(place, what, field);
     return value;
   }
 
-  [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
+  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
+                                  std::string_view found) const {
     std::string text(trimmed(found).substr(0, 40));
     std::ranges::replace_if(
         text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    sources_.fail(here_, "expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
   }
 
-  void read_grid(std::string_view record) {
+  void read_grid(DeckPlace place, std::string_view record, ReadCard& grid, CardBlock& block) const {
     const Card card(record);
-    Grid grid{.place = here_, .length = record.size(), .point = {}};
-    if (record.size() > 0xffff) sources_.fail(here_, "the card is too long");
-    grid.number = number_of(card.field(0), "the number of a node", false);
-    grid.system = trimmed(card.field(1)).empty()
-                      ? -1
-                      : number_of(card.field(1), "the number of a coordinate system", false);
-    for (int c = 0; c < 3; ++c)
-      if (!read_real(card.field(std::size_t(2 + c)), grid.point(c)))
-        fail_expected("a coordinate", card.field(std::size_t(2 + c)));
-    grids_.push_back(std::move(grid));
+    if (record.size() > 0xffff) sources_.fail(place, "the card is too long");
+    grid.kind = ReadCard::Kind::Grid;
+    grid.number = number_of(place, card.field(0), "the number of a node", false);
+    grid.system_or_property =
+        trimmed(card.field(1)).empty()
+            ? -1
+            : number_of(place, card.field(1), "the number of a coordinate system", false);
+    grid.first = block.coordinates.size();
+    for (std::size_t c = 0; c < 3; ++c) {
+      double value = 0;
+      if (!read_real(card.field(2 + c), value))
+        fail_expected(place, "a coordinate", card.field(2 + c));
+      block.coordinates.push_back(value);
+    }
+  }
+
+  void add_grid(const CardBlock& block, const ReadCard& card) {
+    grids_.push_back({.place = here_,
+                      .length = card.end - card.begin,
+                      .number = card.number,
+                      .system = card.system_or_property,
+                      .point = Eigen::RowVector3d::Map(block.coordinates.data() + card.first)});
   }
 
   void read_default(std::string_view record) {
     const Card card(record);
-    default_system_ = number_of(card.field(1), "the number of a coordinate system", true);
+    default_system_ = number_of(here_, card.field(1), "the number of a coordinate system", true);
   }
 
   void read_system(const std::string& name, std::string_view record) {
     const Card card(record);
-    const Index number = number_of(card.field(0), "the number of a coordinate system", false);
+    const Index number =
+        number_of(here_, card.field(0), "the number of a coordinate system", false);
     System system{.place = here_, .name = name};
     if (name == "CORD2R" || name == "CORD2C") {
-      system.parent = number_of(card.field(1), "the number of a coordinate system", true);
+      system.parent = number_of(here_, card.field(1), "the number of a coordinate system", true);
       for (std::size_t i = 0; i < 9; ++i)
         if (!read_real(card.field(2 + i), system.points[i]))
-          fail_expected("a coordinate", card.field(2 + i));
+          fail_expected(here_, "a coordinate", card.field(2 + i));
     }
     systems_.insert_or_assign(number, system);
   }
@@ -388,33 +492,44 @@ class Reader {
     sources_.leave();
   }
 
-  void read_element(const ElementCard& element, std::string_view record) {
+  /// A mid-side node that is missing has the number 0.
+  void read_element(const ElementCard& element, DeckPlace place, std::string_view record,
+                    ReadCard& read, CardBlock& block) const {
     const Card card(record);
-    const Index number = number_of(card.field(0), "the number of an element", false);
-    Index property = 0;
+    read.kind = ReadCard::Kind::Element;
+    read.element = &element;
+    read.number = number_of(place, card.field(0), "the number of an element", false);
     if (element.nodes_at == 2)
-      property = number_of(card.field(1), "the number of a property", true);
-    nodes_.clear();
+      read.system_or_property = number_of(place, card.field(1), "the number of a property", true);
+    constexpr Index kHighestRegion = 1 << 30;
+    if (read.system_or_property > kHighestRegion)
+      fail_expected(place, "the number of a property", card.field(1));
     const std::size_t corners = std::size_t(cell_node_count(element.linear));
     const std::size_t most = std::size_t(cell_node_count(element.quadratic));
-    std::size_t given = 0;
+    read.first = block.nodes.size();
     for (std::size_t i = 0; i < most; ++i) {
-      const std::string_view field = card.field(element.nodes_at + i);
       // A bar's third may be no node.
-      nodes_.push_back(number_of(field, "the number of a node", i >= corners));
-      if (nodes_.back() > 0) given = i + 1;
+      const Index node =
+          number_of(place, card.field(element.nodes_at + i), "the number of a node", i >= corners);
+      if (node == 0 && i < corners)
+        sources_.fail(place, "element " + std::to_string(read.number) + " lacks a corner node");
+      block.nodes.push_back(node);
     }
+  }
+
+  void add_element(const CardBlock& block, const ReadCard& card) {
+    const ElementCard& element = *card.element;
+    const auto corners = std::size_t(cell_node_count(element.linear));
+    const auto given =
+        std::span(block.nodes).subspan(card.first, std::size_t(cell_node_count(element.quadratic)));
+    nodes_.assign(given.begin(), given.end());
     const bool is_full = std::ranges::find(nodes_, 0) == nodes_.end();
-    if (std::ranges::find(nodes_.begin(), nodes_.begin() + std::ptrdiff_t(corners), 0) !=
-        nodes_.begin() + std::ptrdiff_t(corners))
-      sources_.fail(here_, "element " + std::to_string(number) + " lacks a corner node");
-    if (!is_full && given > corners) ++incomplete_;
+    const auto is_node = [](Index node) { return node > 0; };
+    if (!is_full && std::ranges::any_of(given.subspan(corners), is_node)) ++incomplete_;
     if (!is_full) nodes_.resize(corners);
     const CellType type = is_full ? element.quadratic : element.linear;
     to_vtk_order(type);
-    constexpr Index kHighestRegion = 1 << 30;
-    if (property > kHighestRegion) fail_expected("the number of a property", card.field(1));
-    mesh_.add_element(number, type, nodes_, int(property), here_);
+    mesh_.add_element(card.number, type, nodes_, int(card.system_or_property), here_);
   }
 
   /// Nastran's mid-side nodes go bottom, upright, top; VTK's bottom, top, upright.
@@ -511,8 +626,7 @@ class Reader {
   DeckPlace here_;
   bool has_ended_ = false;
   std::vector<Index> nodes_;
-  std::string last_field_, name_;  ///< of the card read last; and in capitals
-  const ElementCard* last_element_ = nullptr;
+  CardName name_;
   std::map<std::string, Index> left_out_;
   Index incomplete_ = 0;
 };
