@@ -2,10 +2,22 @@
 
 #include <utility>
 
-#include "apps/library/impl.h"
 #include "apps/pipeline/design_velocity.h"
 
 namespace cadmorph::v1 {
+
+namespace {
+
+ParameterModels models_of(const ParameterPair& pair) {
+  return {*pair.plus.impl().model, *pair.minus.impl().model, pair.step};
+}
+
+Points present_surface(const MorphJob& job, const std::optional<CadModel>& present) {
+  if (!present) return {};
+  return job.morph_surface(*present->impl().model).surface_positions;
+}
+
+}  // namespace
 
 struct Derivative::Impl {
   VolumeDerivative map;
@@ -31,12 +43,14 @@ void Derivative::adjoint_to(const RowMatrix& volume, double* result) const {
 struct Velocity::Impl {
   SurfaceVelocity surface;
   Points nodes;
+  RowMatrix errors;
 };
 
 Velocity::Velocity(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
 
 const Points& Velocity::surface() const { return impl_->surface.velocity; }
 const Points& Velocity::nodes() const { return impl_->nodes; }
+const RowMatrix& Velocity::errors() const { return impl_->errors; }
 double Velocity::motion_mm() const { return impl_->surface.motion; }
 double Velocity::unevenness() const { return impl_->surface.unevenness; }
 const std::vector<std::string>& Velocity::warnings() const { return impl_->surface.warnings; }
@@ -46,12 +60,36 @@ Derivative make_derivative(const MorphJob& job, const Points& surface_positions)
       Derivative::Impl{job.volume().derivative(surface_positions)}));
 }
 
-Velocity make_velocity(const MorphJob& job, const cadmorph::CadModel& plus,
-                       const cadmorph::CadModel& minus, double step) {
+Velocity make_velocity(const MorphJob& job, const ParameterPair& pair, const VelocityCall& call) {
+  const Points present = present_surface(job, call.present);
   auto impl = std::make_shared<Velocity::Impl>();
-  impl->surface = surface_velocity(job, {plus, minus, step});
-  impl->nodes = carry_inside(job, impl->surface).velocity;
+  impl->surface = call.half ? surface_velocity(job, models_of(pair), models_of(*call.half), present)
+                            : surface_velocity(job, models_of(pair), present);
+  NodeVelocity nodes = carry_inside(job, impl->surface);
+  impl->nodes = nodes.velocity;
+  impl->errors = std::move(nodes.error);
   return Velocity(std::move(impl));
+}
+
+std::vector<ParameterGradient> make_gradient(const MorphJob& job, const RowMatrix& sensitivity,
+                                             const std::vector<Parameter>& parameters,
+                                             const std::optional<CadModel>& present,
+                                             const Teller& teller) {
+  const Points positions = present_surface(job, present);
+  teller("adjoint", 0);
+  const RowMatrix surface = carry_to_surface(job, sensitivity, positions);
+  std::vector<ParameterGradient> result;
+  for (const auto& [name, pair] : parameters) {
+    teller("parameters",
+           static_cast<double>(result.size()) / static_cast<double>(parameters.size()));
+    const SurfaceVelocity velocity = surface_velocity(job, models_of(pair), positions);
+    result.push_back({.name = name,
+                      .gradient = cadmorph::gradient(surface, velocity),
+                      .max_speed = velocity.velocity.rowwise().norm().maxCoeff(),
+                      .motion_mm = velocity.motion,
+                      .warnings = velocity.warnings});
+  }
+  return result;
 }
 
 }  // namespace cadmorph::v1

@@ -1,13 +1,17 @@
 #pragma once
 
+#include "apps/library/impl.h"
 #include "apps/library/include/cadmorph/derivative.h"
-#include "apps/pipeline/pipeline.h"
 
 namespace cadmorph::v1 {
 
 Derivative make_derivative(const MorphJob& job, const Points& surface_positions);
 
-Velocity make_velocity(const MorphJob& job, const cadmorph::CadModel& plus,
-                       const cadmorph::CadModel& minus, double step);
+Velocity make_velocity(const MorphJob& job, const ParameterPair& pair, const VelocityCall& call);
+
+std::vector<ParameterGradient> make_gradient(const MorphJob& job, const RowMatrix& sensitivity,
+                                             const std::vector<Parameter>& parameters,
+                                             const std::optional<CadModel>& present,
+                                             const Teller& teller);
 
 }  // namespace cadmorph::v1

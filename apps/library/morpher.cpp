@@ -99,10 +99,20 @@ Derivative Morpher::derivative() const {
   return derivative(impl_->job->mesh().points(impl_->surface_nodes, Eigen::all));
 }
 
-Velocity Morpher::velocity(const CadModel& plus, const CadModel& minus, double step) const {
+Velocity Morpher::velocity(const ParameterPair& pair, const VelocityCall& call) const {
   return at_door([&] {
     const auto lock = lock_or_refuse(impl_->at_work);
-    return make_velocity(*impl_->job, *plus.impl().model, *minus.impl().model, step);
+    return make_velocity(*impl_->job, pair, call);
+  });
+}
+
+std::vector<ParameterGradient> Morpher::gradient(const RowMatrix& sensitivity,
+                                                 const std::vector<Parameter>& parameters,
+                                                 const GradientCall& call) const {
+  return at_door([&] {
+    const auto lock = lock_or_refuse(impl_->at_work);
+    const Telling telling(impl_->teller, call.progress);
+    return make_gradient(*impl_->job, sensitivity, parameters, call.present, impl_->teller);
   });
 }
 

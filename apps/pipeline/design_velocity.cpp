@@ -25,7 +25,9 @@ constexpr double kUneven = 0.1;
 // The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size.
 constexpr double kSmallMotion = 1e-6;
 
-Points base_positions(const MorphJob& job) {
+// Of the surface nodes, where `present` is not empty there.
+Points positions(const MorphJob& job, const Points& present) {
+  if (present.rows() > 0) return present;
   return job.mesh().points(job.volume().surface_nodes(), Eigen::all);
 }
 
@@ -68,9 +70,20 @@ void judge(const ParameterModels& models, SurfaceVelocity& result) {
                               " %; take a larger step");
   if (result.unevenness > kUneven)
     result.warnings.push_back(
-        "the base is not midway between " + pair + ", by " + text_of(100 * result.unevenness) +
-        " % of the motion: take a smaller step, or see to it that they are the base's parameter "
-        "plus and minus the step");
+        std::string(result.present.rows() > 0 ? "the present surface" : "the base") +
+        " is not midway between " + pair + ", by " + text_of(100 * result.unevenness) +
+        " % of the motion: take a smaller step, or see to it that they are its parameter plus "
+        "and minus the step");
+}
+
+void check_sensitivity(const RowMatrix& sensitivity, Index nodes) {
+  if (sensitivity.rows() != nodes || sensitivity.cols() != 3)
+    throw InvalidInputError("dJ/dX has " + std::to_string(sensitivity.rows()) + " rows of " +
+                            std::to_string(sensitivity.cols()) + "; expected 3 for each of " +
+                            std::to_string(nodes) + " nodes");
+  for (Index i = 0; i < nodes; ++i)
+    if (!sensitivity.row(i).allFinite())
+      throw InvalidInputError("dJ/dX of node " + std::to_string(i) + " is not finite");
 }
 
 std::shared_ptr<const MeshFile> open_mesh(const fs::path& path) {
@@ -115,16 +128,19 @@ ParameterModels next_pair(StepQueue& queue, double step) {
 
 }  // namespace
 
-SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models) {
+SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
+                                 const Points& present) {
   if (!(models.step > 0) || !std::isfinite(models.step))
     throw InvalidInputError("the step " + text_of(models.step) + " of a parameter is not positive");
   const MorphResult plus = job.morph_surface(models.plus);
   const MorphResult minus = job.morph_surface(models.minus);
   const double unit = plus.report.mesh_unit_mm;
   const Points apart = plus.surface_positions - minus.surface_positions;
-  const Points bent = plus.surface_positions + minus.surface_positions - 2 * base_positions(job);
+  const Points bent =
+      plus.surface_positions + minus.surface_positions - 2 * positions(job, present);
   SurfaceVelocity result;
   result.velocity = apart / (2 * models.step);
+  result.present = present;
   result.step = models.step;
   result.motion = 0.5 * unit * largest(apart);
   result.cad_tolerance = typical_tolerance(job.base());
@@ -138,13 +154,13 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
 }
 
 SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
-                                 const ParameterModels& half) {
+                                 const ParameterModels& half, const Points& present) {
   constexpr double kRounding = 1e-12;
   if (!(std::abs(2 * half.step - models.step) <= kRounding * models.step))
     throw InvalidInputError("Richardson's estimate takes a second step of half the first, " +
                             text_of(models.step / 2) + ", not " + text_of(half.step));
-  const SurfaceVelocity wide = surface_velocity(job, models);
-  SurfaceVelocity result = surface_velocity(job, half);
+  const SurfaceVelocity wide = surface_velocity(job, models, present);
+  SurfaceVelocity result = surface_velocity(job, half, present);
   result.error = (result.velocity - wide.velocity) / 3;
   result.velocity += result.error;
   add_new(result.warnings, wide.warnings);
@@ -152,11 +168,13 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
 }
 
 NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface) {
-  const Points start = base_positions(job);
+  const Points start = positions(job, surface.present);
   const double speed = largest(surface.velocity);
   const double size =
       (job.mesh().points.colwise().maxCoeff() - job.mesh().points.colwise().minCoeff()).norm();
-  const double scale = speed > 0 ? kSmallMotion * size / speed : 0;
+  // Elsewhere the motion so far chooses the kernels.
+  const bool is_at_base = surface.present.rows() == 0;
+  const double scale = is_at_base && speed > 0 ? kSmallMotion * size / speed : 0;
   const VolumeDerivative map = job.volume().derivative(start + scale * surface.velocity);
   RowMatrix all(start.rows(), 3 + surface.error.cols() * (surface.error.rows() > 0));
   all.leftCols(3) = surface.velocity;
@@ -167,13 +185,15 @@ NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface) {
   return result;
 }
 
-RowMatrix carry_to_surface(const MorphJob& job, const RowMatrix& sensitivity) {
+RowMatrix carry_to_surface(const MorphJob& job, const RowMatrix& sensitivity,
+                           const Points& present) {
+  check_sensitivity(sensitivity, job.mesh().node_count());
   const auto& nodes = job.volume().surface_nodes();
   RowMatrix inside = sensitivity;
-  if (sensitivity.rows() == job.mesh().node_count()) inside(nodes, Eigen::all).setZero();
+  inside(nodes, Eigen::all).setZero();
   // Nothing to carry: what a solver knows of the surface alone.
   if (inside.isZero(0)) return sensitivity(nodes, Eigen::all);
-  return job.volume().derivative(base_positions(job)).adjoint(sensitivity);
+  return job.volume().derivative(positions(job, present)).adjoint(sensitivity);
 }
 
 double gradient(const RowMatrix& surface_sensitivity, const SurfaceVelocity& velocity) {
@@ -236,11 +256,6 @@ GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const Me
                               const PipelineOptions& options) {
   PhaseClock clock(options.progress);
   clock.start("base");
-  if (sensitivity.rows() != mesh->mesh().node_count() || sensitivity.cols() != 3)
-    throw InvalidInputError("a sensitivity of " + std::to_string(sensitivity.rows()) + " x " +
-                            std::to_string(sensitivity.cols()) + " for " +
-                            std::to_string(mesh->mesh().node_count()) + " nodes x 3 in " +
-                            mesh->path().string());
   std::vector<fs::path> models = {base_cad};
   for (const DesignParameter& parameter : parameters)
     models.insert(models.end(), {parameter.plus, parameter.minus});

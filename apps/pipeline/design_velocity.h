@@ -15,11 +15,13 @@ struct SurfaceVelocity {
   /// m x 3: dX/dp of the nodes that the surface prescribes (rows as VolumeMorph::surface_nodes), in
   /// the mesh's unit per unit of p.
   Points velocity;
+  Points present;  ///< m x 3: where these nodes are at p; empty: where they are at the base
   double step = 0;
   double motion = 0;         ///< most that the step moves a node, millimetres
   double cad_tolerance = 0;  ///< half of the base CAD's edges have no larger one, millimetres
-  /// How far the base is from the middle between both morphs, largest over the largest motion: of
-  /// the order of the step; large where the step is, or where the models are not p + h and p - h.
+  /// How far the surface at p is from the middle between both morphs, largest over the largest
+  /// motion: of the order of the step; large where the step is, or where the models are not p + h
+  /// and p - h.
   double unevenness = 0;
   /// m x 3: estimated error of the velocity where two steps were taken; else empty.
   Points error;
@@ -34,28 +36,33 @@ struct ParameterModels {
 
 /// Morphs the surface to both models and takes central differences (error of order step^2). A node
 /// on an edge or vertex keeps to that: where faces meet anew, the velocity is that of their
-/// intersection. Throws InvalidInputError for a step that is not positive, or that moves the
-/// surface by less than the CAD's tolerance, and what MorphJob::move_surface throws.
-SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models);
+/// intersection. `present`: where the surface nodes are at p (m x 3); empty: p is the base's.
+/// Throws InvalidInputError for a step that is not positive, or that moves the surface by less than
+/// the CAD's tolerance, and what MorphJob::morph_surface throws.
+SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
+                                 const Points& present = {});
 
 /// The same of two pairs, the second with half of the first's step: Richardson's extrapolation
 /// (error of order step^4), and the error of the second pair that it tells. Throws
 /// InvalidInputError where the second step is not half of the first.
 SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
-                                 const ParameterModels& half);
+                                 const ParameterModels& half, const Points& present = {});
 
-/// dX/dp of all nodes (N x 3): the surface's carried inside by the derivative of the volume morph,
-/// at the base in the direction of the motion. With an estimated error also that of each node, N x
-/// 1; else N x 0. Throws what VolumeMorph::derivative throws.
+/// dX/dp of all nodes (N x 3): the surface's carried inside by the derivative of the volume morph
+/// at the surface's present positions; at the base in the direction of the motion. With an
+/// estimated error also that of each node, N x 1; else N x 0. Throws what VolumeMorph::derivative
+/// throws.
 struct NodeVelocity {
   RowMatrix velocity, error;
 };
 NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface);
 
 /// By the surface nodes' positions (m x 3) the derivative of a quantity that depends on all nodes'
-/// (N x 3): the transpose of the volume morph's derivative at the base, which has no anchors.
-/// Throws InvalidInputError on a wrong size, and what VolumeMorph::derivative throws.
-RowMatrix carry_to_surface(const MorphJob& job, const RowMatrix& sensitivity);
+/// (N x 3): the transpose of the volume morph's derivative at the surface's present positions
+/// (m x 3; empty: at the base, where it has no anchors). Throws InvalidInputError on a wrong size,
+/// and what VolumeMorph::derivative throws.
+RowMatrix carry_to_surface(const MorphJob& job, const RowMatrix& sensitivity,
+                           const Points& present = {});
 
 /// dJ/dp from dJ/dX of the surface nodes and their velocity.
 double gradient(const RowMatrix& surface_sensitivity, const SurfaceVelocity& velocity);

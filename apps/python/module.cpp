@@ -391,9 +391,29 @@ void add_derivative(py::module_& module) {
           "float64 (N, 3); a view, not writable.")
       .def_property_readonly("motion_mm", &Velocity::motion_mm,
                              "Most that the step moves a surface node.")
+      .def_property_readonly(
+          "errors",
+          [](const py::object& self) -> py::object {
+            const RowMatrix& rows = self.cast<const Velocity&>().errors();
+            if (rows.cols() == 0) return py::none();
+            return view(rows.data(), {rows.rows()}, self);
+          },
+          "float64 (N,), estimated; None without a second pair.")
       .def_property_readonly("unevenness", &Velocity::unevenness,
-                             "Of the base between both models, in parts of the motion.")
+                             "Of the present surface between both models, in parts of the motion.")
       .def_property_readonly("warnings", &Velocity::warnings);
+  py::class_<ParameterGradient>(module, "ParameterGradient", "What a parameter came to.")
+      .def_readonly("name", &ParameterGradient::name)
+      .def_readonly("gradient", &ParameterGradient::gradient, "dJ/dp.")
+      .def_readonly("max_speed", &ParameterGradient::max_speed,
+                    "Of a surface node, in the mesh's unit per unit of the parameter.")
+      .def_readonly("motion_mm", &ParameterGradient::motion_mm,
+                    "Most that the step moves a surface node.")
+      .def_readonly("warnings", &ParameterGradient::warnings)
+      .def("__repr__", [](const ParameterGradient& g) {
+        return "ParameterGradient(" + std::string(py::repr(py::str(g.name))) + ", " +
+               std::string(py::repr(py::float_(g.gradient))) + ")";
+      });
 }
 
 std::unique_ptr<Morpher> make_morpher(
@@ -505,14 +525,48 @@ Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
           "InvalidInputError, also for methods other than 'rbf' and the solver 'iqr'; SolverError.")
       .def(
           "velocity",
-          [](const Morpher& morpher, const CadModel& plus, const CadModel& minus, double step) {
+          [](const Morpher& morpher, const CadModel& plus, const CadModel& minus, double step,
+             const std::optional<CadModel>& at,
+             const std::optional<std::pair<CadModel, CadModel>>& half) {
+            VelocityCall call{.present = at};
+            if (half) call.half = ParameterPair{half->first, half->second, step / 2};
             const py::gil_scoped_release release;
-            return morpher.velocity(plus, minus, step);
+            return morpher.velocity({plus, minus, step}, call);
           },
-          "plus"_a, "minus"_a, "step"_a,
+          "plus"_a, "minus"_a, "step"_a, py::kw_only(), "at"_a = py::none(), "half"_a = py::none(),
           "How the nodes move with a CAD parameter: central differences of the surface morphs onto "
           "the models with the parameter larger and smaller by step, carried inside by the "
-          "derivative. Raises TopologyError, InvalidInputError, SolverError.")
+          "derivative. at: the model between them; None: the base. half: a second pair of models, "
+          "(plus, minus), of half the step: the velocity is then Richardson's extrapolation, and "
+          "`errors` estimates the second's error. Raises TopologyError, InvalidInputError, "
+          "SolverError.")
+      .def(
+          "gradient",
+          [](const Morpher& morpher, const py::object& sensitivity, const py::dict& parameters,
+             const std::optional<CadModel>& at, const py::object& progress) {
+            const RowMatrix slopes = to_rows(sensitivity, "sensitivity");
+            std::vector<Parameter> given;
+            for (const auto& [name, models] : parameters) {
+              try {
+                const auto [plus, minus, step] =
+                    py::cast<std::tuple<CadModel, CadModel, double>>(models);
+                given.push_back({py::str(name), {plus, minus, step}});
+              } catch (const py::builtin_exception&) {
+                throw InvalidInputError("parameters[" + std::string(py::repr(name)) +
+                                        "]: expected (plus, minus, step): two CadModels, a number");
+              }
+            }
+            return run_unlocked(progress, [&](const Progress& tell) {
+              return morpher.gradient(slopes, given, {.present = at, .progress = tell});
+            });
+          },
+          "sensitivity"_a, "parameters"_a, py::kw_only(), "at"_a = py::none(),
+          "progress"_a = py::none(),
+          "dJ/dp of parameters from dJ/dX, sensitivity (N, 3), per the mesh's unit: one adjoint of "
+          "the volume, and for each parameter the velocity of the surface alone. parameters: a "
+          "dict of names and (plus, minus, step), as read_parameters returns it. at: the model "
+          "where dJ/dX is taken; None: the base. Returns a list of ParameterGradient. Raises "
+          "TopologyError, InvalidInputError, SolverError, CancelledError.")
       .def_property_readonly("base", &Morpher::base, py::return_value_policy::copy)
       .def_property_readonly("mesh", &Morpher::mesh, py::return_value_policy::copy)
       .def_property_readonly("report", &Morpher::report, py::return_value_policy::copy,

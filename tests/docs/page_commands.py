@@ -20,6 +20,7 @@ RUNNERS = {
     ".ci/run": "tests/docs/run_in_tree.sh",
     "tests/formats/walks_test.sh": "run_shown_commands",
     "tests/python/freecad_test.py": "run_shown_commands",
+    "tests/python/optimisation_test.py": "run_shown_commands",
     "tests/schedulers/dakota_test.sh": "run_shown_commands",
     "tests/schedulers/slurm_test.sh": "run_shown_commands",
     "tests/schedulers/snakemake_test.sh": "run_shown_commands",

@@ -1,6 +1,9 @@
 """Derivatives of the volume and the surface, and the programs' classes over them."""
 
+import shutil
+import tempfile
 import unittest
+from pathlib import Path
 
 import cadmorph
 import models
@@ -46,6 +49,61 @@ class Derivatives(unittest.TestCase):
         self.assertAlmostEqual(velocity.unevenness, 1)
         self.assertIn("not midway", velocity.warnings[0])
 
+    def test_velocity_about_a_variant(self):
+        base, variant = models.cad("shapes/box"), models.cad("shapes/box_variant")
+        moved = self.morpher.velocity(variant, base, 0.5).surface
+        velocity = self.morpher.velocity(variant, base, 0.5, at=variant)
+        self.assertTrue(np.array_equal(velocity.surface, moved))
+        self.assertAlmostEqual(velocity.unevenness, 1)
+        self.assertIn("the present surface is not midway", velocity.warnings[0])
+        # So few nodes have one map everywhere.
+        self.assertLess(abs(velocity.nodes - self.morpher.derivative(self.start + moved).forward(moved)).max(), 1e-9)
+        self.assertIsNone(velocity.errors)
+
+    def test_richardsons_estimate(self):
+        base, variant = models.cad("shapes/box"), models.cad("shapes/box_variant")
+        wide = self.morpher.velocity(variant, base, 1.0)
+        # The same models for half the step: a velocity twice as large, for once.
+        both = self.morpher.velocity(variant, base, 1.0, half=(variant, base))
+        self.assertLess(abs(both.nodes - 7 / 3 * wide.nodes).max(), 1e-9)
+        self.assertLess(abs(both.errors - np.linalg.norm(wide.nodes, axis=1) / 3).max(), 1e-9)
+
+    def test_gradient_of_a_table(self):
+        base, variant = models.cad("shapes/box"), models.cad("shapes/box_variant")
+        slopes = self.random.normal(size=(self.n, 3))
+        told = []
+        with tempfile.TemporaryDirectory() as folder:
+            for name in ("box", "box_variant"):
+                shutil.copy(models.FOLDER / f"shapes/{name}.step", folder)
+            table = Path(folder) / "parameters.csv"
+            table.write_text("name,plus,minus,step\nlength,box_variant.step,box.step,0.5\n\"a, b\",box.step,box_variant.step,1\n")
+            parameters = cadmorph.read_parameters(table)
+            for line, text in [("x,box.step,box.step,fast", "'fast' is no number"), ("x,box.step,,1", "no minus"),
+                               ("length,box.step,box.step,1\nlength,box.step,box.step,1", "twice"), ("", "no parameter")]:
+                table.write_text(f"name,plus,minus,step\n{line}\n")
+                with self.assertRaisesRegex(cadmorph.InvalidInputError, text):
+                    cadmorph.read_parameters(table)
+        with self.assertRaises(cadmorph.IoError):
+            cadmorph.read_parameters(table)
+        entries = self.morpher.gradient(slopes, parameters, progress=lambda *now: told.append(now))
+        self.assertEqual([entry.name for entry in entries], ["length", "a, b"])
+        expected = np.vdot(slopes, self.morpher.velocity(variant, base, 0.5).nodes)
+        self.assertAlmostEqual(entries[0].gradient, expected, delta=1e-9 * abs(expected))
+        self.assertAlmostEqual(entries[1].gradient, -expected / 2, delta=1e-9 * abs(expected))
+        self.assertIn(("parameters", 0.5), told)
+        at_variant = self.morpher.gradient(slopes, {"length": (variant, base, 0.5)}, at=variant)[0]
+        expected = np.vdot(slopes, self.morpher.velocity(variant, base, 0.5, at=variant).nodes)
+        self.assertAlmostEqual(at_variant.gradient, expected, delta=1e-9 * abs(expected))
+        with self.assertRaises(cadmorph.CancelledError):
+            self.morpher.gradient(slopes, parameters, progress=lambda *now: False)
+        for bad in (slopes[:-1], np.zeros((self.n - 1, 3)), np.full_like(slopes, np.nan), "text"):
+            with self.assertRaises(cadmorph.InvalidInputError):
+                self.morpher.gradient(bad, parameters)
+        with self.assertRaisesRegex(cadmorph.InvalidInputError, "expected .plus, minus, step."):
+            self.morpher.gradient(slopes, {"length": (variant, base)})
+        with self.assertRaisesRegex(cadmorph.InvalidInputError, "expected .plus, minus, step."):
+            self.morpher.gradient(slopes, {"length": (variant, None, 1.0)})
+
     def test_what_does_not_fit_is_refused(self):
         derivative = self.morpher.derivative()
         u = np.zeros((self.m, 3))
@@ -88,20 +146,31 @@ class IDWarp(unittest.TestCase):
 
 @unittest.skipUnless(om, "needs OpenMDAO")
 class OpenMDAO(unittest.TestCase):
-    def check(self, component, bound):
+    def check(self, component, bound, *places):
         problem = om.Problem()
         problem.model.add_subsystem("mesh", component)
         problem.setup(force_alloc_complex=False)
-        problem.run_model()
-        checked = problem.check_partials(out_stream=None, form="central", step=1e-3)
-        for (output, given), errors in checked["mesh"].items():
-            self.assertLess(max(abs(errors["J_fwd"] - errors["J_fd"]).max(),
-                                abs(errors["J_rev"] - errors["J_fd"]).max()), bound, (output, given))
+        for place in places or [None]:
+            if place:
+                problem.set_val("mesh.parameters", place)
+            problem.run_model()
+            checked = problem.check_partials(out_stream=None, form="central", step=1e-3)
+            for (output, given), errors in checked["mesh"].items():
+                self.assertLess(max(abs(errors["J_fwd"] - errors["J_fd"]).max(),
+                                    abs(errors["J_rev"] - errors["J_fd"]).max()), bound, (output, given, place))
 
     def test_partials_of_the_mesh(self):
         from cadmorph.openmdao import MeshComp
 
         self.check(MeshComp(morpher=models.box_morpher()), 1e-8)
+
+    def test_partials_of_parameters_anywhere(self):
+        from cadmorph.openmdao import ParameterComp
+
+        # Sides that are not linear in the parameters: the derivative is another one at each point.
+        component = ParameterComp(morpher=models.box_morpher(), start=[0.0, 0.0], steps=1e-3,
+                                  model=lambda p: models.box_of(40 * np.exp(p[0]), 30 + 5 * p[0] * p[1], 20 / (1 + p[1])))
+        self.check(component, 1e-4, [0.0, 0.0], [0.1, 0.2], [-0.2, 0.1])
 
     def test_partials_of_parameters(self):
         from cadmorph.openmdao import ParameterComp
@@ -117,6 +186,8 @@ class OpenMDAO(unittest.TestCase):
         problem.run_model()
         wanted = models.box_morpher().morph(variant).positions
         self.assertTrue(np.array_equal(problem.get_val("mesh.x_volume").reshape(-1, 3), wanted))
+        problem.set_val("mesh.parameters", 0.0)
+        problem.run_model()
         jacobian = problem.compute_totals(of=["mesh.x_volume"], wrt=["mesh.parameters"])
         slope = next(iter(jacobian.values())).reshape(-1, 3)
         moved = models.box_morpher().velocity(variant, base, 0.5).nodes

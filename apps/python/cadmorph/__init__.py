@@ -24,6 +24,7 @@ from ._native import (
     MorphResult,
     NodeFigures,
     OutputError,
+    ParameterGradient,
     QualityError,
     QualityFigures,
     Report,
@@ -34,6 +35,7 @@ from ._native import (
     set_thread_count,
     thread_count,
 )
+from ._parameters import read_parameters
 from ._picture import Picture, plot
 
 MorphResult.plot = plot
@@ -56,6 +58,7 @@ __all__ = [
     "MorphResult",
     "NodeFigures",
     "OutputError",
+    "ParameterGradient",
     "Picture",
     "QualityError",
     "QualityFigures",
@@ -63,6 +66,7 @@ __all__ = [
     "SolverError",
     "TopologyError",
     "Velocity",
+    "read_parameters",
     "set_thread_count",
     "thread_count",
 ]

@@ -46,9 +46,9 @@ class ParameterComp(om.ExplicitComponent):
     """CAD parameters in, volume coordinates out.
 
     Options: morpher; model, a function of the parameters (an array) that returns the CadModel;
-    start, their values at the morpher's base; steps, of the central differences. Input parameters,
-    output x_volume (3 N,). The derivative is taken at the base: for values elsewhere make the
-    component of a Morpher whose base and mesh are there.
+    start, their values at first; steps, of the central differences. Input parameters, output
+    x_volume (3 N,). The derivative is that of one plain morph at the present parameters, by the
+    models a step on either side.
     """
 
     def initialize(self):
@@ -62,7 +62,7 @@ class ParameterComp(om.ExplicitComponent):
         self.steps = np.broadcast_to(np.asarray(self.options["steps"], dtype=float), self.start.shape)
         self.add_input("parameters", val=self.start)
         self.add_output("x_volume", val=self.options["morpher"].mesh.points.ravel())
-        self._velocities = None
+        self._at = None
 
     def setup_partials(self):
         self.declare_partials("x_volume", "parameters")
@@ -74,19 +74,19 @@ class ParameterComp(om.ExplicitComponent):
     def compute_jacvec_product(self, inputs, d_inputs, d_outputs, mode):
         if "x_volume" not in d_outputs or "parameters" not in d_inputs:
             return
-        for i, velocity in enumerate(self._all_velocities()):
+        for i, velocity in enumerate(self._velocities(np.array(inputs["parameters"]))):
             if mode == "fwd":
                 d_outputs["x_volume"] += d_inputs["parameters"][i] * velocity
             else:
                 d_inputs["parameters"][i] += np.dot(velocity, d_outputs["x_volume"])
 
-    def _all_velocities(self):
-        if self._velocities is None:
+    def _velocities(self, parameters):
+        if self._at is None or not np.array_equal(self._at[0], parameters):
             model, morpher = self.options["model"], self.options["morpher"]
-            self._velocities = []
-            for i, step in enumerate(self.steps):
-                motion = np.zeros_like(self.start)
-                motion[i] = step
-                self._velocities.append(
-                    morpher.velocity(model(self.start + motion), model(self.start - motion), step).nodes.ravel())
-        return self._velocities
+            present = model(parameters)
+            velocities = [
+                morpher.velocity(model(parameters + motion), model(parameters - motion), step, at=present).nodes.ravel()
+                for step, motion in zip(self.steps, np.diag(self.steps))
+            ]
+            self._at = (parameters, velocities)
+        return self._at[1]

@@ -1,10 +1,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "api.h"
+#include "cad_model.h"
+#include "progress.h"
 #include "types.h"
 
 namespace cadmorph::CADMORPH_V1 {
@@ -45,13 +48,28 @@ class Derivative {
   std::shared_ptr<const Impl> impl_;
 };
 
+/// The CAD models with a parameter larger and smaller by a step, in the parameter's unit.
+struct ParameterPair {
+  CadModel plus, minus;
+  double step;
+};
+
+struct VelocityCall {
+  /// The model at the present parameters, between the pair's two; none: the base.
+  std::optional<CadModel> present = {};
+  /// A second pair, of half the step: the velocity is then Richardson's extrapolation, with an
+  /// estimate of the second's error.
+  std::optional<ParameterPair> half = {};
+};
+
 /// How the nodes move with a CAD parameter, in the mesh's unit per unit of it.
 class Velocity {
  public:
-  const Points& surface() const;  ///< m x 3, rows as Morpher::surface_nodes
-  const Points& nodes() const;    ///< N x 3
-  double motion_mm() const;       ///< most that the step moves a surface node
-  /// Of the base between both models, in parts of the motion.
+  const Points& surface() const;    ///< m x 3, rows as Morpher::surface_nodes
+  const Points& nodes() const;      ///< N x 3
+  const RowMatrix& errors() const;  ///< N x 1, estimated; N x 0 without a second pair
+  double motion_mm() const;         ///< most that the step moves a surface node
+  /// Of the present surface between both models, in parts of the motion.
   double unevenness() const;
   const std::vector<std::string>& warnings() const;
 
@@ -60,6 +78,27 @@ class Velocity {
 
  private:
   std::shared_ptr<const Impl> impl_;
+};
+
+/// A parameter of a gradient.
+struct Parameter {
+  std::string name;
+  ParameterPair pair;
+};
+
+struct GradientCall {
+  /// The model at the present parameters, where dJ/dX is taken; none: the base.
+  std::optional<CadModel> present = {};
+  Progress progress = {};
+};
+
+/// What a parameter of a gradient came to.
+struct ParameterGradient {
+  std::string name;
+  double gradient;   ///< dJ/dp
+  double max_speed;  ///< of a surface node, mesh units per unit of the parameter
+  double motion_mm;  ///< most that the step moves a surface node
+  std::vector<std::string> warnings;
 };
 
 }  // namespace cadmorph::CADMORPH_V1

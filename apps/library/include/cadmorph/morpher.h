@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -78,10 +79,18 @@ class Morpher {
   Derivative derivative() const;
 
   /// How the nodes move with a CAD parameter, by central differences of the surface morphs onto the
-  /// models with the parameter larger and smaller by `step`; inside by the derivative at the base
-  /// in that direction. Throws TopologyError; InvalidInputError for a step that is not positive or
-  /// moves the surface by less than the CAD's tolerance; as `derivative` does.
-  Velocity velocity(const CadModel& plus, const CadModel& minus, double step) const;
+  /// models with the parameter larger and smaller by a step; inside by the derivative of `warp` at
+  /// the present surface, at the base in that direction. Throws TopologyError; InvalidInputError
+  /// for a step that is not positive or moves the surface by less than the CAD's tolerance, or a
+  /// second one that is not half of it; as `derivative` does.
+  Velocity velocity(const ParameterPair& pair, const VelocityCall& call = {}) const;
+
+  /// dJ/dp of any number of parameters from dJ/dX (N x 3, per the mesh's unit): one adjoint of the
+  /// volume, and for each parameter the velocity of the surface alone. Throws as `velocity` does,
+  /// and CancelledError.
+  std::vector<ParameterGradient> gradient(const RowMatrix& sensitivity,
+                                          const std::vector<Parameter>& parameters,
+                                          const GradientCall& call = {}) const;
 
   const CadModel& base() const;
   const Mesh& mesh() const;

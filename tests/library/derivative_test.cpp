@@ -1,0 +1,165 @@
+#include <cadmorph/cadmorph.h>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+
+#include "workplace.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Catch::Matchers::Contains;
+
+CadModel cad(const std::string& name) { return CadModel::from_step(model(name + ".step")); }
+
+// The bore's base is its step 5, so that it has models of both signs.
+struct Bore {
+  explicit Bore(const MorphOptions& options = {}) : morpher(base, mesh_of(base), options) {}
+
+  static Mesh mesh_of(const CadModel& cad_model) {
+    const Mesh mesh = Mesh::read(model("bore/hex.vtu"));
+    const Morpher to(cad("bore/base"), mesh, {.quality = Quality::Fast});
+    return mesh.at(to.morph(cad_model).positions());
+  }
+
+  Points start() const { return morpher.mesh().points()(morpher.surface_nodes(), Eigen::all); }
+
+  CadModel base = cad("bore/step05");
+  ParameterPair pair{cad("bore/step10"), cad("bore/base"), 0.25};
+  Morpher morpher;
+};
+
+RowMatrix noise(Index rows, Index columns, double seed) {
+  RowMatrix result(rows, columns);
+  for (Index i = 0; i < result.size(); ++i)
+    result.data()[i] = std::sin(seed + 1e3 * static_cast<double>(i * i % 100'003));
+  return result;
+}
+
+double dot(const RowMatrix& a, const RowMatrix& b) { return a.cwiseProduct(b).sum(); }
+
+double largest(const RowMatrix& a) { return a.cwiseAbs().maxCoeff(); }
+
+}  // namespace
+
+TEST_CASE("A derivative and its adjoint are transposes", "[library]") {
+  for (const Solver solver : {Solver::Auto, Solver::Cholesky}) {
+    const Bore bore({.solver = solver});
+    const Velocity velocity = bore.morpher.velocity(bore.pair);
+    const Derivative map = bore.morpher.derivative(bore.start() + 0.2 * velocity.surface());
+    CHECK(map.node_count() == bore.morpher.mesh().node_count());
+    CHECK(map.surface_count() == bore.start().rows());
+    const RowMatrix moved = map.forward(velocity.surface());
+    const RowMatrix by_nodes = noise(map.node_count(), 3, 1);
+    CHECK(std::abs(dot(by_nodes, moved) - dot(map.adjoint(by_nodes), velocity.surface())) <
+          1e-12 * by_nodes.norm() * moved.norm());
+    CHECK(moved(bore.morpher.surface_nodes(), Eigen::all) == RowMatrix(velocity.surface()));
+  }
+}
+
+TEST_CASE("A derivative is the slope of the warp", "[library]") {
+  const Bore bore({.solver = Solver::Cholesky});  // no tolerance
+  const Velocity velocity = bore.morpher.velocity(bore.pair);
+  const RowMatrix slope = bore.morpher.derivative().forward(velocity.surface());
+  const double size = bore.base.diagonal_mm();
+  for (const double step : {1e-1, 1e-3}) {  // the warp is linear: rounding over the step is left
+    const auto warped = [&](double h) {
+      return bore.morpher.warp(bore.start() + h * velocity.surface());
+    };
+    CHECK(largest((warped(step) - warped(-step)) / (2 * step) - slope) < 1e-12 * size / step);
+  }
+}
+
+TEST_CASE("Columns of a derivative may be any number", "[library]") {
+  const Bore bore;
+  const Derivative map = bore.morpher.derivative();
+  const RowMatrix six = noise(map.surface_count(), 6, 2);
+  const RowMatrix forward = map.forward(six);
+  CHECK(forward.cols() == 6);
+  CHECK(largest(forward.rightCols(2) - map.forward(six.rightCols(2))) < 1e-9);
+  CHECK(map.adjoint(noise(map.node_count(), 1, 3)).cols() == 1);
+  CHECK(map.forward(RowMatrix(map.surface_count(), 0)).cols() == 0);
+}
+
+TEST_CASE("A gradient is the sum of dJ/dX times the velocity of all nodes", "[library]") {
+  const Bore bore;
+  const RowMatrix slopes = noise(bore.morpher.mesh().node_count(), 3, 4);
+  const ParameterPair turned{bore.pair.minus, bore.pair.plus, 0.5};
+  const auto gradient = [&](const std::optional<CadModel>& present) {
+    return bore.morpher.gradient(slopes, {{"change", bore.pair}, {"back", turned}},
+                                 {.present = present});
+  };
+  const auto expected = [&](const std::optional<CadModel>& present) {
+    const Velocity velocity = bore.morpher.velocity(bore.pair, {.present = present});
+    return dot(slopes, velocity.nodes());
+  };
+  const double scale = slopes.norm() * bore.morpher.velocity(bore.pair).nodes().norm();
+  const std::vector<ParameterGradient> at_base = gradient({});
+  REQUIRE(at_base.size() == 2);
+  CHECK(at_base[0].name == "change");
+  CHECK(std::abs(at_base[0].gradient - expected({})) < 1e-12 * scale);
+  CHECK(at_base[1].gradient == Approx(-0.5 * at_base[0].gradient).epsilon(1e-9));
+  CHECK(at_base[0].motion_mm == Approx(0.25 * at_base[0].max_speed));
+  const CadModel step10 = cad("bore/step10");
+  CHECK(std::abs(gradient(step10)[0].gradient - expected(step10)) < 1e-12 * scale);
+}
+
+TEST_CASE("A velocity about a variant is the slope of the warp there", "[library]") {
+  const Bore bore;
+  const CadModel step10 = cad("bore/step10");
+  const Velocity velocity =
+      bore.morpher.velocity({cad("bore/step20"), cad("bore/base"), 0.5}, {.present = step10});
+  const Points present =
+      bore.morpher.morph(step10).positions()(bore.morpher.surface_nodes(), Eigen::all);
+  CHECK(largest(bore.morpher.derivative(present).forward(velocity.surface()) -
+                RowMatrix(velocity.nodes())) < 1e-12 * largest(velocity.nodes()));
+  // The bore turns: its nodes go round, midway by no more than so large a step bends.
+  CHECK(velocity.unevenness() < 0.2);
+  CHECK(velocity.errors().cols() == 0);
+}
+
+TEST_CASE("Two steps give the error of a velocity", "[library]") {
+  const Bore bore;
+  // One and the same pair as of half the step: its velocity is twice as large, for once.
+  const Velocity wide = bore.morpher.velocity({bore.pair.plus, bore.pair.minus, 0.5});
+  const Velocity both =
+      bore.morpher.velocity({bore.pair.plus, bore.pair.minus, 0.5}, {.half = bore.pair});
+  CHECK(largest(both.surface() - 7.0 / 3 * wide.surface()) < 1e-9 * largest(wide.surface()));
+  CHECK(largest(both.errors() - wide.nodes().rowwise().norm() / 3) < 1e-9 * largest(wide.nodes()));
+  CHECK_THROWS_AS(bore.morpher.velocity(bore.pair, {.half = bore.pair}), InvalidInputError);
+}
+
+TEST_CASE("What a derivative can't take is refused", "[library]") {
+  const Bore bore;
+  const Derivative map = bore.morpher.derivative();
+  CHECK_THROWS_AS(map.forward(RowMatrix::Zero(map.surface_count() + 1, 3)), InvalidInputError);
+  CHECK_THROWS_AS(map.adjoint(RowMatrix::Zero(map.surface_count(), 3)), InvalidInputError);
+  RowMatrix slopes = RowMatrix::Zero(map.node_count(), 3);
+  slopes(1, 1) = std::numeric_limits<double>::infinity();
+  CHECK_THROWS_AS(map.adjoint(slopes), InvalidInputError);
+  CHECK_THROWS_AS(bore.morpher.gradient(slopes, {{"change", bore.pair}}), InvalidInputError);
+  CHECK_THROWS_AS(bore.morpher.gradient(RowMatrix::Zero(map.surface_count(), 3), {}),
+                  InvalidInputError);
+  CHECK_THROWS_AS(bore.morpher.warp(Points::Zero(3, 3)), InvalidInputError);
+  CHECK_THROWS_AS(bore.morpher.derivative(Points::Zero(3, 3)), InvalidInputError);
+  CHECK_THROWS_AS(bore.morpher.velocity({bore.pair.plus, bore.pair.minus, 0}), InvalidInputError);
+  CHECK_THROWS_AS(bore.morpher.velocity({cad("shapes/box"), bore.pair.minus, 1}), TopologyError);
+  const Morpher femwarp(cad("shapes/box"), Mesh::read(model("shapes/box.vtu")),
+                        {.method = Method::Femwarp});
+  CHECK_THROWS_AS(femwarp.derivative(), InvalidInputError);
+  const RowMatrix ones = RowMatrix::Ones(map.node_count(), 3);
+  CHECK_THROWS_AS(bore.morpher.gradient(ones, {{"change", bore.pair}},
+                                        {.progress = [](auto, double) { return false; }}),
+                  CancelledError);
+  CHECK_THROWS_AS(bore.morpher.gradient(ones, {{"change", bore.pair}},
+                                        {.progress =
+                                             [&](auto, double) {
+                                               bore.morpher.derivative();
+                                               return true;
+                                             }}),
+                  InvalidInputError);
+}
+
+}  // namespace cadmorph
