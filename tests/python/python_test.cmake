@@ -2,8 +2,10 @@
 if(NOT TARGET cadmorph_python)
   return()
 endif()
-# The real OpenMDAO, where its folder is named: CADMORPH_OPENMDAO.
-foreach(subject mesh morpher derivative bad_arguments stubs memory picture freecad optimisation pip)
+# The real OpenMDAO, and files of others, where their folders are named: CADMORPH_OPENMDAO,
+# CADMORPH_FORMATS.
+foreach(subject mesh morpher derivative bad_arguments stubs memory picture freecad optimisation
+    independent_readers pip)
   add_test(NAME python.${subject}
     COMMAND ${Python_EXECUTABLE} -m unittest --verbose ${subject}_test
     WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/python)
