@@ -30,12 +30,15 @@ constexpr double kMostSeeds = 0.05;
 constexpr double kMostNeighbours = 0.4;
 // A cell that kept this share of its scaled Jacobian is left alone.
 constexpr double kKept = 0.99;
-// The work ends after so many passes over the mesh, and on small meshes evaluations of cells.
-constexpr double kMostPasses = 20;
-constexpr double kSmallWork = 2e5;
-constexpr int kIterations = 10;
+// The work ends after so many passes over the mesh, and on small meshes evaluations of cells; where
+// more than half was lost, the second number of passes.
+constexpr double kMostPasses = 20, kMostPassesLost = 80;
+constexpr double kSmallWork = 2e5, kSmallWorkLost = 4e6;
+constexpr int kIterations = 10, kIterationsLost = 30;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
 constexpr int kTrials = 3;
+// Rounds of taking back what fell too low.
+constexpr int kTakeBacks = 8;
 // Below, a cell has no shape to start from.
 constexpr double kFlat = 1e-9;
 
@@ -76,22 +79,42 @@ class BestMesh {
   BestMeshResult run() {
     if (dimension(mesh_) == 3 && kept() < kLost && compare_with_stretch()) {
       hold_flat_cells();
-      for (const int doublings : {2, 3}) raise(RaiseBy::InnerNodes, doublings);
-      if (least_share(result_.report.best, can_keep_) < kLostHalf && options_.sliding &&
-          (sliding_ = options_.sliding())) {
-        for (const Index node : sliding_->nodes) is_fixed_[node] = is_flat_[node];
-        for (const Index node : options_.held) is_fixed_[node] = 1;
-        at_.slides = slides_ = sliding_->slides;
-        for (const int doublings : {2, 3, 4}) raise(RaiseBy::SlidingNodes, doublings);
-        result_.report.slid_nodes =
-            ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
-        if (result_.report.slid_nodes > 0) result_.slides = std::move(slides_);
-      }
+      lost_half_ = has_lost_half();
+      raise(RaiseBy::InnerNodes, 2);
+      if (!has_lost_half() || !raise_by_sliding())
+        for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
     }
     return std::move(result_);
   }
 
  private:
+  struct State {
+    Points positions;
+    QualityReport quality;
+    RowMatrix slides;
+  };
+
+  // False where no node slid.
+  bool raise_by_sliding() {
+    if (!options_.sliding || !(sliding_ = options_.sliding())) return false;
+    const std::vector<char> was_fixed = is_fixed_;
+    for (const Index node : sliding_->nodes) is_fixed_[node] = is_flat_[node];
+    for (const Index node : options_.held) is_fixed_[node] = 1;
+    at_.slides = slides_ = sliding_->slides;
+    for (const int doublings : {2, 2, 3, 3, 4, 4, 5, 5}) raise(RaiseBy::SlidingNodes, doublings);
+    const Index slid = ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
+    result_.report.slid_nodes = slid;
+    if (slid > 0) {
+      result_.slides = std::move(slides_);
+      return true;
+    }
+    is_fixed_ = was_fixed;
+    sliding_ = nullptr;
+    at_ = {result_.positions, result_.quality, {}};
+    return false;
+  }
+
+  bool has_lost_half() const { return least_share(result_.report.best, can_keep_) < kLostHalf; }
   double kept() const { return least_share(result_.report.best, result_.report.base); }
 
   // Finds what the affine map nearest to the motion leaves of the reference: what a stretch of the
@@ -116,7 +139,9 @@ class BestMesh {
 
   double work_left() const {
     const double cells = double(mesh_.cell_count());
-    return std::max(kMostPasses * cells, kSmallWork) - work_;
+    return (lost_half_ ? std::max(kMostPassesLost * cells, kSmallWorkLost)
+                       : std::max(kMostPasses * cells, kSmallWork)) -
+           work_;
   }
 
   // Nodes of solid cells without a shape to start from, that no move here is to make worse.
@@ -185,7 +210,7 @@ class BestMesh {
       RowMatrix slides = at_.slides;
       energy.free_nodes().read_slides(x, slides);
       if (hold_nodes_off_surface(slides)) continue;
-      judge(energy.positions(), std::move(slides), attempt);
+      judge({energy.positions(), {}, std::move(slides)}, attempt);
       result_.report.attempts.push_back(attempt);
       return;
     }
@@ -197,7 +222,8 @@ class BestMesh {
       work_ += one;
       return energy(at, slope);
     };
-    const int most = std::min(kIterations, int(work_left() / one / 2) + 1);
+    const int iterations = lost_half_ ? kIterationsLost : kIterations;
+    const int most = std::min(iterations, int(work_left() / one / 2) + 1);
     minimise_lbfgs(counted, x, energy.stiffness_diagonal(), most);
     VectorXd slope;
     counted(x, slope);
@@ -213,15 +239,16 @@ class BestMesh {
   }
 
   // The next attempt starts where this one ended, unless that is no mesh to hand out.
-  void judge(const Points& positions, RowMatrix slides, RaiseAttempt& attempt) {
+  void judge(State next, RaiseAttempt& attempt) {
     BestMeshReport& report = result_.report;
-    ValidityReport validity = check_validity(mesh_, positions, orientation_);
-    if (validity.invalid > validity_.invalid ||
-        (sliding_ && options_.is_folded && options_.is_folded(positions, slides))) {
+    next.quality = measure_quality(mesh_, next.positions, orientation_);
+    take_back_below(report.plain.min, next);
+    if (check_validity(mesh_, next.positions, orientation_).invalid > validity_.invalid ||
+        (sliding_ && options_.is_folded && options_.is_folded(next.positions, next.slides))) {
       at_ = {result_.positions, result_.quality, slides_};
       return;
     }
-    at_ = {positions, measure_quality(mesh_, positions, orientation_), std::move(slides)};
+    at_ = std::move(next);
     const WorstCells now = attempt.after = worst_cells(at_.quality);
     if (now.min < report.plain.min || now.worst_twentieth < report.plain.worst_twentieth ||
         sum_of_shares(now, report.base) <= sum_of_shares(report.best, report.base))
@@ -233,11 +260,25 @@ class BestMesh {
     slides_ = at_.slides;
   }
 
-  struct State {
-    Points positions;
-    QualityReport quality;
-    RowMatrix slides;
-  };
+  // Puts the inner nodes of cells that fell below `least` back to where the result has them: where
+  // few did, the rest of the attempt is worth taking.
+  void take_back_below(double least, State& state) const {
+    if (state.quality.min >= least) return;
+    State kept = state;
+    for (int round = 0; round < kTakeBacks && kept.quality.min < least; ++round) {
+      for (Index c = 0; c < mesh_.cell_count(); ++c)
+        if (kept.quality.values[c] < least)
+          for (const Index node : mesh_.cell(c))
+            if (!is_fixed_[node] && !is_slider(node))
+              kept.positions.row(node) = result_.positions.row(node);
+      kept.quality = measure_quality(mesh_, kept.positions, orientation_);
+    }
+    if (kept.quality.min >= least) state = std::move(kept);
+  }
+
+  bool is_slider(Index node) const {
+    return sliding_ && std::ranges::binary_search(sliding_->nodes, node);
+  }
 
   const Mesh& mesh_;
   const ReferenceShape& reference_;
@@ -246,9 +287,10 @@ class BestMesh {
   std::vector<char> is_fixed_, is_flat_;
   std::optional<NodeCells> incidence_;
   const SlidingNodes* sliding_ = nullptr;
-  WorstCells can_keep_;  ///< of the reference, where the part is stretched as a whole
-  State at_;             ///< where the last attempt ended
-  RowMatrix slides_;     ///< of the result
+  bool lost_half_ = false;  ///< or more, by the motion that came
+  WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole
+  State at_;                ///< where the last attempt ended
+  RowMatrix slides_;        ///< of the result
   ValidityReport validity_;
   double work_ = 0;
   BestMeshResult result_;

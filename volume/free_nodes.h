@@ -14,7 +14,11 @@ class FreeNodes {
   /// `nodes`: ids, ascending; `sliding`, where not null, tells which of them slide.
   FreeNodes(Index node_count, const std::vector<Index>& nodes, const SlidingNodes* sliding);
 
+  Index count() const { return static_cast<Index>(nodes_.size()); }
+  Index node(Index i) const { return nodes_[i].id; }
   bool contains(Index node) const { return local_[node] >= 0; }
+  /// i of node(i).
+  Index place_of(Index node) const { return local_[node]; }
 
   /// The unknowns at `positions` (N x 3) and `slides` (a row for each of SlidingNodes::nodes).
   Eigen::VectorXd start(const Points& positions, const RowMatrix& slides) const;

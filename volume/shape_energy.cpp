@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "core/cell_topology.h"
@@ -150,6 +151,7 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
     }
   }
   slopes_.resize(slopes, 3);
+  find_slope_rows();
 }
 
 Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
@@ -166,14 +168,16 @@ Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
   return j;
 }
 
-// x^(p / 2).
-double ShapeEnergy::power(double x) const {
-  for (int i = 0; i < halvings_; ++i) x *= x;
+// x^(p / 2), p = 2^(Halvings + 1).
+template <int Halvings>
+double ShapeEnergy::power(double x) {
+  for (int i = 0; i < Halvings; ++i) x *= x;
   return x;
 }
 
+template <int Halvings>
 ShapeEnergy::Terms ShapeEnergy::terms(const Sample& sample, const Shape0& shape, double sign,
-                                      const Matrix3d& j) const {
+                                      const Matrix3d& j) {
   const Matrix3d cofactor = cofactors(j);
   const double det = j.col(0).dot(cofactor.col(0));
   const double unit = sign * det * sample.unit;
@@ -181,38 +185,42 @@ ShapeEnergy::Terms ShapeEnergy::terms(const Sample& sample, const Shape0& shape,
   const double scale = 1 / (unit * unit);
   const Vector3d a = j.col(0), b = j.col(1), c = j.col(2);
   const double aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
-  Matrix3d by_lengths;
-  double energy;
+  Terms result;
   if (sample.is_simplex) {
     const Vector3d d = b - a, e = c - b, f = a - c;
     const double dd = d.squaredNorm(), ee = e.squaredNorm(), ff = f.squaredNorm();
-    const double at_0 = power(aa * bb * cc * scale), at_a = power(aa * dd * ff * scale),
-                 at_b = power(bb * dd * ee * scale), at_c = power(cc * ee * ff * scale);
-    energy = (at_0 + at_a + at_b + at_c) / 4;
+    const double at_0 = power<Halvings>(aa * bb * cc * scale),
+                 at_a = power<Halvings>(aa * dd * ff * scale),
+                 at_b = power<Halvings>(bb * dd * ee * scale),
+                 at_c = power<Halvings>(cc * ee * ff * scale);
+    result.energy = (at_0 + at_a + at_b + at_c) / 4;
     const Vector3d of_d = (at_a + at_b) / (4 * dd) * d, of_e = (at_b + at_c) / (4 * ee) * e,
                    of_f = (at_c + at_a) / (4 * ff) * f;
-    by_lengths << (at_0 + at_a) / (4 * aa) * a - of_d + of_f,
-        (at_0 + at_b) / (4 * bb) * b + of_d - of_e, (at_0 + at_c) / (4 * cc) * c + of_e - of_f;
+    result.by_edges.col(0) = (at_0 + at_a) / (4 * aa) * a - of_d + of_f;
+    result.by_edges.col(1) = (at_0 + at_b) / (4 * bb) * b + of_d - of_e;
+    result.by_edges.col(2) = (at_0 + at_c) / (4 * cc) * c + of_e - of_f;
   } else {
-    energy = power(aa * bb * cc * scale);
-    by_lengths << energy / aa * a, energy / bb * b, energy / cc * c;
+    result.energy = power<Halvings>(aa * bb * cc * scale);
+    result.by_edges.col(0) = result.energy / aa * a;
+    result.by_edges.col(1) = result.energy / bb * b;
+    result.by_edges.col(2) = result.energy / cc * c;
   }
-  const Matrix3d by_det = cofactor / det;
-  Terms result{energy, by_lengths - energy * by_det, 0};
-  double total = energy;
+  double by_det = result.energy;
   if (const double ratio = sign * det * shape.inverse_determinant; ratio > 0) {
     const Matrix3d stretched = j * shape.metric;
-    const double norm = stretched.cwiseProduct(j).sum(), third = std::cbrt(ratio);
-    const double shear = norm / (3 * third * third);
-    const double kept = kKeep * power(shear * shear);
+    const double norm = stretched.cwiseProduct(j).sum(), third = norm / 3;
+    const double kept = kKeep * std::sqrt(power<Halvings>(third * third * third / (ratio * ratio)));
     result.energy += kept;
-    result.by_edges += kept * (2 / norm * stretched - 2.0 / 3 * by_det);
-    total += kept;
+    // s^(p/4): p/4 (6 / |F|^2 F J0^-T - 2 / det), over the factor p that all terms share.
+    result.by_edges += 1.5 * kept / norm * stretched;
+    by_det += 0.5 * kept;
   }
-  result.stiffness = total;
+  result.by_edges -= by_det / det * cofactor;
+  result.stiffness = result.energy;
   return result;
 }
 
+template <int Halvings>
 double ShapeEnergy::evaluate(const Cell& cell) {
   const auto nodes = mesh_.cell(cell.id);
   auto slope = slopes_.middleRows(cell.first_slope, std::ssize(nodes));
@@ -220,8 +228,8 @@ double ShapeEnergy::evaluate(const Cell& cell) {
   double energy = 0;
   for (std::size_t s = 0; s < cell.samples->size(); ++s) {
     const Sample& sample = (*cell.samples)[s];
-    const Terms t =
-        terms(sample, shapes_[cell.first_shape + s], cell.sign, edges(sample, nodes, positions_));
+    const Terms t = terms<Halvings>(sample, shapes_[cell.first_shape + s], cell.sign,
+                                    edges(sample, nodes, positions_));
     energy += t.energy;
     if (!std::isfinite(energy)) return kInfinite;
     if (sample.slopes.size() > 0) {
@@ -235,24 +243,67 @@ double ShapeEnergy::evaluate(const Cell& cell) {
   return energy / double(cell.samples->size());
 }
 
+template <class Work>
+auto ShapeEnergy::with_power(const Work& work) const {
+  switch (halvings_) {
+    case 0:
+      return work.template operator()<0>();
+    case 1:
+      return work.template operator()<1>();
+    case 2:
+      return work.template operator()<2>();
+    case 3:
+      return work.template operator()<3>();
+    case 4:
+      return work.template operator()<4>();
+    case 5:
+      return work.template operator()<5>();
+    default:
+      return work.template operator()<6>();
+  }
+}
+
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   free_.move(x, positions_);
   const Index count = std::ssize(cells_);
   std::vector<double> energies(count);
-  parallel_for(count, 256, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) energies[i] = evaluate(cells_[i]);
+  with_power([&]<int Halvings>() {
+    parallel_for(count, 256, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) energies[i] = evaluate<Halvings>(cells_[i]);
+    });
   });
-  gradient.setZero(x.size());
   double sum = 0;
   for (const double energy : energies) sum += energy;
+  gradient.setZero(x.size());
   if (!std::isfinite(sum)) return kInfinite;
-  for (const Cell& cell : cells_) {
-    const auto nodes = mesh_.cell(cell.id);
-    for (std::size_t n = 0; n < nodes.size(); ++n)
-      if (free_.contains(nodes[n]))
-        free_.add_slope(nodes[n], slopes_.row(cell.first_slope + n).transpose() / sum, gradient);
-  }
+  parallel_for(free_.count(), 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      Vector3d slope = Vector3d::Zero();
+      for (Index k = slope_starts_[i]; k < slope_starts_[i + 1]; ++k)
+        slope += slopes_.row(slope_rows_[k]).transpose();
+      free_.add_slope(free_.node(i), slope / sum, gradient);
+    }
+  });
   return std::log(sum) / (2 << halvings_);
+}
+
+// The rows of slopes_ that each free node has.
+void ShapeEnergy::find_slope_rows() {
+  const auto for_all = [&](const auto& visit) {
+    for (const Cell& cell : cells_) {
+      Index row = cell.first_slope;
+      for (const Index node : mesh_.cell(cell.id)) {
+        if (free_.contains(node)) visit(free_.place_of(node), row);
+        ++row;
+      }
+    }
+  };
+  slope_starts_.assign(std::size_t(free_.count()) + 1, 0);
+  for_all([&](Index i, Index) { ++slope_starts_[i + 1]; });
+  std::partial_sum(slope_starts_.begin(), slope_starts_.end(), slope_starts_.begin());
+  slope_rows_.resize(std::size_t(slope_starts_.back()));
+  std::vector<Index> next = slope_starts_;
+  for_all([&](Index i, Index row) { slope_rows_[next[i]++] = row; });
 }
 
 VectorXd ShapeEnergy::stiffness_diagonal() {
@@ -264,8 +315,10 @@ VectorXd ShapeEnergy::stiffness_diagonal() {
     for (std::size_t s = 0; s < cell.samples->size(); ++s) {
       const Sample& sample = (*cell.samples)[s];
       const Matrix3d j = edges(sample, nodes, positions_);
-      const Terms t = terms(sample, shapes_[cell.first_shape + s], cell.sign, j);
-      const double weight = t.stiffness / double(cell.samples->size());
+      const double stiffness = with_power([&]<int Halvings>() {
+        return terms<Halvings>(sample, shapes_[cell.first_shape + s], cell.sign, j).stiffness;
+      });
+      const double weight = stiffness / double(cell.samples->size());
       sum += weight;
       const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
       if (sample.slopes.size() > 0) {

@@ -12,7 +12,7 @@ namespace cadmorph {
 /// How poor cells are, as a smooth function of the free nodes. Of all samples of the scaled
 /// Jacobian (docs/quality.md), with q the value of one and J its edges or tangents, it is
 ///
-///     1/p log sum_cells mean_samples [ q^-p + k (|F|^2 / (3 det(F)^(2/3)))^p ],   F = J J0^-1
+///     1/p log sum_cells mean_samples [ q^-p + k ((|F|^2 / 3)^3 / det(F)^2)^(p/4) ],   F = J J0^-1
 ///
 /// J0 that of the same sample in a mesh of reference. The first term goes to -log min q for large
 /// p; the second keeps each cell near its shape of reference, a thin layer above all its height.
@@ -24,7 +24,7 @@ class ShapeEnergy {
   ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions, FreeNodes free,
               const std::vector<Index>& cells, const Orientation& orientation);
 
-  /// Sets the power p to 2^doublings, at least 2.
+  /// Sets the power p to 2^doublings, of 1 to 7.
   void set_power(int doublings) { halvings_ = doublings - 1; }
 
   /// Value at the unknowns with its gradient. The same to the last bit for any number of threads;
@@ -70,10 +70,16 @@ class ShapeEnergy {
   const Samples* samples_of(Index cell);
   Eigen::Matrix3d edges(const Sample& sample, std::span<const Index> nodes,
                         const Points& points) const;
-  double power(double x) const;
-  Terms terms(const Sample& sample, const Shape0& shape, double sign,
-              const Eigen::Matrix3d& j) const;
+  template <int Halvings>
+  static double power(double x);
+  template <int Halvings>
+  static Terms terms(const Sample& sample, const Shape0& shape, double sign,
+                     const Eigen::Matrix3d& j);
+  template <int Halvings>
   double evaluate(const Cell& cell);
+  template <class Work>
+  auto with_power(const Work& work) const;
+  void find_slope_rows();
 
   const Mesh& mesh_;
   Points positions_;
@@ -83,6 +89,7 @@ class ShapeEnergy {
   std::vector<Cell> cells_;
   std::vector<Shape0> shapes_;
   RowMatrix slopes_;  ///< of the energy by the nodes of each cell in turn
+  std::vector<Index> slope_starts_, slope_rows_;  ///< of each free node
 };
 
 }  // namespace cadmorph
