@@ -9,6 +9,9 @@
 #include <STEPControl_Reader.hxx>
 #include <Standard_ErrorHandler.hxx>
 #include <Standard_Failure.hxx>
+#include <StepData_StepModel.hxx>
+#include <StepGeom_CartesianPoint.hxx>
+#include <StepGeom_Direction.hxx>
 #include <StepRepr_RepresentationItem.hxx>
 #include <TColStd_SequenceOfAsciiString.hxx>
 #include <TCollection_HAsciiString.hxx>
@@ -20,6 +23,7 @@
 #include <XSControl_TransferReader.hxx>
 #include <XSControl_WorkSession.hxx>
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <functional>
 #include <memory>
@@ -63,6 +67,37 @@ IFSelect_ReturnStatus read_source(STEPControl_Reader& reader, const StepSource& 
   return reader.ReadStream(source.name.c_str(), in);
 }
 
+// From 2^53 on doubles lie more than a whole unit apart: nothing has its place there, and OCCT,
+// which steps along a curve to such a point by the curve's period, comes to no end.
+constexpr double kSenselessNumber = 9007199254740992;
+
+// The first number of a point or direction that makes no sense; 0 where all do.
+double senseless_number(const Handle(Standard_Transient) & entity) {
+  const auto is_senseless = [](double x) { return !(std::abs(x) < kSenselessNumber); };
+  if (const auto point = Handle(StepGeom_CartesianPoint)::DownCast(entity); !point.IsNull())
+    for (int i = 1; i <= point->NbCoordinates(); ++i)
+      if (is_senseless(point->CoordinatesValue(i))) return point->CoordinatesValue(i);
+  if (const auto direction = Handle(StepGeom_Direction)::DownCast(entity);
+      !direction.IsNull() && !direction->DirectionRatios().IsNull())
+    for (int i = 1; i <= direction->NbDirectionRatios(); ++i)
+      if (is_senseless(direction->DirectionRatiosValue(i)))
+        return direction->DirectionRatiosValue(i);
+  return 0;
+}
+
+void check_numbers(const STEPControl_Reader& reader, const std::string& name) {
+  const auto model = reader.StepModel();
+  for (int i = 1; i <= model->NbEntities(); ++i) {
+    const double number = senseless_number(model->Value(i));
+    if (number == 0) continue;
+    std::ostringstream text;
+    text << name << ": the number " << number << " in " << model->StringLabel(model->Value(i))
+         << " lies beyond any part (2^53, where doubles are more than a unit apart): the file is "
+            "damaged. Export the part again.";
+    throw CadError(text.str());
+  }
+}
+
 std::unique_ptr<STEPControl_Reader> read_and_transfer(const StepSource& source, PcurveMode mode) {
   auto reader = std::make_unique<STEPControl_Reader>();
   Interface_Static::SetCVal("xstep.cascade.unit", "MM");
@@ -71,6 +106,7 @@ std::unique_ptr<STEPControl_Reader> read_and_transfer(const StepSource& source, 
     throw CadError(source.name +
                    ": the STEP reader rejects it (syntax error or damaged data). Export the "
                    "part again.");
+  check_numbers(*reader, source.name);
   reader->TransferRoots();
   return reader;
 }

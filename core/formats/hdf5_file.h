@@ -20,6 +20,10 @@ Recognition recognise_hdf5(const FileStart& start, const std::string& object,
 /// HDF5 library crashes on some damaged files. Whatever reads an HDF5 file runs in it.
 ReadMesh read_safely(const std::filesystem::path& path, const std::function<ReadMesh()>& read);
 
+/// Makes read_safely and its like call once, in this process, from now on: for a fuzzer, which is
+/// to see where a reading fails.
+void read_without_trial();
+
 /// Coordinates of one component in a dataset of float32 or float64: every `step`-th number, in
 /// row-major order, from `first` on.
 struct Hdf5Run {
