@@ -11,7 +11,16 @@
 #include <Standard_Failure.hxx>
 #include <StepData_StepModel.hxx>
 #include <StepGeom_CartesianPoint.hxx>
+#include <StepGeom_Circle.hxx>
+#include <StepGeom_ConicalSurface.hxx>
+#include <StepGeom_CylindricalSurface.hxx>
 #include <StepGeom_Direction.hxx>
+#include <StepGeom_Ellipse.hxx>
+#include <StepGeom_Hyperbola.hxx>
+#include <StepGeom_Parabola.hxx>
+#include <StepGeom_SphericalSurface.hxx>
+#include <StepGeom_ToroidalSurface.hxx>
+#include <StepGeom_Vector.hxx>
 #include <StepRepr_RepresentationItem.hxx>
 #include <TColStd_SequenceOfAsciiString.hxx>
 #include <TCollection_HAsciiString.hxx>
@@ -29,6 +38,7 @@
 #include <memory>
 #include <optional>
 #include <sstream>
+#include <vector>
 
 #include "cad/brep_builder.h"
 #include "cad/fault_guard.h"
@@ -71,30 +81,56 @@ IFSelect_ReturnStatus read_source(STEPControl_Reader& reader, const StepSource& 
 // which steps along a curve to such a point by the curve's period, comes to no end.
 constexpr double kSenselessNumber = 9007199254740992;
 
-// The first number of a point or direction that makes no sense; 0 where all do.
-double senseless_number(const Handle(Standard_Transient) & entity) {
-  const auto is_senseless = [](double x) { return !(std::abs(x) < kSenselessNumber); };
-  if (const auto point = Handle(StepGeom_CartesianPoint)::DownCast(entity); !point.IsNull())
-    for (int i = 1; i <= point->NbCoordinates(); ++i)
-      if (is_senseless(point->CoordinatesValue(i))) return point->CoordinatesValue(i);
-  if (const auto direction = Handle(StepGeom_Direction)::DownCast(entity);
-      !direction.IsNull() && !direction->DirectionRatios().IsNull())
-    for (int i = 1; i <= direction->NbDirectionRatios(); ++i)
-      if (is_senseless(direction->DirectionRatiosValue(i)))
-        return direction->DirectionRatiosValue(i);
-  return 0;
+using Numbers = std::optional<std::vector<double>>;
+
+template <class Entity, class... Get>
+void take(const Handle(Standard_Transient) & entity, Numbers& numbers, Get... get) {
+  if (const auto typed = Handle(Entity)::DownCast(entity); !typed.IsNull())
+    numbers = {std::invoke(get, *typed)...};
 }
 
+// Coordinates, directions and lengths; nothing for other entities.
+Numbers numbers_of(const Handle(Standard_Transient) & entity) {
+  Numbers numbers;
+  if (const auto point = Handle(StepGeom_CartesianPoint)::DownCast(entity); !point.IsNull()) {
+    numbers.emplace();
+    for (int i = 1; i <= point->NbCoordinates(); ++i)
+      numbers->push_back(point->CoordinatesValue(i));
+  } else if (const auto direction = Handle(StepGeom_Direction)::DownCast(entity);
+             !direction.IsNull()) {
+    numbers.emplace();
+    if (!direction->DirectionRatios().IsNull())
+      for (const double ratio : *direction->DirectionRatios()) numbers->push_back(ratio);
+  }
+  take<StepGeom_Vector>(entity, numbers, &StepGeom_Vector::Magnitude);
+  take<StepGeom_Circle>(entity, numbers, &StepGeom_Circle::Radius);
+  take<StepGeom_Ellipse>(entity, numbers, &StepGeom_Ellipse::SemiAxis1,
+                         &StepGeom_Ellipse::SemiAxis2);
+  take<StepGeom_Hyperbola>(entity, numbers, &StepGeom_Hyperbola::SemiAxis,
+                           &StepGeom_Hyperbola::SemiImagAxis);
+  take<StepGeom_Parabola>(entity, numbers, &StepGeom_Parabola::FocalDist);
+  take<StepGeom_CylindricalSurface>(entity, numbers, &StepGeom_CylindricalSurface::Radius);
+  take<StepGeom_ConicalSurface>(entity, numbers, &StepGeom_ConicalSurface::Radius);
+  take<StepGeom_SphericalSurface>(entity, numbers, &StepGeom_SphericalSurface::Radius);
+  take<StepGeom_ToroidalSurface>(entity, numbers, &StepGeom_ToroidalSurface::MajorRadius,
+                                 &StepGeom_ToroidalSurface::MinorRadius);
+  return numbers;
+}
+
+// OCCT goes on with infinite coordinates, or none, where it can't read numbers.
 void check_numbers(const STEPControl_Reader& reader, const std::string& name) {
   const auto model = reader.StepModel();
   for (int i = 1; i <= model->NbEntities(); ++i) {
-    const double number = senseless_number(model->Value(i));
-    if (number == 0) continue;
-    std::ostringstream text;
-    text << name << ": the number " << number << " in " << model->StringLabel(model->Value(i))
-         << " lies beyond any part (2^53, where doubles are more than a unit apart): the file is "
-            "damaged. Export the part again.";
-    throw CadError(text.str());
+    const Numbers numbers = numbers_of(model->Value(i));
+    if (!numbers) continue;
+    const auto refuse = [&](const std::string& why) {
+      throw CadError(name + ": entity " + model->StringLabel(model->Value(i))->ToCString() + " " +
+                     why + ": the file is damaged. Export the part again.");
+    };
+    if (model->IsErrorEntity(i) || numbers->empty()) refuse("has numbers that can't be read");
+    for (const double number : *numbers)
+      if (!(std::abs(number) < kSenselessNumber))
+        refuse("has a number beyond 2^53, where nothing has a place");
   }
 }
 

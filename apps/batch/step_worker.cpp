@@ -17,8 +17,10 @@
 
 #include "apps/pipeline/exit_code.h"
 #include "apps/summary/text_table.h"
+#include "cad/packed_model.h"
 #include "cad/step_reader.h"
 #include "core/content_hash.h"
+#include "core/errors.h"
 
 namespace cadmorph {
 namespace {
@@ -113,7 +115,7 @@ StepReply died(const std::string& path, int status) {
   if (is_from_outside(status))
     return lost(ExitCode::Resources,
                 path + format(": the STEP reader was killed twice (signal %d), as happens when "
-                              "memory runs out. Free some, then continue with --resume.",
+                              "memory runs out. Free some, then try again (a batch with --resume).",
                               signal));
   return lost(ExitCode::Input, path + format(": the STEP reader crashed on it (signal %d, %s). "
                                              "Export the part again.",
@@ -210,6 +212,15 @@ StepReply StepWorker::read(const std::filesystem::path& path, std::chrono::durat
     if (is_first && is_from_outside(status)) continue;
     return died(path.string(), status);
   }
+}
+
+CadModel read_step_within(std::chrono::duration<double> timeout,
+                          const std::filesystem::path& path) {
+  StepWorker worker;
+  const StepReply reply = worker.read(path, timeout, [] { return false; });
+  if (reply.exit_code == 0) return unpack_model(reply.model);
+  if (reply.exit_code == static_cast<int>(ExitCode::Input)) throw CadError(reply.message);
+  throw SolverError(reply.message);
 }
 
 void serve_step_files() {

@@ -7,6 +7,8 @@
 #include <functional>
 #include <string>
 
+#include "cad/brep.h"
+
 namespace cadmorph {
 
 /// What became of one STEP file.
@@ -41,6 +43,11 @@ class StepWorker {
   pid_t process_ = -1;
   int socket_ = -1;
 };
+
+/// Reads a STEP file as read_step does, in a process of its own. Throws CadError when the file
+/// can't be read, keeps that process longer than `timeout` or crashes it; SolverError when
+/// resources end.
+CadModel read_step_within(std::chrono::duration<double> timeout, const std::filesystem::path& path);
 
 /// The worker's side: answers requests on standard input, a socket, until it closes.
 void serve_step_files();

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <memory>
@@ -79,12 +78,7 @@ void add_options(CLI::App& app, BatchCommand& command) {
                  "merge the results of all shares in DIR and name the missing variants")
       ->type_name("DIR");
   app.add_option("--timeout", command.timeout_s, "seconds to wait for the reading of one STEP file")
-      ->check([](const std::string& text) {
-        double seconds = 0;
-        const bool is_good =
-            CLI::detail::lexical_cast(text, seconds) && seconds > 0 && std::isfinite(seconds);
-        return is_good ? "" : text + ": give a number of seconds above 0";
-      })
+      ->check(check_timeout)
       ->capture_default_str();
   app.add_flag("--diagnostics", command.has_diagnostics,
                "add displacement, CAD entity, (u,v) and scaled Jacobian to the meshes");

@@ -1,9 +1,12 @@
 #include "apps/commands/options.h"
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <cmath>
+#include <functional>
 #include <map>
 
+#include "apps/batch/step_worker.h"
 #include "apps/commands/choice.h"
 #include "apps/pipeline/exit_code.h"
 
@@ -223,6 +226,24 @@ void add_json_option(CLI::App& app, std::string& json) {
 void add_threads_option(CLI::App& app, int& threads) {
   app.add_option("--threads", threads, "number of threads (default: all processors)")
       ->check(CLI::PositiveNumber);
+}
+
+void add_timeout_option(CLI::App& app, MorphFiles& files) {
+  const auto read_within = [&files](double seconds) {
+    files.read_cad = std::bind_front(read_step_within, std::chrono::duration<double>(seconds));
+  };
+  app.add_option_function<double>("--timeout", read_within,
+                                  "seconds to wait for the reading of one STEP file, then in a "
+                                  "process of its own (default: for ever)")
+      ->check(check_timeout)
+      ->group("Mesh and CAD");
+}
+
+std::string check_timeout(const std::string& text) {
+  double seconds = 0;
+  const bool is_good =
+      CLI::detail::lexical_cast(text, seconds) && seconds > 0 && std::isfinite(seconds);
+  return is_good ? "" : text + ": give a number of seconds above 0";
 }
 
 CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map) {

@@ -62,7 +62,7 @@ class Trip {
     for (const fs::path& target : targets_) check_step_file(target);
     auto mesh = std::async(std::launch::async,
                            [&] { return std::make_shared<const MeshFile>(files_.mesh); });
-    base_ = std::make_shared<const CadModel>(read_step(files_.base_cad));
+    base_ = std::make_shared<const CadModel>(read_cad(files_.base_cad));
     read_ahead(0);
     mesh_ = mesh.get();
     if (!files_.write) mesh_->check_target(files_.output);
@@ -71,7 +71,11 @@ class Trip {
 
   void read_ahead(std::size_t leg) {
     if (leg < targets_.size())
-      variant_ = std::async(std::launch::async, [path = targets_[leg]] { return read_step(path); });
+      variant_ = std::async(std::launch::async, [this, leg] { return read_cad(targets_[leg]); });
+  }
+
+  CadModel read_cad(const fs::path& path) const {
+    return files_.read_cad ? files_.read_cad(path) : read_step(path);
   }
 
   PipelineOptions leg_options() const {

@@ -277,6 +277,9 @@ struct MorphFiles {
   bool has_diagnostics = false;
   std::vector<std::filesystem::path> via = {};  ///< CAD models on the way, in order
 
+  /// Reads a CAD model as read_step does; empty: read_step. Called by one thread at a time.
+  std::function<CadModel(const std::filesystem::path& path)> read_cad = {};
+
   /// Called with the result before it is written: for what shows more than the figures.
   std::function<void(const MorphJob& job, const MorphResult& result)> on_result = {};
 

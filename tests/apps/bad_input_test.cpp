@@ -1,3 +1,5 @@
+#include <sys/stat.h>
+
 #include <catch2/catch.hpp>
 #include <limits>
 
@@ -44,6 +46,24 @@ TEST_CASE("A missing file is refused with 2", "[apps][bad]") {
   check_failure(place, "quality none.vtu", 2, {"none.vtu"});
   check_failure(place, "match box.step none.step", 2, {"none.step"});
   check_failure(place, "box.step box_moved.step box.vtu --map none.csv", 2, {"none.csv"});
+}
+
+TEST_CASE("A STEP file that hangs its reader is refused with 2 after the timeout", "[apps][bad]") {
+  const Workplace place;
+  // A STEP file that never ends: a pipe that nobody writes into.
+  REQUIRE(mkfifo((place.folder() / "hang.step").c_str(), 0666) == 0);
+  check_failure(place, "hang.step box_moved.step box.vtu --timeout 1", 2,
+                {"hang.step", "no answer in 1 s", "--timeout"});
+  check_failure(place, "field hang.step box_moved.step box.vtu -o out.cmf --timeout 1", 2,
+                {"hang.step", "no answer in 1 s", "--timeout"});
+  check_failure(place, "box.step box_moved.step box.vtu --timeout 0", 1, {"--timeout", "above 0"});
+}
+
+TEST_CASE("A STEP file read under a timeout is refused as without", "[apps][bad]") {
+  const Workplace place;
+  place.write("half.step", first_half(place.read("box.step")));
+  check_failure(place, "half.step box_moved.step box.vtu --timeout 1e9", 2,
+                {"half.step", "truncated"});
 }
 
 TEST_CASE("A damaged STEP file is refused with 2", "[apps][bad]") {

@@ -53,6 +53,17 @@ TEST_CASE("The main job moves every node as the CAD tells", "[apps][main]") {
   CHECK(place.files().size() == 6);
 }
 
+TEST_CASE("CAD models read under a timeout give the same mesh", "[apps][main]") {
+  const Workplace place;
+  REQUIRE(place.run("box.step box_moved.step box.vtu -o here.vtu").exit_code == 0);
+  const RunResult result =
+      place.run("box.step box_moved.step box.vtu -o apart.vtu --timeout 1e9 --via box.step");
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  REQUIRE(place.run("box.step box_moved.step box.vtu -o apart.vtu --timeout 1e9").exit_code == 0);
+  CHECK(place.read("apart.vtu") == place.read("here.vtu"));
+}
+
 TEST_CASE("The identity moves no node", "[apps][main]") {
   const Workplace place;
   REQUIRE(place.run("box.step box.step box.vtu -o same.vtu --quiet").exit_code == 0);

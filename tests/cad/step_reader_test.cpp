@@ -87,6 +87,44 @@ TEST_CASE("a STEP file with unknown entities is refused", "[cad][step][errors]")
   CHECK_THROWS_AS(read_text(replaced(whole, "CARTESIAN_POINT", "CARTESIAN_PLANT")), CadError);
 }
 
+TEST_CASE("points and directions that make no sense are refused before OCCT uses them",
+          "[cad][step][errors]") {
+  const std::string whole = text_of("shapes/box.step");
+  const std::string beyond = "beyond 2^53", unread = "can't be read";
+  const std::vector<std::pair<std::string, std::string>> numbers = {
+      {"1.E308", beyond}, {"-1.E16", beyond}, {"1.E999", beyond}, {"-1e16", unread},
+      {"nan", unread},    {"$", unread},      {"#1", unread}};
+  int count = 0;
+  for (const std::string entity : {"CARTESIAN_POINT('',(", "DIRECTION('',("})
+    for (std::size_t at = whole.find(entity); at != std::string::npos;
+         at = whole.find(entity, at + 1)) {
+      const std::size_t from = at + entity.size(), to = whole.find_first_of(",)", from);
+      const auto& [number, why] = numbers[count++ % numbers.size()];
+      CAPTURE(whole.substr(at, to - at), number);
+      CHECK_THAT(error_of(whole.substr(0, from) + number + whole.substr(to)),
+                 Contains("entity #") && Contains(why));
+    }
+  CHECK(count > 100);
+}
+
+TEST_CASE("lengths that make no sense are refused before OCCT uses them", "[cad][step][errors]") {
+  int count = 0;
+  for (const std::string shape : {"cylinder", "cone_frustum", "sphere", "torus"}) {
+    const std::string whole = text_of("shapes/" + shape + ".step");
+    for (const std::string entity : {"CIRCLE('',#", "_SURFACE('',#", "VECTOR('',#"}) {
+      const std::size_t at = whole.find(entity);
+      if (at == std::string::npos) continue;
+      const std::size_t from = whole.find(',', at + entity.size()) + 1;
+      const std::size_t to = whole.find_first_of(",)", from);
+      CAPTURE(whole.substr(at, to - at));
+      CHECK_THAT(error_of(whole.substr(0, from) + "1.E308" + whole.substr(to)),
+                 Contains("entity #") && Contains("beyond 2^53"));
+      ++count;
+    }
+  }
+  CHECK(count == 10);
+}
+
 TEST_CASE("a STEP file without a shape is refused", "[cad][step][errors]") {
   const std::string whole = text_of("shapes/box.step");
   const std::size_t data = whole.find("DATA;") + 5, end = whole.find("ENDSEC", data);
