@@ -9,13 +9,37 @@
 
 #include <algorithm>
 #include <memory>
+#include <vector>
 
 #include "core/blas.h"
+
+#ifdef __has_feature
+#if __has_feature(thread_sanitizer)
+#include <sanitizer/tsan_interface.h>
+#define CADMORPH_THREAD_SANITIZER
+#endif
+#endif
 
 namespace cadmorph {
 namespace {
 
 std::unique_ptr<tbb::global_control> thread_limit;
+
+/// Tells the thread sanitizer what oneTBB, which is built without it, keeps in order: what was done
+/// before a release is done before what follows the next acquire.
+class Order {
+ public:
+#ifdef CADMORPH_THREAD_SANITIZER
+  void release() { __tsan_release(this); }
+  void acquire() { __tsan_acquire(this); }
+#else
+  void release() {}
+  void acquire() {}
+#endif
+
+ private:
+  char place_ = 0;
+};
 
 }  // namespace
 
@@ -40,11 +64,16 @@ void parallel_for(Index count, Index grain, const std::function<void(Index, Inde
   // would else end with chunks left out.
   tbb::this_task_arena::isolate([&] {
     tbb::task_group_context context(tbb::task_group_context::isolated);
+    Order begin, end;
     const auto run = [&](const auto& range) {
+      begin.acquire();
       for (Index c = range.begin(); c < range.end(); ++c)
         body(c * chunk, std::min(count, (c + 1) * chunk));
+      end.release();
     };
+    begin.release();
     tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), run, context);
+    end.acquire();
   });
 }
 
@@ -54,23 +83,40 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
   // Isolated, and with a context of its own: see parallel_for.
   tbb::this_task_arena::isolate([&] {
     tbb::task_group_context context(tbb::task_group_context::isolated);
+    Order reading, taking;
+    std::vector<Order> items(std::size_t(slots), Order());
     Index count = 0;
     // There are never more items on their way than slots, and they leave in their order.
     const auto first = [&](tbb::flow_control& control) {
+      reading.acquire();
       const Index slot = count++ % slots;
+      items[slot].acquire();
       if (!read(slot)) control.stop();
+      items[slot].release();
+      reading.release();
       return slot;
     };
     const auto second = [&](Index slot) {
+      items[slot].acquire();
       work(slot);
+      items[slot].release();
       return slot;
     };
+    const auto third = [&](Index slot) {
+      items[slot].acquire();
+      taking.acquire();
+      take(slot);
+      taking.release();
+      items[slot].release();
+    };
+    reading.release();
     tbb::parallel_pipeline(
         std::size_t(slots),
         tbb::make_filter<void, Index>(tbb::filter_mode::serial_in_order, first) &
             tbb::make_filter<Index, Index>(tbb::filter_mode::parallel, second) &
-            tbb::make_filter<Index, void>(tbb::filter_mode::serial_in_order, take),
+            tbb::make_filter<Index, void>(tbb::filter_mode::serial_in_order, third),
         context);
+    taking.acquire();
   });
 }
 

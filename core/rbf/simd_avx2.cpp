@@ -1,10 +1,16 @@
 #if defined(__x86_64__)
 
+#ifndef __clang__
 #pragma GCC target("avx2,fma")
+#endif
 
 #include <immintrin.h>
 
 #include "core/rbf/simd.h"
+
+#ifdef __clang__
+#pragma clang attribute push(__attribute__((target("avx2,fma"))), apply_to = function)
+#endif
 
 namespace {
 
@@ -29,5 +35,9 @@ const Functions kAvx2 = {
     pivoted_qr, multiply,     multiply_transposed, contract};
 
 }  // namespace cadmorph::simd
+
+#ifdef __clang__
+#pragma clang attribute pop
+#endif
 
 #endif

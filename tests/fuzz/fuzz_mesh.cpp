@@ -38,6 +38,9 @@ void read_and_copy(const testing::FuzzFolder& folder, std::string_view bytes) {
 
 }  // namespace
 
+// VTK and HDF5 lose memory on damaged files.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libvtk\nleak:libhdf5\n"; }
+
 extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
   constexpr std::string_view kOption = "--extension=";
   for (const std::string_view argument : std::span(*argv, static_cast<std::size_t>(*argc)))
