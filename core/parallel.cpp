@@ -84,7 +84,7 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
   tbb::this_task_arena::isolate([&] {
     tbb::task_group_context context(tbb::task_group_context::isolated);
     Order reading, taking;
-    std::vector<Order> items(std::size_t(slots), Order());
+    std::vector<Order> items(static_cast<std::size_t>(slots));
     Index count = 0;
     // There are never more items on their way than slots, and they leave in their order.
     const auto first = [&](tbb::flow_control& control) {
