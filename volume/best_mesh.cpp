@@ -33,10 +33,12 @@ constexpr double kKept = 0.99;
 // The work ends after so many passes over the mesh, and on small meshes evaluations of cells; where
 // more than half was lost, the second number of passes.
 constexpr double kMostPasses = 20, kMostPassesLost = 80;
-constexpr double kSmallWork = 2e5, kSmallWorkLost = 4e6;
+constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
 constexpr int kIterations = 10, kIterationsLost = 30;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
 constexpr int kTrials = 3;
+// Attempts of the last power go on while each has the figures rise by this factor.
+constexpr double kWorthwhile = 1.02;
 // Rounds of taking back what fell too low.
 constexpr int kTakeBacks = 8;
 // Below, a cell has no shape to start from.
@@ -101,7 +103,11 @@ class BestMesh {
     for (const Index node : sliding_->nodes) is_fixed_[node] = is_flat_[node];
     for (const Index node : options_.held) is_fixed_[node] = 1;
     at_.slides = slides_ = sliding_->slides;
-    for (const int doublings : {2, 2, 3, 3, 4, 4, 5, 5}) raise(RaiseBy::SlidingNodes, doublings);
+    for (const int doublings : {2, 2, 3, 3, 4, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
+    for (double before = 0; kept() > kWorthwhile * before;) {
+      before = kept();
+      raise(RaiseBy::SlidingNodes, 5);
+    }
     const Index slid = ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
     result_.report.slid_nodes = slid;
     if (slid > 0) {
@@ -194,9 +200,10 @@ class BestMesh {
 
   void raise(RaiseBy by, int doublings) {
     if (by == RaiseBy::InnerNodes ? kept() >= kLost : kept() >= kLostMuch) return;
+    const std::vector<char> was_fixed = is_fixed_;
     for (int trial = 0; trial < kTrials && work_left() > 0; ++trial) {
       const Patch around = patch();
-      if (around.nodes.empty()) return;
+      if (around.nodes.empty()) break;
       FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
       VectorXd x = free.start(at_.positions, at_.slides);
       ShapeEnergy energy(mesh_, reference_.points, at_.positions, std::move(free), around.cells,
@@ -212,8 +219,9 @@ class BestMesh {
       if (hold_nodes_off_surface(slides)) continue;
       judge({energy.positions(), {}, std::move(slides)}, attempt);
       result_.report.attempts.push_back(attempt);
-      return;
+      break;
     }
+    is_fixed_ = was_fixed;  // who left the surface now may not do so from elsewhere
   }
 
   void minimise(ShapeEnergy& energy, VectorXd& x, RaiseAttempt& attempt) {

@@ -40,8 +40,11 @@ double regularised(double d, double epsilon) {
 
 Distortion::Distortion(const Mesh& mesh, Points positions, FreeNodes free,
                        const std::vector<Index>& cells, const Orientation& orientation)
-    : mesh_(mesh), positions_(std::move(positions)), free_(std::move(free)) {
-  for (const Index c : cells) add_cell(c, orientation);
+    : mesh_(mesh),
+      positions_(std::move(positions)),
+      free_(std::move(free)),
+      slopes_(mesh, cells, free_) {
+  for (const Index c : cells) add_samples(c, orientation);
   stiffness_ = stiffness();
 }
 
@@ -50,47 +53,55 @@ double Distortion::operator()(const VectorXd& x, double epsilon, VectorXd& gradi
   const Index count = static_cast<Index>(cells_.size());
   std::vector<double> energies(count), determinants(count);
   parallel_for(count, 256, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) evaluate(i, epsilon, energies[i], determinants[i]);
+    for (Index i = begin; i < end; ++i)
+      if (mesh_.types[cells_[i].id] == CellType::Tetra)
+        evaluate<4>(i, epsilon, energies[i], determinants[i]);
+      else
+        evaluate<Eigen::Dynamic>(i, epsilon, energies[i], determinants[i]);
   });
-  gradient.setZero(x.size());
+  slopes_.gather(free_, 1, gradient);
   double energy = 0;
   least_ = std::numeric_limits<double>::infinity();
   for (Index i = 0; i < count; ++i) {
     energy += energies[i];
     least_ = std::min(least_, determinants[i]);
-    scatter(i, gradient);
   }
   return energy;
 }
 
-void Distortion::add_cell(Index id, const Orientation& orientation) {
+void Distortion::add_samples(Index id, const Orientation& orientation) {
   const auto nodes = mesh_.cell(id);
   MatrixXd base(nodes.size(), 3);
   for (std::size_t n = 0; n < nodes.size(); ++n)
     base.row(n) = mesh_.points.row(nodes[n]) - mesh_.points.row(nodes[0]);
-  Cell cell{id, {}, NodeRows::Zero(nodes.size(), 3)};
+  cells_.push_back({id, static_cast<Index>(gradients_.size() / 3)});
   const int sign = orientation[static_cast<std::size_t>(mesh_.types[id])];
   if (mesh_.types[id] == CellType::Polyhedron)
-    add_polyhedron_samples(cell, base, sign);
+    add_polyhedron_samples(id, base, sign);
   else
-    add_map_samples(cell, base, sign);
-  if (!cell.gradients.empty()) cells_.push_back(std::move(cell));
+    add_map_samples(id, base, sign);
 }
 
-void Distortion::add_map_samples(Cell& cell, const MatrixXd& base, int sign) const {
-  const JacobianSamples& samples = *jacobian_samples(mesh_.types[cell.id]);
+void Distortion::add_sample(const NodeRows& gradient) {
+  for (Index n = 0; n < gradient.rows(); ++n)
+    for (int c = 0; c < 3; ++c) gradients_.push_back(gradient(n, c));
+  ++cells_.back().samples;
+}
+
+void Distortion::add_map_samples(Index id, const MatrixXd& base, int sign) {
+  const JacobianSamples& samples = *jacobian_samples(mesh_.types[id]);
   for (int s = 0; s < samples.samples; ++s) {
     const auto slopes = samples.derivatives.middleRows<3>(3 * s);
     if (slopes.rowwise().norm().minCoeff() < kFlat) continue;  // a pyramid's apex
     const Matrix3d jacobian = (slopes * base).transpose();
-    cell.gradients.push_back(slopes.transpose() * reference_jacobian(jacobian, sign).inverse());
+    add_sample(slopes.transpose() * reference_jacobian(jacobian, sign).inverse());
   }
 }
 
 // A tetrahedron for each edge of each face, over the means of the face's nodes and the cell's.
 // Those that are inverted in the base, as in cells that are not star-shaped, have no say.
-void Distortion::add_polyhedron_samples(Cell& cell, const MatrixXd& base, int sign) const {
-  const auto nodes = mesh_.cell(cell.id);
+void Distortion::add_polyhedron_samples(Index id, const MatrixXd& base, int sign) {
+  const auto nodes = mesh_.cell(id);
   const auto mean = [&](std::span<const Index> some) {
     Eigen::RowVectorXd weights = Eigen::RowVectorXd::Zero(static_cast<Index>(nodes.size()));
     for (const Index node : some)
@@ -99,50 +110,51 @@ void Distortion::add_polyhedron_samples(Cell& cell, const MatrixXd& base, int si
   };
   const Eigen::RowVectorXd centre = mean(nodes);
   MatrixXd slopes(3, static_cast<Index>(nodes.size()));
-  for (const Facet& facet : cell_facets(mesh_, cell.id)) {
+  for (const Facet& facet : cell_facets(mesh_, id)) {
     slopes.row(0) = mean(facet.nodes) - centre;
     for (std::size_t i = 0; i < facet.nodes.size(); ++i) {
       slopes.row(1) = mean({&facet.nodes[i], 1}) - centre;
       slopes.row(2) = mean({&facet.nodes[(i + 1) % facet.nodes.size()], 1}) - centre;
       const Matrix3d jacobian = (slopes * base).transpose();
       if (jacobian.determinant() * sign > kFlat * jacobian.colwise().norm().prod())
-        cell.gradients.push_back(slopes.transpose() * jacobian.inverse());
+        add_sample(slopes.transpose() * jacobian.inverse());
     }
   }
 }
 
-double Distortion::size() const {
-  double nodes = 0;
-  for (const Cell& cell : cells_)
-    for (const NodeRows& gradients : cell.gradients) nodes += double(gradients.rows());
-  return nodes;
-}
+double Distortion::size() const { return double(gradients_.size() / 3); }
 
 VectorXd Distortion::stiffness() const {
   VectorXd result = VectorXd::Zero(free_.unknowns());
   for (const Cell& cell : cells_) {
     const auto nodes = mesh_.cell(cell.id);
-    for (const NodeRows& gradient : cell.gradients)
-      for (std::size_t n = 0; n < nodes.size(); ++n)
+    const double* gradient = gradients_.data() + 3 * cell.first;
+    for (Index s = 0; s < cell.samples; ++s)
+      for (std::size_t n = 0; n < nodes.size(); ++n, gradient += 3)
         if (free_.contains(nodes[n]))
           free_.add_diagonal(
-              nodes[n], gradient.row(n).squaredNorm() / static_cast<double>(cell.gradients.size()),
+              nodes[n],
+              Eigen::Vector3d::Map(gradient).squaredNorm() / static_cast<double>(cell.samples),
               result);
   }
   return result;
 }
 
 // Shape tr(F^T F) / chi^(2/3) and volume (det^2 + 1) / chi.
+template <int Nodes>
 void Distortion::evaluate(Index i, double epsilon, double& energy, double& least) {
-  Cell& cell = cells_[i];
+  using Rows = Eigen::Matrix<double, Nodes, 3, Eigen::RowMajor>;
+  const Cell& cell = cells_[i];
   const auto nodes = mesh_.cell(cell.id);
-  NodeRows x(nodes.size(), 3);
-  for (std::size_t n = 0; n < nodes.size(); ++n) x.row(n) = positions_.row(nodes[n]);
-  const double weight = 1.0 / static_cast<double>(cell.gradients.size());
-  cell.slope.setZero();
+  const Index count = std::ssize(nodes);
+  Rows x(count, 3), slope = Rows::Zero(count, 3);
+  for (Index n = 0; n < count; ++n) x.row(n) = positions_.row(nodes[n]);
+  const double weight = 1.0 / static_cast<double>(cell.samples);
   energy = 0;
   least = std::numeric_limits<double>::infinity();
-  for (const NodeRows& gradient : cell.gradients) {
+  for (Index s = 0; s < cell.samples; ++s) {
+    const Eigen::Map<const Rows> gradient(gradients_.data() + 3 * (cell.first + s * count), count,
+                                          3);
     const Matrix3d f = x.transpose().lazyProduct(gradient);
     Matrix3d cofactor;
     cofactor << f.col(1).cross(f.col(2)), f.col(2).cross(f.col(0)), f.col(0).cross(f.col(1));
@@ -156,16 +168,10 @@ void Distortion::evaluate(Index i, double epsilon, double& energy, double& least
     const double by_det =
         -2.0 / 3 * shape / chi * rate + kVolumeWeight * (2 * det - volume * rate) / chi;
     const Matrix3d by_f = weight * (2 * power * f + by_det * cofactor).transpose();
-    cell.slope += gradient.lazyProduct(by_f);
+    slope += gradient.lazyProduct(by_f);
     least = std::min(least, det);
   }
-}
-
-void Distortion::scatter(Index i, VectorXd& gradient) const {
-  const auto nodes = mesh_.cell(cells_[i].id);
-  for (std::size_t n = 0; n < nodes.size(); ++n)
-    if (free_.contains(nodes[n]))
-      free_.add_slope(nodes[n], cells_[i].slope.row(n).transpose(), gradient);
+  slopes_.of(i) = slope;
 }
 
 }  // namespace cadmorph

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/quality.h"
+#include "volume/cell_slopes.h"
 #include "volume/free_nodes.h"
 
 namespace cadmorph {
@@ -31,24 +32,27 @@ class Distortion {
   const Points& positions() const { return positions_; }
 
  private:
+  /// A sample is the derivatives of its coordinates in the base by the cell's nodes.
   using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, 3>;
   struct Cell {
     Index id;
-    std::vector<NodeRows> gradients;  ///< a sample each
-    NodeRows slope;                   ///< of the energy
+    Index first = 0, samples = 0;  ///< in gradients_: a row for each node of each sample
   };
 
-  void add_cell(Index id, const Orientation& orientation);
-  void add_map_samples(Cell& cell, const Eigen::MatrixXd& base, int sign) const;
-  void add_polyhedron_samples(Cell& cell, const Eigen::MatrixXd& base, int sign) const;
+  void add_samples(Index id, const Orientation& orientation);
+  void add_map_samples(Index id, const Eigen::MatrixXd& base, int sign);
+  void add_polyhedron_samples(Index id, const Eigen::MatrixXd& base, int sign);
+  void add_sample(const NodeRows& gradient);
   Eigen::VectorXd stiffness() const;
+  template <int Nodes>
   void evaluate(Index i, double epsilon, double& energy, double& least);
-  void scatter(Index i, Eigen::VectorXd& gradient) const;
 
   const Mesh& mesh_;
   Points positions_;
   FreeNodes free_;
   std::vector<Cell> cells_;
+  std::vector<double> gradients_;  ///< three a row
+  CellSlopes slopes_;
   Eigen::VectorXd stiffness_;
   double least_ = 0;
 };

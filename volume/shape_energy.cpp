@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 #include <utility>
 
 #include "core/cell_topology.h"
@@ -132,13 +131,15 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
 ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions,
                          FreeNodes free, const std::vector<Index>& cells,
                          const Orientation& orientation)
-    : mesh_(mesh), positions_(std::move(positions)), free_(std::move(free)), samples_(kTypes) {
-  Index slopes = 0;
+    : mesh_(mesh),
+      positions_(std::move(positions)),
+      free_(std::move(free)),
+      samples_(kTypes),
+      slopes_(mesh, cells, free_) {
   for (const Index c : cells) {
     cells_.push_back({c, samples_of(c),
                       double(orientation[static_cast<std::size_t>(mesh.types[c])]),
-                      std::ssize(shapes_), slopes});
-    slopes += std::ssize(mesh.cell(c));
+                      std::ssize(shapes_)});
     for (const Sample& sample : *cells_.back().samples) {
       const Matrix3d j = edges(sample, mesh.cell(c), reference);
       const double det = cells_.back().sign * j.determinant();
@@ -150,8 +151,6 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
       shapes_.push_back(shape);
     }
   }
-  slopes_.resize(slopes, 3);
-  find_slope_rows();
 }
 
 Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
@@ -221,9 +220,10 @@ ShapeEnergy::Terms ShapeEnergy::terms(const Sample& sample, const Shape0& shape,
 }
 
 template <int Halvings>
-double ShapeEnergy::evaluate(const Cell& cell) {
+double ShapeEnergy::evaluate(Index i) {
+  const Cell& cell = cells_[i];
   const auto nodes = mesh_.cell(cell.id);
-  auto slope = slopes_.middleRows(cell.first_slope, std::ssize(nodes));
+  auto slope = slopes_.of(i);
   slope.setZero();
   double energy = 0;
   for (std::size_t s = 0; s < cell.samples->size(); ++s) {
@@ -236,7 +236,7 @@ double ShapeEnergy::evaluate(const Cell& cell) {
       slope.noalias() += sample.slopes.lazyProduct(t.by_edges.transpose());
       continue;
     }
-    for (int i = 0; i < 3; ++i) slope.row(sample.corner[i + 1]) += t.by_edges.col(i).transpose();
+    for (int k = 0; k < 3; ++k) slope.row(sample.corner[k + 1]) += t.by_edges.col(k).transpose();
     slope.row(sample.corner[0]) -= t.by_edges.rowwise().sum().transpose();
   }
   slope /= double(cell.samples->size());
@@ -269,41 +269,17 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   std::vector<double> energies(count);
   with_power([&]<int Halvings>() {
     parallel_for(count, 256, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) energies[i] = evaluate<Halvings>(cells_[i]);
+      for (Index i = begin; i < end; ++i) energies[i] = evaluate<Halvings>(i);
     });
   });
   double sum = 0;
   for (const double energy : energies) sum += energy;
-  gradient.setZero(x.size());
-  if (!std::isfinite(sum)) return kInfinite;
-  parallel_for(free_.count(), 1024, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      Vector3d slope = Vector3d::Zero();
-      for (Index k = slope_starts_[i]; k < slope_starts_[i + 1]; ++k)
-        slope += slopes_.row(slope_rows_[k]).transpose();
-      free_.add_slope(free_.node(i), slope / sum, gradient);
-    }
-  });
+  if (!std::isfinite(sum)) {
+    gradient.setZero(x.size());
+    return kInfinite;
+  }
+  slopes_.gather(free_, 1 / sum, gradient);
   return std::log(sum) / (2 << halvings_);
-}
-
-// The rows of slopes_ that each free node has.
-void ShapeEnergy::find_slope_rows() {
-  const auto for_all = [&](const auto& visit) {
-    for (const Cell& cell : cells_) {
-      Index row = cell.first_slope;
-      for (const Index node : mesh_.cell(cell.id)) {
-        if (free_.contains(node)) visit(free_.place_of(node), row);
-        ++row;
-      }
-    }
-  };
-  slope_starts_.assign(std::size_t(free_.count()) + 1, 0);
-  for_all([&](Index i, Index) { ++slope_starts_[i + 1]; });
-  std::partial_sum(slope_starts_.begin(), slope_starts_.end(), slope_starts_.begin());
-  slope_rows_.resize(std::size_t(slope_starts_.back()));
-  std::vector<Index> next = slope_starts_;
-  for_all([&](Index i, Index row) { slope_rows_[next[i]++] = row; });
 }
 
 VectorXd ShapeEnergy::stiffness_diagonal() {

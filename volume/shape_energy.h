@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/quality.h"
+#include "volume/cell_slopes.h"
 #include "volume/free_nodes.h"
 
 namespace cadmorph {
@@ -58,7 +59,7 @@ class ShapeEnergy {
     Index id;
     const Samples* samples;
     double sign;
-    Index first_shape, first_slope;
+    Index first_shape;
   };
   /// What a sample adds, and its derivative by the three edges.
   struct Terms {
@@ -76,10 +77,9 @@ class ShapeEnergy {
   static Terms terms(const Sample& sample, const Shape0& shape, double sign,
                      const Eigen::Matrix3d& j);
   template <int Halvings>
-  double evaluate(const Cell& cell);
+  double evaluate(Index cell);
   template <class Work>
   auto with_power(const Work& work) const;
-  void find_slope_rows();
 
   const Mesh& mesh_;
   Points positions_;
@@ -88,8 +88,7 @@ class ShapeEnergy {
   std::vector<std::unique_ptr<Samples>> samples_;  ///< of a cell type; then of polyhedra
   std::vector<Cell> cells_;
   std::vector<Shape0> shapes_;
-  RowMatrix slopes_;  ///< of the energy by the nodes of each cell in turn
-  std::vector<Index> slope_starts_, slope_rows_;  ///< of each free node
+  CellSlopes slopes_;  ///< of the energy
 };
 
 }  // namespace cadmorph
