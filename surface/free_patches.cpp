@@ -228,23 +228,56 @@ void add_lines(const SurfaceMesh& surface, const Association& association,
   }
 }
 
-void slide_line(const SurfaceMesh& surface, const FreeLine& line, Points& moved) {
+// Calls take(node, before, after, part) for the free nodes of a line, between those on either side.
+void for_each_free(const SurfaceMesh& surface, const FreeLine& line, const auto& take) {
   const auto at = [&](std::size_t i) {
     return surface.points.row(line.nodes[i]).dot(line.direction);
   };
-  const auto motion = [&](std::size_t i) {
-    return (moved.row(line.nodes[i]) - surface.points.row(line.nodes[i])).dot(line.direction);
-  };
   for (std::size_t i = 0, j = 1; j < line.nodes.size(); ++j) {
     if (line.is_free[j]) continue;
-    for (std::size_t k = i + 1; k < j; ++k) {
-      const double part = at(j) > at(i) ? (at(k) - at(i)) / (at(j) - at(i)) : 0;
-      const double step = (1 - part) * motion(i) + part * motion(j);
-      moved.row(line.nodes[k]) =
-          surface.points.row(line.nodes[k]) + step * line.direction.transpose();
-    }
+    for (std::size_t k = i + 1; k < j; ++k)
+      take(line.nodes[k], line.nodes[i], line.nodes[j],
+           at(j) > at(i) ? (at(k) - at(i)) / (at(j) - at(i)) : 0);
     i = j;
   }
+}
+
+void slide_line(const SurfaceMesh& surface, const FreeLine& line, Points& moved) {
+  const auto motion = [&](int node) {
+    return (moved.row(node) - surface.points.row(node)).dot(line.direction);
+  };
+  for_each_free(surface, line, [&](int node, int before, int after, double part) {
+    const double step = (1 - part) * motion(before) + part * motion(after);
+    moved.row(node) = surface.points.row(node) + step * line.direction.transpose();
+  });
+}
+
+// A patch in its own plane.
+struct PlaneProblem {
+  Eigen::Matrix<double, 3, 2> basis;
+  std::vector<int> border;  // its centres
+  RowMatrix centres, values, targets;
+};
+
+// None where nothing moves that the patch touches, and `is_needed` does not ask for it all the
+// same.
+std::optional<PlaneProblem> plane_problem(const SurfaceMesh& surface, const FreePatch& patch,
+                                          const Points& moved, bool is_needed) {
+  double largest = 0;
+  for (const int n : patch.touched)
+    largest = std::max(largest, (moved.row(n) - surface.points.row(n)).norm());
+  if ((largest == 0 && !is_needed) || patch.inner.empty()) return {};
+  std::vector<int> nodes = patch.touched;
+  nodes.insert(nodes.end(), patch.border.begin(), patch.border.end());
+  const std::size_t stride = (nodes.size() + kMaxCentres - 1) / kMaxCentres;
+  PlaneProblem problem;
+  const Vector3d e1 = patch.normal.unitOrthogonal(), e2 = patch.normal.cross(e1);
+  problem.basis << e1, e2;
+  for (std::size_t i = 0; i < nodes.size(); i += stride) problem.border.push_back(nodes[i]);
+  problem.centres = surface.points(problem.border, Eigen::all) * problem.basis;
+  problem.values = (moved - surface.points)(problem.border, Eigen::all) * problem.basis;
+  problem.targets = surface.points(patch.inner, Eigen::all) * problem.basis;
+  return problem;
 }
 
 // Part of the CAD's faces that the mesh covers by half of their area or more.
@@ -472,28 +505,71 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
 
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved) {
   for (const FreeLine& line : patch.lines) slide_line(surface, line, moved);
-  std::vector<int> centres = patch.touched;
-  centres.insert(centres.end(), patch.border.begin(), patch.border.end());
-  double largest = 0;
-  for (const int n : patch.touched)
-    largest = std::max(largest, (moved.row(n) - surface.points.row(n)).norm());
-  if (largest == 0 || patch.inner.empty()) return;
-  const std::size_t stride = (centres.size() + kMaxCentres - 1) / kMaxCentres;
-  const Vector3d e1 = patch.normal.unitOrthogonal(), e2 = patch.normal.cross(e1);
-  Eigen::Matrix<double, 3, 2> basis;
-  basis << e1, e2;
-  const auto count = static_cast<Index>((centres.size() + stride - 1) / stride);
-  RowMatrix at(count, 2), values(count, 2), targets(static_cast<Index>(patch.inner.size()), 2);
-  for (Index i = 0; i < count; ++i) {
-    const int n = centres[static_cast<std::size_t>(i) * stride];
-    at.row(i) = surface.points.row(n) * basis;
-    values.row(i) = (moved.row(n) - surface.points.row(n)) * basis;
+  const auto plane = plane_problem(surface, patch, moved, false);
+  if (!plane) return;
+  const RowMatrix d =
+      interpolate_bounded(plane->centres, plane->values, Kernel::biharmonic_2d(), plane->targets);
+  for (Index i = 0; i < d.rows(); ++i)
+    moved.row(patch.inner[static_cast<std::size_t>(i)]) += d.row(i) * plane->basis.transpose();
+}
+
+SlideDerivative::SlideDerivative(const SurfaceMesh& surface, const std::vector<FreePatch>& patches,
+                                 const Points& moved) {
+  Points slid = moved;
+  for (const FreePatch& patch : patches) {
+    Step step;
+    for (const FreeLine& line : patch.lines) {
+      OnLine on{line.direction.transpose(), {}};
+      for_each_free(surface, line, [&](int node, int before, int after, double part) {
+        on.nodes.push_back({node, before, after, part});
+      });
+      step.lines.push_back(std::move(on));
+      slide_line(surface, line, slid);
+    }
+    if (const auto plane = plane_problem(surface, patch, slid, true))
+      step.plane = InPlane{plane->basis, plane->border, patch.inner,
+                           bounded_derivative(plane->centres, plane->values,
+                                              Kernel::biharmonic_2d(), plane->targets)};
+    steps_.push_back(std::move(step));
   }
-  for (Index i = 0; i < targets.rows(); ++i)
-    targets.row(i) = surface.points.row(patch.inner[static_cast<std::size_t>(i)]) * basis;
-  const RowMatrix d = interpolate_bounded(at, values, Kernel::biharmonic_2d(), targets);
-  for (Index i = 0; i < targets.rows(); ++i)
-    moved.row(patch.inner[static_cast<std::size_t>(i)]) += d.row(i) * basis.transpose();
+}
+
+RowMatrix SlideDerivative::forward(RowMatrix displacements) const {
+  for (Index c = 0; c < displacements.cols(); c += 3) {
+    auto u = displacements.middleCols<3>(c);
+    for (const Step& step : steps_) {
+      for (const OnLine& line : step.lines)
+        for (const auto& [node, before, after, part] : line.nodes)
+          u.row(node) = ((1 - part) * u.row(before) + part * u.row(after)).dot(line.direction) *
+                        line.direction;
+      if (!step.plane) continue;
+      const auto& [basis, border, inner, field] = *step.plane;
+      u(inner, Eigen::all) = field.forward(u(border, Eigen::all) * basis) * basis.transpose();
+    }
+  }
+  return displacements;
+}
+
+RowMatrix SlideDerivative::adjoint(RowMatrix slopes) const {
+  for (Index c = 0; c < slopes.cols(); c += 3) {
+    auto g = slopes.middleCols<3>(c);
+    for (auto step = steps_.rbegin(); step != steps_.rend(); ++step) {
+      if (step->plane) {
+        const auto& [basis, border, inner, field] = *step->plane;
+        const Eigen::MatrixXd by_inner = g(inner, Eigen::all) * basis;
+        g(inner, Eigen::all).setZero();
+        g(border, Eigen::all) += field.adjoint(by_inner) * basis.transpose();
+      }
+      for (auto line = step->lines.rbegin(); line != step->lines.rend(); ++line)
+        for (auto at = line->nodes.rbegin(); at != line->nodes.rend(); ++at) {
+          const Eigen::RowVector3d along = g.row(at->node).dot(line->direction) * line->direction;
+          g.row(at->node).setZero();
+          g.row(at->before) += (1 - at->part) * along;
+          g.row(at->after) += at->part * along;
+        }
+    }
+  }
+  return slopes;
 }
 
 }  // namespace cadmorph

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/rbf/anchors.h"
 #include "surface/association.h"
 #include "surface/surface_mesh.h"
 
@@ -57,5 +59,45 @@ double plane_tolerance(const SurfaceMesh& surface);
 /// all surface nodes' new positions (millimetres) and is updated. Two patches move their common
 /// line alike.
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
+
+/// What slide_patch does, one patch after the other, as a linear map of the displacements of all
+/// surface nodes, the anchors held that `moved` took, and the transpose of that map. Sheets that are
+/// images of each other go each by themselves: others than mirrored displacements may be asked for.
+class SlideDerivative {
+ public:
+  /// `moved`: where all surface nodes are, millimetres.
+  SlideDerivative(const SurfaceMesh& surface, const std::vector<FreePatch>& patches,
+                  const Points& moved);
+
+  /// Returns the displacements with those that follow in place of what is given for them: n x 3 k,
+  /// k displacements side by side.
+  RowMatrix forward(RowMatrix displacements) const;
+
+  /// Returns the derivative by the displacements given (0 by those that follow) for that by all.
+  RowMatrix adjoint(RowMatrix slopes) const;
+
+ private:
+  // Nodes of a line that go with the nodes on either side.
+  struct OnLine {
+    Eigen::RowVector3d direction;
+    struct Node {
+      int node, before, after;
+      double part;  // of the way from `before` to `after`
+    };
+    std::vector<Node> nodes;
+  };
+  // Nodes in a plane that go with its border.
+  struct InPlane {
+    Eigen::Matrix<double, 3, 2> basis;
+    std::vector<int> border, inner;
+    FieldMap field;
+  };
+  struct Step {
+    std::vector<OnLine> lines;
+    std::optional<InPlane> plane;
+  };
+
+  std::vector<Step> steps_;
+};
 
 }  // namespace cadmorph

@@ -150,6 +150,7 @@ struct SurfaceMorph::Impl {
   }
   double least_stretch(int row, const Points& moved_feet) const;
   void move_amid(Points& moved) const;
+  std::vector<FreePatch> sliding_patches() const;
   std::vector<std::string> slide(Points& moved) const;
 };
 
@@ -430,6 +431,13 @@ void SurfaceMorph::Impl::move_amid(Points& moved) const {
       moved.row(n) += surface.middle(n, moved) - surface.middle(n, surface.points);
 }
 
+std::vector<FreePatch> SurfaceMorph::Impl::sliding_patches() const {
+  std::vector<FreePatch> result;
+  for (const FreePatch& patch : patches)
+    if (constraint(patch) != GroupConstraint::Follow && slides(patch)) result.push_back(patch);
+  return result;
+}
+
 std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
   Index slid = 0, fixed = 0;
   std::vector<PlaneSheet> sheets;
@@ -518,6 +526,23 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
     if (self.association.dimension[n] != CadDimension::None)
       result.distance[n] += placed.offsets.row(n).norm();
   return result;
+}
+
+Points SurfaceMorph::slide(const Points& positions) const {
+  const Impl& self = *impl_;
+  Points moved = positions * self.association.mesh_unit_mm;
+  for (const FreePatch& patch : self.sliding_patches())
+    moved(patch.inner, Eigen::all) = self.surface.points(patch.inner, Eigen::all);
+  self.slide(moved);
+  Points result = positions;
+  for (const FreePatch& patch : self.sliding_patches())
+    for (const auto* nodes : {&patch.inner, &patch.border})
+      result(*nodes, Eigen::all) = moved(*nodes, Eigen::all) / self.association.mesh_unit_mm;
+  return result;
+}
+
+SlideDerivative SurfaceMorph::slide_derivative(const Points& positions) const {
+  return {impl_->surface, impl_->sliding_patches(), positions * impl_->association.mesh_unit_mm};
 }
 
 std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,

@@ -10,6 +10,7 @@
 #include "core/boundary.h"
 #include "core/mesh.h"
 #include "surface/association.h"
+#include "surface/free_patches.h"
 #include "surface/group_constraints.h"
 #include "surface/joints.h"
 
@@ -76,6 +77,13 @@ class SurfaceMorph {
   /// Computes the surface node positions on `variant`. `match` maps base to variant entities (see
   /// match_topology).
   SurfaceMorphResult morph(const CadModel& variant, const TopologyMatch& match) const;
+
+  /// Moves the nodes on patches that slide with the others: `positions` of all surface nodes, in
+  /// the mesh's unit.
+  Points slide(const Points& positions) const;
+
+  /// The derivative of that at these positions.
+  SlideDerivative slide_derivative(const Points& positions) const;
 
  private:
   struct Impl;

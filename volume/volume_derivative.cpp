@@ -8,8 +8,6 @@
 namespace cadmorph {
 namespace {
 
-using Eigen::MatrixXd;
-
 void check(const RowMatrix& given, Index rows, const char* what) {
   if (given.rows() != rows)
     throw InvalidInputError(std::to_string(given.rows()) + " rows for " + std::to_string(rows) +
@@ -21,22 +19,6 @@ void check(const RowMatrix& given, Index rows, const char* what) {
 }
 
 }  // namespace
-
-MatrixXd FieldMap::forward(const MatrixXd& values) const {
-  if (!anchors) return field.forward(values);
-  const MatrixXd held = anchors->forward(values);
-  MatrixXd all(values.rows() + held.rows(), values.cols());
-  all << values, held;
-  return field.forward(all);
-}
-
-MatrixXd FieldMap::adjoint(const MatrixXd& slopes) const {
-  MatrixXd all = field.adjoint(slopes);
-  if (!anchors) return all;
-  const Index held = anchors->size();
-  const Index own = all.rows() - held;
-  return all.topRows(own) + anchors->adjoint(all.bottomRows(held));
-}
 
 VolumeDerivative::VolumeDerivative(Index node_count, std::vector<Index> surface_nodes,
                                    std::vector<Part> parts)

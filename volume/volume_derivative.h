@@ -1,23 +1,11 @@
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "core/rbf/anchors.h"
-#include "core/rbf/rbf_system.h"
 #include "core/types.h"
 
 namespace cadmorph {
-
-/// The derivative of a field by the values at its centres, where anchors hold it by way of these.
-struct FieldMap {
-  RbfDerivative field;  ///< by the values at the centres and, below them, at the anchors
-  std::optional<AnchorDerivative> anchors;
-
-  /// T x M for N x M values, and N x M for T x M slopes.
-  Eigen::MatrixXd forward(const Eigen::MatrixXd& values) const;
-  Eigen::MatrixXd adjoint(const Eigen::MatrixXd& slopes) const;
-};
 
 /// A volume morph as a linear map, its kernels and anchors held (VolumeMorph::derivative), and the
 /// transpose of that map to rounding. Both act on each column by itself: displacements have three

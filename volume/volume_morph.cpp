@@ -592,6 +592,24 @@ VolumeDerivative VolumeMorph::derivative(const Points& surface_positions) const 
   return {s.base.rows(), s.surface_nodes, std::move(parts)};
 }
 
+VolumeMorph::HoldCheck VolumeMorph::hold_check() const {
+  const Impl& s = *impl_;
+  HoldCheck result;
+  if (s.baseline || !is_bounded(s.options)) return result;
+  for (const Part& part : s.parts)
+    if (part.system)
+      result.parts_.push_back(
+          {part.nodes.surface, part.centres,
+           OvershootCheck(part.centres, s.options.kernel, s.base(part.nodes.volume, Eigen::all))});
+  return result;
+}
+
+bool VolumeMorph::HoldCheck::may_be_held(const Points& surface_positions) const {
+  return std::ranges::any_of(parts_, [&](const Part& part) {
+    return part.check.may_overshoot(surface_positions(part.surface, Eigen::all) - part.centres);
+  });
+}
+
 Index VolumeMorph::field_count() const {
   return std::ranges::count_if(impl_->parts,
                                [](const Part& part) { return !part.nodes.surface.empty(); });

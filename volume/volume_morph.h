@@ -5,6 +5,7 @@
 
 #include "core/archive.h"
 #include "core/mesh.h"
+#include "core/rbf/anchors.h"
 #include "core/rbf/rbf_system.h"
 #include "volume/morph_method.h"
 #include "volume/volume_derivative.h"
@@ -64,6 +65,23 @@ class VolumeMorph {
   /// Throws as `morph` does, InvalidInputError when the method is not RBF or the solver the
   /// incremental QR, and SolverError where the factor needs more memory than allowed.
   VolumeDerivative derivative(const Points& surface_positions) const;
+
+  /// Which motions of the surface may need anchors, and so have a derivative of their own. Of no
+  /// motion where the method or the solver asked for has none.
+  class HoldCheck {
+   public:
+    bool may_be_held(const Points& surface_positions) const;
+
+   private:
+    friend class VolumeMorph;
+    struct Part {
+      std::vector<Index> surface;
+      RowMatrix centres;
+      OvershootCheck check;
+    };
+    std::vector<Part> parts_;
+  };
+  HoldCheck hold_check() const;
 
   /// Number of these fields; 0 when the method is not RBF.
   Index field_count() const;

@@ -1,32 +1,23 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <memory>
 
 #include "apps/batch/sensitivity_files.h"
-#include "apps/commands/command.h"
+#include "apps/commands/derivative_command.h"
 #include "apps/commands/help_format.h"
-#include "apps/commands/options.h"
 #include "apps/pipeline/design_velocity.h"
 #include "apps/summary/derivative_summary.h"
-#include "apps/summary/progress_bar.h"
-#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct GradientCommand {
+struct GradientCommand : DerivativeCommand {
   fs::path base, mesh, parameters, sensitivity, output;
   std::string array;
-  MorphOptions options;
-  std::string json;
-  bool is_quiet = false;
-  int threads = 0;  ///< 0: all
 };
 
 void check(const GradientCommand& command) {
-  check_linear(command.options);
   check_extension("-o", command.output, {".csv"});
   if (command.sensitivity.extension() == ".csv" && !command.array.empty())
     throw UsageError("--array names an array of a mesh file; " + command.sensitivity.string() +
@@ -38,21 +29,15 @@ void check(const GradientCommand& command) {
                  command.options.face_map});
 }
 
-ExitCode run_gradient(const GradientCommand& command, PipelineOptions options) {
-  set_thread_count(command.threads);
-  ProgressBar bar(!command.is_quiet);
-  options.progress = [&](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+DerivativeOutcome run_gradient(const GradientCommand& command, const PipelineOptions& options) {
   const std::vector<DesignParameter> parameters = read_parameters(command.parameters);
   const auto mesh = std::make_shared<const MeshFile>(command.mesh);
   const RowMatrix sensitivity = read_sensitivity(command.sensitivity, command.array, *mesh);
   const GradientReport report =
       gradient_files(command.base, mesh, sensitivity, parameters, options);
-  bar.erase();
-  if (!command.is_quiet) warn(report.warnings);
   if (!command.output.empty()) write_text(command.output, gradient_csv(report));
-  hand_over(command.json, command.is_quiet, gradient_text(report),
-            gradient_json(report, static_cast<int>(ExitCode::Done)));
-  return ExitCode::Done;
+  return {report.warnings, gradient_text(report),
+          gradient_json(report, static_cast<int>(ExitCode::Done))};
 }
 
 }  // namespace
@@ -84,16 +69,11 @@ void add_gradient_command(CLI::App& app, Action& action) {
                    "name of the array (default: the only one with 3 components)")
       ->type_name("NAME");
   parser->add_option("-o,--output", command->output, "table of the gradient")->type_name("OUT.csv");
-  add_json_option(*parser, command->json);
-  parser->add_flag("--quiet", command->is_quiet, "print errors only");
-  add_threads_option(*parser, command->threads);
-  add_derivative_options(*parser, command->options);
-  parser->callback([&action, command] {
-    action.json = command->json;
-    check(*command);
-    const PipelineOptions options = resolve(command->options);
-    action.run = [command, options] { return run_gradient(*command, options); };
-  });
+  finish_derivative_command(
+      *parser, action, command, [command = command.get()] { check(*command); },
+      [command = command.get()](const PipelineOptions& given) {
+        return run_gradient(*command, given);
+      });
 }
 
 }  // namespace cadmorph

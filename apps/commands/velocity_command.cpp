@@ -1,26 +1,18 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <memory>
 
-#include "apps/commands/command.h"
+#include "apps/commands/derivative_command.h"
 #include "apps/commands/help_format.h"
-#include "apps/commands/options.h"
 #include "apps/pipeline/design_velocity.h"
 #include "apps/summary/derivative_summary.h"
-#include "apps/summary/progress_bar.h"
 #include "core/formats/mesh_format.h"
-#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
 
-struct VelocityCommand {
+struct VelocityCommand : DerivativeCommand {
   VelocityFiles files;
   std::vector<std::filesystem::path> half;
-  MorphOptions options;
-  std::string json;
-  bool is_quiet = false;
-  int threads = 0;  ///< 0: all
 };
 
 void check(VelocityCommand& command) {
@@ -29,7 +21,6 @@ void check(VelocityCommand& command) {
     files.half_plus = command.half[0];
     files.half_minus = command.half[1];
   }
-  check_linear(command.options);
   check_outputs({{"-o", files.output},
                  json_output(command.json),
                  {"--cache", command.options.pipeline.cache, false}},
@@ -41,16 +32,10 @@ void check(VelocityCommand& command) {
                      files.output.stem().string() + ".vtu");
 }
 
-ExitCode run_velocity(const VelocityCommand& command, PipelineOptions options) {
-  set_thread_count(command.threads);
-  ProgressBar bar(!command.is_quiet);
-  options.progress = [&](std::string_view phase, double fraction) { bar.show(phase, fraction); };
+DerivativeOutcome run_velocity(const VelocityCommand& command, const PipelineOptions& options) {
   const VelocityReport report = velocity_files(command.files, options);
-  bar.erase();
-  if (!command.is_quiet) warn(report.warnings);
-  hand_over(command.json, command.is_quiet, velocity_text(report),
-            velocity_json(report, static_cast<int>(ExitCode::Done)));
-  return ExitCode::Done;
+  return {report.warnings, velocity_text(report),
+          velocity_json(report, static_cast<int>(ExitCode::Done))};
 }
 
 }  // namespace
@@ -81,16 +66,11 @@ void add_velocity_command(CLI::App& app, Action& action) {
   parser->add_option("-o,--output", files.output, "the mesh with the array cadmorph_velocity")
       ->type_name("OUT.vtu")
       ->required();
-  add_json_option(*parser, command->json);
-  parser->add_flag("--quiet", command->is_quiet, "print errors only");
-  add_threads_option(*parser, command->threads);
-  add_derivative_options(*parser, command->options);
-  parser->callback([&action, command] {
-    action.json = command->json;
-    check(*command);
-    const PipelineOptions options = resolve(command->options);
-    action.run = [command, options] { return run_velocity(*command, options); };
-  });
+  finish_derivative_command(
+      *parser, action, command, [command = command.get()] { check(*command); },
+      [command = command.get()](const PipelineOptions& given) {
+        return run_velocity(*command, given);
+      });
 }
 
 }  // namespace cadmorph

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "apps/pipeline/design_velocity.h"
+#include "apps/pipeline/morph_derivative.h"
 
 namespace cadmorph::v1 {
 
@@ -20,7 +21,7 @@ Points present_surface(const MorphJob& job, const std::optional<CadModel>& prese
 }  // namespace
 
 struct Derivative::Impl {
-  VolumeDerivative map;
+  MorphDerivative map;
 };
 
 Derivative::Derivative(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
@@ -55,9 +56,10 @@ double Velocity::motion_mm() const { return impl_->surface.motion; }
 double Velocity::unevenness() const { return impl_->surface.unevenness; }
 const std::vector<std::string>& Velocity::warnings() const { return impl_->surface.warnings; }
 
-Derivative make_derivative(const MorphJob& job, const Points& surface_positions) {
+Derivative make_derivative(const MorphJob& job, const Points& surface_positions,
+                           const DerivativeCall& call) {
   return Derivative(std::make_shared<const Derivative::Impl>(
-      Derivative::Impl{job.volume().derivative(surface_positions)}));
+      Derivative::Impl{job.derivative(surface_positions, call.slide)}));
 }
 
 Velocity make_velocity(const MorphJob& job, const ParameterPair& pair, const VelocityCall& call) {
@@ -77,14 +79,14 @@ std::vector<ParameterGradient> make_gradient(const MorphJob& job, const RowMatri
                                              const Teller& teller) {
   const Points positions = present_surface(job, present);
   teller("adjoint", 0);
-  const RowMatrix surface = carry_to_surface(job, sensitivity, positions);
+  const Gradient gradient(job, sensitivity, positions);
   std::vector<ParameterGradient> result;
   for (const auto& [name, pair] : parameters) {
     teller("parameters",
            static_cast<double>(result.size()) / static_cast<double>(parameters.size()));
     const SurfaceVelocity velocity = surface_velocity(job, models_of(pair), positions);
     result.push_back({.name = name,
-                      .gradient = cadmorph::gradient(surface, velocity),
+                      .gradient = gradient(velocity),
                       .max_speed = velocity.velocity.rowwise().norm().maxCoeff(),
                       .motion_mm = velocity.motion,
                       .warnings = velocity.warnings});

@@ -5,7 +5,8 @@
 
 namespace cadmorph::v1 {
 
-Derivative make_derivative(const MorphJob& job, const Points& surface_positions);
+Derivative make_derivative(const MorphJob& job, const Points& surface_positions,
+                           const DerivativeCall& call);
 
 Velocity make_velocity(const MorphJob& job, const ParameterPair& pair, const VelocityCall& call);
 

@@ -88,15 +88,22 @@ void Morpher::warp_to(const Points& surface_positions, double* result) const {
   });
 }
 
-Derivative Morpher::derivative(const Points& surface_positions) const {
-  return at_door([&] {
+void Morpher::slide_to(const Points& surface_positions, double* result) const {
+  at_door([&] {
     const auto lock = lock_or_refuse(impl_->at_work);
-    return make_derivative(*impl_->job, surface_positions);
+    Eigen::Map<Points>(result, surface_positions.rows(), 3) = impl_->job->slide(surface_positions);
   });
 }
 
-Derivative Morpher::derivative() const {
-  return derivative(impl_->job->mesh().points(impl_->surface_nodes, Eigen::all));
+Derivative Morpher::derivative(const Points& surface_positions, const DerivativeCall& call) const {
+  return at_door([&] {
+    const auto lock = lock_or_refuse(impl_->at_work);
+    return make_derivative(*impl_->job, surface_positions, call);
+  });
+}
+
+Derivative Morpher::derivative(const DerivativeCall& call) const {
+  return derivative(impl_->job->mesh().points(impl_->surface_nodes, Eigen::all), call);
 }
 
 Velocity Morpher::velocity(const ParameterPair& pair, const VelocityCall& call) const {

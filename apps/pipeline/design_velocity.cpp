@@ -76,6 +76,16 @@ void judge(const ParameterModels& models, SurfaceVelocity& result) {
         "and minus the step");
 }
 
+// Where the surface nodes are whose map carries a velocity: at the base a little in its direction,
+// which chooses the kernels and anchors; elsewhere the motion so far does.
+Points towards(const MorphJob& job, const SurfaceVelocity& surface) {
+  const double speed = largest(surface.velocity);
+  if (surface.present.rows() > 0 || speed == 0) return positions(job, surface.present);
+  const Points& all = job.mesh().points;
+  const double size = (all.colwise().maxCoeff() - all.colwise().minCoeff()).norm();
+  return positions(job, {}) + kSmallMotion * size / speed * surface.velocity;
+}
+
 void check_sensitivity(const RowMatrix& sensitivity, Index nodes) {
   if (sensitivity.rows() != nodes || sensitivity.cols() != 3)
     throw InvalidInputError("dJ/dX has " + std::to_string(sensitivity.rows()) + " rows of " +
@@ -168,15 +178,8 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
 }
 
 NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface) {
-  const Points start = positions(job, surface.present);
-  const double speed = largest(surface.velocity);
-  const double size =
-      (job.mesh().points.colwise().maxCoeff() - job.mesh().points.colwise().minCoeff()).norm();
-  // Elsewhere the motion so far chooses the kernels.
-  const bool is_at_base = surface.present.rows() == 0;
-  const double scale = is_at_base && speed > 0 ? kSmallMotion * size / speed : 0;
-  const VolumeDerivative map = job.volume().derivative(start + scale * surface.velocity);
-  RowMatrix all(start.rows(), 3 + surface.error.cols() * (surface.error.rows() > 0));
+  const VolumeDerivative map = job.volume().derivative(towards(job, surface));
+  RowMatrix all(surface.velocity.rows(), 3 + surface.error.cols() * (surface.error.rows() > 0));
   all.leftCols(3) = surface.velocity;
   if (all.cols() > 3) all.rightCols(3) = surface.error;
   const RowMatrix moved = map.forward(all);
@@ -185,19 +188,23 @@ NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface) {
   return result;
 }
 
-RowMatrix carry_to_surface(const MorphJob& job, const RowMatrix& sensitivity,
-                           const Points& present) {
-  check_sensitivity(sensitivity, job.mesh().node_count());
+Gradient::Gradient(const MorphJob& job, RowMatrix sensitivity, const Points& present)
+    : job_(job), sensitivity_(std::move(sensitivity)) {
+  check_sensitivity(sensitivity_, job.mesh().node_count());
   const auto& nodes = job.volume().surface_nodes();
-  RowMatrix inside = sensitivity;
+  surface_ = sensitivity_(nodes, Eigen::all);
+  RowMatrix inside = sensitivity_;
   inside(nodes, Eigen::all).setZero();
-  // Nothing to carry: what a solver knows of the surface alone.
-  if (inside.isZero(0)) return sensitivity(nodes, Eigen::all);
-  return job.volume().derivative(positions(job, present)).adjoint(sensitivity);
+  // Else nothing is to carry: what a solver knows of the surface alone.
+  if (inside.isZero(0)) return;
+  surface_ = job.volume().derivative(positions(job, present)).adjoint(sensitivity_);
+  if (present.rows() == 0) holds_ = job.volume().hold_check();
 }
 
-double gradient(const RowMatrix& surface_sensitivity, const SurfaceVelocity& velocity) {
-  return surface_sensitivity.cwiseProduct(RowMatrix(velocity.velocity)).sum();
+double Gradient::operator()(const SurfaceVelocity& velocity) const {
+  if (holds_.may_be_held(towards(job_, velocity)))
+    return sensitivity_.cwiseProduct(carry_inside(job_, velocity).velocity).sum();
+  return surface_.cwiseProduct(RowMatrix(velocity.velocity)).sum();
 }
 
 VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions& options) {
@@ -262,7 +269,7 @@ GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const Me
   StepQueue queue(std::move(models));
   const MorphJob job(std::make_shared<const CadModel>(queue.next()), mesh, options);
   clock.start("adjoint");
-  const RowMatrix surface = carry_to_surface(job, sensitivity);
+  const Gradient gradient(job, sensitivity);
   clock.start("parameters");
   GradientReport report;
   for (const DesignParameter& parameter : parameters) {
@@ -273,7 +280,7 @@ GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const Me
     for (const std::string& line : velocity.warnings)
       add_new(report.warnings, {parameter.name + ": " + line});
     report.entries.push_back({.name = parameter.name,
-                              .gradient = gradient(surface, velocity),
+                              .gradient = gradient(velocity),
                               .step = velocity.step,
                               .max_speed = largest(velocity.velocity),
                               .motion = velocity.motion});
@@ -281,10 +288,10 @@ GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const Me
   report.base_cad = base_cad;
   report.mesh = mesh->path();
   report.nodes = job.mesh().node_count();
-  report.surface_nodes = surface.rows();
+  report.surface_nodes = gradient.surface().rows();
   report.mesh_unit_mm = job.association().mesh_unit_mm;
   report.sensitivity_norm = sensitivity.norm();
-  report.surface_norm = surface.norm();
+  report.surface_norm = gradient.surface().norm();
   for (const PhaseTime& phase : clock.phases()) {
     report.seconds += phase.seconds;
     if (phase.name == "adjoint") report.adjoint_seconds = phase.seconds;

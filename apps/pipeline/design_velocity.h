@@ -57,15 +57,27 @@ struct NodeVelocity {
 };
 NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface);
 
-/// By the surface nodes' positions (m x 3) the derivative of a quantity that depends on all nodes'
-/// (N x 3): the transpose of the volume morph's derivative at the surface's present positions
-/// (m x 3; empty: at the base, where it has no anchors). Throws InvalidInputError on a wrong size,
-/// and what VolumeMorph::derivative throws.
-RowMatrix carry_to_surface(const MorphJob& job, const RowMatrix& sensitivity,
-                           const Points& present = {});
+/// dJ/dp of any number of parameters from dJ/dX of all nodes, by one adjoint of the volume morph:
+/// the sum of dJ/dX times carry_inside of the parameter's velocity, to rounding. Where anchors may
+/// hold a motion from the base, they are its own, and it is carried inside.
+class Gradient {
+ public:
+  /// `sensitivity`: N x 3. `present`: where the surface nodes are (m x 3); empty: at the base.
+  /// Throws InvalidInputError on a wrong size or a number that is not finite, and what
+  /// VolumeMorph::derivative throws.
+  Gradient(const MorphJob& job, RowMatrix sensitivity, const Points& present = {});
 
-/// dJ/dp from dJ/dX of the surface nodes and their velocity.
-double gradient(const RowMatrix& surface_sensitivity, const SurfaceVelocity& velocity);
+  /// `velocity`: about the same positions.
+  double operator()(const SurfaceVelocity& velocity) const;
+
+  /// dJ/dX of the surface nodes (m x 3) where no anchors hold the motion.
+  const RowMatrix& surface() const { return surface_; }
+
+ private:
+  const MorphJob& job_;
+  RowMatrix sensitivity_, surface_;
+  VolumeMorph::HoldCheck holds_;
+};
 
 struct VelocityFiles {
   std::filesystem::path base_cad, plus, minus, mesh, output;

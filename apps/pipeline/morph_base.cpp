@@ -127,6 +127,15 @@ Points MorphBase::prescribed(const Points& surface_positions) const {
   return result;
 }
 
+Points MorphBase::on_boundary(const Points& prescribed_positions) const {
+  if (prescribed_positions.rows() != std::ssize(rows))
+    throw InvalidInputError(std::to_string(prescribed_positions.rows()) + " positions for " +
+                            std::to_string(rows.size()) + " surface nodes");
+  Points result = mesh().points(boundary.nodes, Eigen::all);
+  result(rows, Eigen::all) = prescribed_positions;
+  return result;
+}
+
 std::vector<char> MorphBase::fixed_nodes() const {
   std::vector<char> is_fixed(mesh().node_count(), 0);
   for (const Index row : rows) is_fixed[boundary.nodes[row]] = 1;
@@ -140,10 +149,8 @@ SurfacePath MorphBase::path(const Points& prescribed_positions) const {
   const auto turning = std::make_shared<std::optional<MotionPath>>();
   return [this, turning, &prescribed_positions](double s) -> Points {
     if (!*turning) {
-      const Points start = mesh().points(boundary.nodes, Eigen::all);
-      Points end = start;
-      end(rows, Eigen::all) = prescribed_positions;
-      turning->emplace(boundary, start, end, surface->association().facet_face);
+      turning->emplace(boundary, mesh().points(boundary.nodes, Eigen::all),
+                       on_boundary(prescribed_positions), surface->association().facet_face);
     }
     return prescribed((**turning)(s));
   };

@@ -15,6 +15,10 @@ struct MorphBase : BaseSide {
   /// Of a position for each boundary node: those of the prescribed nodes alone.
   Points prescribed(const Points& surface_positions) const;
 
+  /// Of a position for each prescribed node: those of all boundary nodes, the others at the base.
+  /// Throws InvalidInputError on a wrong number.
+  Points on_boundary(const Points& prescribed_positions) const;
+
   /// A flag a mesh node: prescribed, or of a cell whose node order is wrong, so that no repair
   /// takes to that.
   std::vector<char> fixed_nodes() const;

@@ -5,6 +5,7 @@
 #include <mutex>
 #include <sstream>
 
+#include "apps/pipeline/morph_derivative.h"
 #include "apps/pipeline/refusal.h"
 #include "apps/pipeline/volume_stage.h"
 #include "core/errors.h"
@@ -175,6 +176,17 @@ std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& vari
   for (std::size_t i = 0; i < variants.size(); ++i)
     if (is_topology_error(attempts[i].error)) morph_merged(variants[i], attempts[i]);
   return attempts;
+}
+
+Points MorphJob::slide(const Points& surface_positions) const {
+  return base_->prescribed(base_->surface->slide(base_->on_boundary(surface_positions)));
+}
+
+MorphDerivative MorphJob::derivative(const Points& surface_positions, bool is_sliding) const {
+  VolumeDerivative map = volume().derivative(surface_positions);
+  if (!is_sliding) return MorphDerivative(std::move(map));
+  return {std::move(map), base_->surface->slide_derivative(base_->on_boundary(surface_positions)),
+          base_->rows, std::ssize(base_->boundary.nodes)};
 }
 
 MorphResult MorphJob::morph_surface(const CadModel& variant) const {

@@ -195,6 +195,8 @@ struct MorphAttempt {
 
 struct MorphBase;
 
+class MorphDerivative;
+
 /// The old side of a morph: everything that depends on the base CAD and the base mesh alone, to be
 /// used for any number of variants.
 class MorphJob {
@@ -222,6 +224,14 @@ class MorphJob {
   /// Morphs the surface alone: of the result only the match, the surface and its positions, and in
   /// the report what tells of them. Throws as morph does.
   MorphResult morph_surface(const CadModel& variant) const;
+
+  /// Positions of the surface nodes (m x 3, rows as VolumeMorph::surface_nodes) with those on
+  /// planes that slide where the others take them. Throws InvalidInputError on a wrong size.
+  Points slide(const Points& surface_positions) const;
+
+  /// The derivative of the volume morph at these positions, with `is_sliding` through the planes
+  /// that slide. Throws what VolumeMorph::derivative throws.
+  MorphDerivative derivative(const Points& surface_positions, bool is_sliding = false) const;
 
   /// Writes a result: to `output` when it is good, else, with the inverted cells marked in the cell
   /// array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the arrays

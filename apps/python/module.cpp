@@ -510,19 +510,32 @@ Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
           "repaired. Raises InvalidInputError, SolverError.")
       .def(
           "derivative",
-          [](const Morpher& morpher, const py::object& surface_positions) {
+          [](const Morpher& morpher, const py::object& surface_positions, bool slide) {
             if (surface_positions.is_none()) {
               const py::gil_scoped_release release;
-              return morpher.derivative();
+              return morpher.derivative({.slide = slide});
             }
             const Points positions = to_points(surface_positions, "surface_positions",
                                                std::ssize(morpher.surface_nodes()));
             const py::gil_scoped_release release;
-            return morpher.derivative(positions);
+            return morpher.derivative(positions, {.slide = slide});
           },
-          "surface_positions"_a = py::none(),
-          "The derivative of warp at these positions, (m, 3); None: at the base. Raises "
-          "InvalidInputError, also for methods other than 'rbf' and the solver 'iqr'; SolverError.")
+          "surface_positions"_a = py::none(), py::kw_only(), "slide"_a = false,
+          "The derivative of warp at these positions, (m, 3); None: at the base. slide: that of "
+          "warp after slide; what is given for nodes that follow is not read, the adjoint by them "
+          "is 0, and columns come in threes. Raises InvalidInputError, also for methods other than "
+          "'rbf' and the solver 'iqr'; SolverError.")
+      .def(
+          "slide",
+          [](const Morpher& morpher, const py::object& surface_positions) {
+            const Points positions = to_points(surface_positions, "surface_positions",
+                                               std::ssize(morpher.surface_nodes()));
+            const py::gil_scoped_release release;
+            return morpher.slide(positions);
+          },
+          "surface_positions"_a,
+          "Returns the positions of the surface nodes, float64 (m, 3), with those on planes that "
+          "slide where the others take them. Raises InvalidInputError.")
       .def(
           "velocity",
           [](const Morpher& morpher, const CadModel& plus, const CadModel& minus, double step,

@@ -13,6 +13,7 @@
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/kernel_sum.h"
+#include "core/rbf/point_order.h"
 #include "core/rbf/rbf_field_impl.h"
 #include "core/rbf/rbf_system.h"
 
@@ -46,6 +47,11 @@ constexpr int kMostRounds = 30;
 
 // Targets between the candidates may move too far: then they are anchors, too, so many times.
 constexpr int kMostHolds = 8;
+
+// Centres of each kind that tell whether anchors may be needed: those that move by no less than
+// this part of the largest value, and the others.
+constexpr Index kProbes = 250;
+constexpr double kMoves = 0.1;
 
 // Motions count in steps of this: of nodes that are mirror images the first is taken, not the one
 // that rounding favours on this processor.
@@ -278,9 +284,36 @@ Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
   return std::move(search.anchors());
 }
 
+OvershootCheck::OvershootCheck(RowMatrix centres, const Kernel& kernel, const RowMatrix& targets)
+    : centres_(std::move(centres)),
+      candidates_(select(targets, graded(targets, distances(KdTree(centres_), targets)))),
+      order_(farthest_point_order(Points(centres_)).rows),
+      kernel_(kernel) {}
+
+bool OvershootCheck::may_overshoot(const RowMatrix& values) const {
+  const VectorXd moved = values.rowwise().norm();
+  const double largest = moved.size() > 0 ? moved.maxCoeff() : 0;
+  if (largest == 0 || candidates_.rows() == 0) return false;
+  // A body that moves may be small beside what rests: it has as many of the probes.
+  std::array<Index, 2> left = {kProbes, kProbes};
+  std::vector<Index> probes;
+  for (const Index row : order_)
+    if (Index& count = left[moved(row) > kMoves * largest]; count > 0) {
+      probes.push_back(row);
+      --count;
+    }
+  try {
+    const RowMatrix field =
+        interpolate(select(centres_, probes), select(values, probes), kernel_, candidates_);
+    return motions(field, largest).maxCoeff() > kEnough;
+  } catch (const SolverError&) {
+    return true;
+  }
+}
+
 AnchorDerivative::AnchorDerivative(const RowMatrix& centres, const std::vector<Index>& carriers,
                                    const Kernel& kernel, const RowMatrix& targets,
-                                   const Anchors& anchors, Index count, const FieldMap& field)
+                                   const Anchors& anchors, Index count, const FieldOf& field)
     : centres_(centres.rows()), count_(count) {
   const Means means(centres);
   std::vector<Index> all(static_cast<std::size_t>(centres.rows()));
@@ -338,26 +371,85 @@ MatrixXd AnchorDerivative::adjoint(MatrixXd slopes) const {
   return result;
 }
 
-RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,
-                              const Kernel& kernel, const RowMatrix& targets) {
-  const RbfSystem system(centres, kernel);
-  RowMatrix result = system.solve(values).evaluate(targets);
-  if (overshoot(values, result) <= kMostOvershoot) return result;
-  std::vector<Index> all(static_cast<std::size_t>(centres.rows()));
-  std::iota(all.begin(), all.end(), Index{0});
-  Anchors anchors;
+MatrixXd FieldMap::forward(const MatrixXd& values) const {
+  if (!anchors) return field.forward(values);
+  const MatrixXd held = anchors->forward(values);
+  MatrixXd all(values.rows() + held.rows(), values.cols());
+  all << values, held;
+  return field.forward(all);
+}
+
+MatrixXd FieldMap::adjoint(const MatrixXd& slopes) const {
+  MatrixXd all = field.adjoint(slopes);
+  if (!anchors) return all;
+  const Index held = anchors->size();
+  const Index own = all.rows() - held;
+  return all.topRows(own) + anchors->adjoint(all.bottomRows(held));
+}
+
+namespace {
+
+// How an interpolant of all values came to keep within the bound.
+struct BoundedField {
+  RbfSystem system;             // without anchors
+  RowMatrix displacements;      // of the targets
+  std::vector<Index> all = {};  // rows of the centres
+  Anchors anchors = {};
+  std::vector<std::pair<Index, RbfSystem>> holds = {};  // with so many of the anchors
+  std::size_t taken = 0;  // the hold that the displacements are of, from 1; 0: without anchors
+};
+
+BoundedField bounded_field(const RowMatrix& centres, const RowMatrix& values, const Kernel& kernel,
+                           const RowMatrix& targets) {
+  RbfSystem system(centres, kernel);
+  BoundedField field{.system = system, .displacements = system.solve(values).evaluate(targets)};
+  if (overshoot(values, field.displacements) <= kMostOvershoot) return field;
+  field.all.resize(static_cast<std::size_t>(centres.rows()));
+  std::iota(field.all.begin(), field.all.end(), Index{0});
   try {
     RowMatrix held;
-    for (int hold = 0; hold < kMostHolds && overshoot(values, result) > kMostOvershoot; ++hold) {
-      anchors = find_anchors(centres, values, all, kernel, targets, anchors, held);
-      held = RbfSystem(stack(centres, select(targets, anchors.targets)), kernel)
-                 .solve(stack(values, anchors.values))
-                 .evaluate(targets);
-      if (overshoot(values, held) < overshoot(values, result)) result = held;
+    for (int hold = 0; hold < kMostHolds && overshoot(values, field.displacements) > kMostOvershoot;
+         ++hold) {
+      field.anchors =
+          find_anchors(centres, values, field.all, kernel, targets, field.anchors, held);
+      const Anchors& anchors = field.anchors;
+      field.holds.emplace_back(static_cast<Index>(anchors.targets.size()),
+                               RbfSystem(stack(centres, select(targets, anchors.targets)), kernel));
+      held = field.holds.back().second.solve(stack(values, anchors.values)).evaluate(targets);
+      if (overshoot(values, held) < overshoot(values, field.displacements)) {
+        field.displacements = held;
+        field.taken = field.holds.size();
+      }
     }
   } catch (const SolverError&) {  // centres nearly coincide: what there is has to do
   }
-  return result;
+  return field;
+}
+
+}  // namespace
+
+RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,
+                              const Kernel& kernel, const RowMatrix& targets) {
+  return bounded_field(centres, values, kernel, targets).displacements;
+}
+
+FieldMap bounded_derivative(const RowMatrix& centres, const RowMatrix& values, const Kernel& kernel,
+                            const RowMatrix& targets) {
+  const BoundedField bounded = bounded_field(centres, values, kernel, targets);
+  FieldMap map;
+  if (bounded.taken == 0) {
+    map.field = bounded.system.derivative(targets);
+    return map;
+  }
+  const auto& [count, system] = bounded.holds[bounded.taken - 1];
+  const auto field_of = [&](Index anchors, const std::vector<Index>& rows) {
+    const auto before =
+        std::ranges::find(bounded.holds, anchors, &std::pair<Index, RbfSystem>::first);
+    return before->second.derivative(select(targets, rows));
+  };
+  map.field = system.derivative(targets);
+  map.anchors.emplace(centres, bounded.all, kernel, targets, bounded.anchors, count, field_of);
+  return map;
 }
 
 }  // namespace cadmorph

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "core/rbf/kernel.h"
@@ -49,18 +50,35 @@ Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
                      const RowMatrix& targets, const Anchors& before = {},
                      const RowMatrix& displacements = {});
 
+/// Tells of displacements, at little cost, whether anchors may be needed: by some centres that move
+/// and some that rest, at the graded choice of the targets that find_anchors goes by.
+class OvershootCheck {
+ public:
+  /// `centres`: N x 3. `targets`: T x 3.
+  OvershootCheck(RowMatrix centres, const Kernel& kernel, const RowMatrix& targets);
+
+  /// Whether one of those targets moves farther than kMostOvershoot allows, or nearly so, for N x M
+  /// values at the centres; true where the centres nearly coincide.
+  bool may_overshoot(const RowMatrix& values) const;
+
+ private:
+  RowMatrix centres_, candidates_;
+  std::vector<Index> order_;  // of the centres, from coarse to fine
+  Kernel kernel_;
+};
+
 /// How the values of anchors depend on those at the centres, with the anchors and their parts
 /// fixed: a linear map and its transpose.
 class AnchorDerivative {
  public:
   /// What the whole field of so many of the anchors does at targets (rows), by the values at the
   /// centres and these anchors: for the rounds that go by it.
-  using FieldMap = std::function<RbfDerivative(Index anchors, const std::vector<Index>& targets)>;
+  using FieldOf = std::function<RbfDerivative(Index anchors, const std::vector<Index>& targets)>;
 
   /// The first `count` of the anchors that find_anchors chose for the same arguments.
   AnchorDerivative(const RowMatrix& centres, const std::vector<Index>& carriers,
                    const Kernel& kernel, const RowMatrix& targets, const Anchors& anchors,
-                   Index count, const FieldMap& field);
+                   Index count, const FieldOf& field);
 
   /// Returns the anchors' values, A x M, for N x M values at the centres.
   Eigen::MatrixXd forward(const Eigen::MatrixXd& values) const;
@@ -83,10 +101,24 @@ class AnchorDerivative {
   std::vector<Step> steps_;
 };
 
+/// The derivative of a field by the values at its centres, where anchors hold it by way of these.
+struct FieldMap {
+  RbfDerivative field;  ///< by the values at the centres and, below them, at the anchors
+  std::optional<AnchorDerivative> anchors;
+
+  /// T x M for N x M values, and N x M for T x M slopes.
+  Eigen::MatrixXd forward(const Eigen::MatrixXd& values) const;
+  Eigen::MatrixXd adjoint(const Eigen::MatrixXd& slopes) const;
+};
+
 /// The targets' displacements (T x M) by the interpolant of all values, held by anchors where it
 /// would overshoot and anchors can be found; for a few thousand centres at most. Throws what
 /// RbfSystem throws.
 RowMatrix interpolate_bounded(const RowMatrix& centres, const RowMatrix& values,
                               const Kernel& kernel, const RowMatrix& targets);
+
+/// The derivative of that by the values, the anchors held that these values took.
+FieldMap bounded_derivative(const RowMatrix& centres, const RowMatrix& values, const Kernel& kernel,
+                            const RowMatrix& targets);
 
 }  // namespace cadmorph

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -89,7 +90,44 @@ void sum_plain(const Task& t, const double* x, Index columns, double* out) {
   sum_columns(t, x, columns, out);
 }
 
+// The same sums, of values that were kept: kTile for each of the sources.
+struct KeptTask {
+  const Index* sources;
+  const double* values;
+  std::size_t count;
+  const double* weights;
+  Index weight_stride;
+};
+
+template <int M>
+CADMORPH_INLINE void sum_kept_tile(const KeptTask& t, const double* weights, double* out) {
+  Vec sum[kUnroll][M];
+  for (int u = 0; u < kUnroll; ++u)
+    for (int m = 0; m < M; ++m) sum[u][m] = Vec{};
+  for (std::size_t i = 0; i < t.count; ++i)
+    for (int u = 0; u < kUnroll; ++u) {
+      Vec value;
+      std::memcpy(&value, t.values + i * kTile + u * kLanes, sizeof(Vec));
+      for (int m = 0; m < M; ++m) sum[u][m] += value * weights[m * t.weight_stride + t.sources[i]];
+    }
+  for (int m = 0; m < M; ++m)
+    for (int u = 0; u < kUnroll; ++u)
+      std::memcpy(out + m * kTile + u * kLanes, &sum[u][m], sizeof(Vec));
+}
+
+CADMORPH_INLINE void sum_kept_columns(const KeptTask& t, Index columns, double* out) {
+  Index m = 0;
+  for (; m + 3 <= columns; m += 3)
+    sum_kept_tile<3>(t, t.weights + m * t.weight_stride, out + m * kTile);
+  for (; m < columns; ++m) sum_kept_tile<1>(t, t.weights + m * t.weight_stride, out + m * kTile);
+}
+
+void sum_kept_plain(const KeptTask& t, Index columns, double* out) {
+  sum_kept_columns(t, columns, out);
+}
+
 using TileSum = void (*)(const Task&, const double*, Index, double*);
+using KeptSum = void (*)(const KeptTask&, Index, double*);
 
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) void sum_avx2(const Task& t, const double* x, Index columns,
@@ -101,6 +139,15 @@ __attribute__((target("avx512f"))) void sum_avx512(const Task& t, const double* 
                                                    double* out) {
   sum_columns(t, x, columns, out);
 }
+
+__attribute__((target("avx2"))) void sum_kept_avx2(const KeptTask& t, Index columns, double* out) {
+  sum_kept_columns(t, columns, out);
+}
+
+__attribute__((target("avx512f"))) void sum_kept_avx512(const KeptTask& t, Index columns,
+                                                        double* out) {
+  sum_kept_columns(t, columns, out);
+}
 #endif
 
 TileSum tile_sum(simd::InstructionSet set) {
@@ -110,6 +157,15 @@ TileSum tile_sum(simd::InstructionSet set) {
 #endif
   (void)set;
   return sum_plain;
+}
+
+KeptSum kept_sum(simd::InstructionSet set) {
+#if defined(__x86_64__)
+  if (set == simd::InstructionSet::Avx512) return sum_kept_avx512;
+  if (set == simd::InstructionSet::Avx2) return sum_kept_avx2;
+#endif
+  (void)set;
+  return sum_kept_plain;
 }
 
 struct Box {
@@ -231,7 +287,7 @@ MatrixXd CompactSum::operator()(const Eigen::Ref<const MatrixXd>& targets,
              });
 }
 
-CompactMatrix::CompactMatrix(const CompactSum& sum) : sum_(sum) {
+CompactMatrix::CompactMatrix(const CompactSum& sum, double most_bytes) : sum_(sum) {
   const MatrixXd& points = *sum.points_;
   near_.resize((points.rows() + kTile - 1) / kTile);
   const double reach = squared_reach(sum.support_);
@@ -239,12 +295,78 @@ CompactMatrix::CompactMatrix(const CompactSum& sum) : sum_(sum) {
     for (Index i = first; i < last; ++i)
       find_near(*sum.tree_, 0, Tile(points, i * kTile).box(), reach, near_[i]);
   });
+  if (most_bytes > 0) keep_values(most_bytes);
+}
+
+// Sources beyond the support of all points of a tile add zero, and are left out.
+void CompactMatrix::keep_values(double most_bytes) {
+  const MatrixXd& points = *sum_.points_;
+  const double reach = squared_reach(sum_.support_), one = 1;
+  const TileSum sum_tile = tile_sum(sum_.set_);
+  std::vector<std::size_t> counts(near_.size(), 0);
+  kept_.resize(near_.size());
+  const auto for_each_tile = [&](const auto& call) {
+    parallel_for(std::ssize(near_), kGrain / kTile, [&](Index first, Index last) {
+      for (Index i = first; i < last; ++i) call(i, Tile(points, i * kTile));
+    });
+  };
+  for_each_tile([&](Index i, const Tile& tile) {
+    for (const auto& [begin, end] : near_[i])
+      for (Index j = begin; j < end; ++j) {
+        double nearest = reach;
+        for (int k = 0; k < kTile; ++k) {
+          double square = 0;
+          for (int d = 0; d < 3; ++d) {
+            const double gap = tile.x[d * kTile + k] - points(j, d);
+            square += gap * gap;
+          }
+          nearest = std::min(nearest, square);
+        }
+        if (nearest < reach) kept_[i].sources.push_back(j);
+      }
+    counts[i] = kept_[i].sources.size();
+  });
+  const double entries = static_cast<double>(std::accumulate(counts.begin(), counts.end(), 0.0));
+  if (entries * (kTile + 1) * sizeof(double) > most_bytes) {
+    kept_.clear();
+    return;
+  }
+  for_each_tile([&](Index i, const Tile& tile) {
+    auto& [sources, values] = kept_[i];
+    values.resize(sources.size() * kTile);
+    for (std::size_t k = 0; k < sources.size(); ++k) {
+      const Range range{0, 1};
+      const Task task{points.data() + sources[k], points.rows(), &one, 1, &range, 1, sum_.support_};
+      sum_tile(task, tile.x, 1, values.data() + k * kTile);
+    }
+  });
+}
+
+MatrixXd CompactMatrix::multiply_kept(const MatrixXd& weights) const {
+  const Index columns = weights.cols(), rows = weights.rows();
+  MatrixXd result(rows, columns);
+  const KeptSum sum_tile = kept_sum(sum_.set_);
+  parallel_for(std::ssize(kept_), kGrain / kTile, [&](Index first, Index last) {
+    std::vector<double> values(kTile * columns);
+    for (Index t = first; t < last; ++t) {
+      const Kept& kept = kept_[t];
+      sum_tile({kept.sources.data(), kept.values.data(), kept.sources.size(), weights.data(), rows},
+               columns, values.data());
+      const Index begin = t * kTile, count = std::min<Index>(kTile, rows - begin);
+      for (Index m = 0; m < columns; ++m)
+        for (Index i = 0; i < count; ++i) result(begin + i, m) = values[m * kTile + i];
+    }
+  });
+  return result;
 }
 
 MatrixXd CompactMatrix::operator*(const Eigen::Ref<const MatrixXd>& coefficients) const {
-  const MatrixXd sums =
-      sum_.sum(*sum_.points_, sum_.in_tree_order(coefficients),
-               [&](Index tile, const auto&, auto&) { return std::span<const Range>(near_[tile]); });
+  const MatrixXd weights = sum_.in_tree_order(coefficients);
+  const MatrixXd sums = kept_.empty() ? sum_.sum(*sum_.points_, weights,
+                                                 [&](Index tile, const auto&, auto&) {
+                                                   return std::span<const Range>(near_[tile]);
+                                                 })
+                                      : multiply_kept(weights);
   MatrixXd result(sums.rows(), sums.cols());
   for (Index i = 0; i < sums.rows(); ++i) result.row(sum_.tree_->row(i)) = sums.row(i);
   return result;

@@ -26,6 +26,12 @@ using Eigen::VectorXd;
 constexpr double kSolved = 1e-13;
 constexpr int kMaxIterations = 3000;
 
+// A map of no more numbers is worked out as a whole: some tenths of a second.
+constexpr Index kFewNumbers = 1'000'000;
+
+// Part of the memory allowed that each level's matrix may take.
+constexpr double kKeptPart = 0.1;
+
 // Sources that a thread sums over at a time where the targets are few.
 constexpr Index kSourceChunk = 8192, kMostChunks = 64;
 
@@ -72,10 +78,10 @@ std::vector<char> near(const Points& points, const std::vector<Index>& some, dou
 
 // One level of the correction: its points interpolate what the levels before it leave.
 struct Level {
-  Level(const Points& points, std::vector<Index> which, double support)
+  Level(const Points& points, std::vector<Index> which, double support, double most_bytes)
       : rows(std::move(which)),
         sum(Points(points(rows, Eigen::all)), support),
-        matrix(std::make_unique<CompactMatrix>(sum)) {}
+        matrix(sum, most_bytes) {}
   Level(const Level&) = delete;
   Level& operator=(const Level&) = delete;
 
@@ -83,7 +89,7 @@ struct Level {
 
   std::vector<Index> rows;  ///< of the points
   CompactSum sum;
-  std::unique_ptr<CompactMatrix> matrix;
+  CompactMatrix matrix;
 };
 
 // Columns of unit size, so that each is solved to its own rounding.
@@ -92,7 +98,7 @@ MatrixXd Level::solve(const MatrixXd& values) const {
   const Eigen::RowVectorXd scale = (largest.array() > 0).select(largest, 1.0);
   const CgResult result =
       solve_projected_cg(
-          [&](const MatrixXd& x) { return *matrix * x; }, [](const MatrixXd& x) { return x; },
+          [&](const MatrixXd& x) { return matrix * x; }, [](const MatrixXd& x) { return x; },
           MatrixXd(values.rows(), 0), {values * scale.cwiseInverse().asDiagonal()},
           {VectorXd::Constant(values.rows(), kSolved)}, {.max_iterations = kMaxIterations})
           .front();
@@ -123,7 +129,7 @@ void add_sums(const CompactSum& sum, const Cloud& at, const MatrixXd& weights, d
 struct FieldDerivative::Impl {
   Impl(const FrozenField& field, const MatrixXd& targets);
 
-  void add_levels(std::vector<char> is_met, double spacing);
+  void add_levels(std::vector<char> is_met, double spacing, double most_bytes);
   MatrixXd weights(const MatrixXd& values, MatrixXd& coefficients) const;
   MatrixXd transposed_weights(const MatrixXd& weights, const MatrixXd& coefficients) const;
 
@@ -137,6 +143,9 @@ struct FieldDerivative::Impl {
   std::shared_ptr<const DenseSolver> solver;
   std::vector<std::unique_ptr<const Level>> levels;
   std::optional<CompactSum> over_points, over_targets;  // of any support: for their trees
+  // The whole map, N x T, of few points and targets: its numbers make both directions transposes to
+  // rounding, where weights would be large ones that cancel.
+  MatrixXd transposed;
 };
 
 FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targets)
@@ -178,11 +187,12 @@ FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targ
   if (static_cast<Index>(rows.size()) == count) return;
   std::vector<char> is_met(static_cast<std::size_t>(count), 0);
   for (const Index row : rows) is_met[row] = 1;
-  add_levels(std::move(is_met), field.correction_from);
+  add_levels(std::move(is_met), field.correction_from, kKeptPart * field.memory_limit);
 }
 
 // The levels of one sweep of MultiscaleCorrection where what is not met yet is worth a correction.
-void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing) {
+void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing,
+                                       double most_bytes) {
   const Points given(points.points);
   const PointOrder order = farthest_point_order(given);
   const Index all = given.rows();
@@ -203,7 +213,7 @@ void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing)
     for (Index i = 0; i < all; ++i)
       if (is_near[i]) is_met[i] = 0;
     for (const Index row : taken) is_met[row] = 1;
-    levels.push_back(std::make_unique<const Level>(given, std::move(taken), support));
+    levels.push_back(std::make_unique<const Level>(given, std::move(taken), support, most_bytes));
   }
   if (levels.empty()) return;
   over_points.emplace(given, 1);
@@ -230,14 +240,20 @@ MatrixXd FieldDerivative::Impl::transposed_weights(const MatrixXd& by_weights,
   return even + weights(by_weights - sum(centres, centres, even), unused);
 }
 
-FieldDerivative::FieldDerivative(const FrozenField& field, const MatrixXd& targets)
-    : impl_(std::make_shared<const Impl>(field, targets)) {}
+FieldDerivative::FieldDerivative(const FrozenField& field, const MatrixXd& targets) {
+  const auto impl = std::make_shared<Impl>(field, targets);
+  impl_ = impl;
+  const Index count = targets.rows();
+  if (impl->levels.empty() && count * points() <= kFewNumbers)
+    impl->transposed = adjoint(MatrixXd::Identity(count, count));
+}
 
 Index FieldDerivative::points() const { return impl_->points.points.rows(); }
 Index FieldDerivative::targets() const { return impl_->targets.points.rows(); }
 
 MatrixXd FieldDerivative::forward(const MatrixXd& values) const {
   const Impl& s = *impl_;
+  if (s.transposed.size() > 0) return s.transposed.transpose() * values;
   const MatrixXd fit = s.P.transpose() * values / static_cast<double>(s.P.rows());
   MatrixXd left = values - s.P * fit;
   MatrixXd coefficients;
@@ -256,6 +272,7 @@ MatrixXd FieldDerivative::forward(const MatrixXd& values) const {
 
 MatrixXd FieldDerivative::adjoint(const MatrixXd& slopes) const {
   const Impl& s = *impl_;
+  if (s.transposed.size() > 0) return s.transposed * slopes;
   MatrixXd by_left = MatrixXd::Zero(s.points.points.rows(), slopes.cols());
   for (auto at = s.levels.rbegin(); at != s.levels.rend(); ++at) {
     const Level& level = **at;

@@ -55,6 +55,8 @@ TEST_CASE("compact sums are those over all pairs, the same bits on every process
     // Alone and in another company.
     for (const Index i : {0, 17, 500}) REQUIRE(sum(targets.row(i), coefficients) == found.row(i));
     REQUIRE(CompactMatrix(sum) * coefficients == sum(points, coefficients));
+    for (const double bytes : {1e3, 1e9})  // with too little room for its values, and enough
+      REQUIRE(CompactMatrix(sum, bytes) * coefficients == sum(points, coefficients));
   }
 }
 

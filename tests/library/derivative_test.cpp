@@ -106,6 +106,17 @@ TEST_CASE("A gradient is the sum of dJ/dX times the velocity of all nodes", "[li
   CHECK(std::abs(gradient(step10)[0].gradient - expected(step10)) < 1e-12 * scale);
 }
 
+TEST_CASE("A gradient counts for the anchors that hold a motion in a far field", "[library]") {
+  const CadModel base = cad("shapes/sphere_far_field");
+  const Mesh mesh = Mesh::read(model("shapes/sphere_far_field.vtu"));
+  const Morpher morpher(base, mesh);
+  const ParameterPair pair{cad("shapes/sphere_far_field_variant"), base, 0.5};
+  const RowMatrix slopes = noise(mesh.node_count(), 3, 6);
+  const Velocity velocity = morpher.velocity(pair);
+  CHECK(std::abs(morpher.gradient(slopes, {{"radius", pair}})[0].gradient -
+                 dot(slopes, velocity.nodes())) < 1e-10 * slopes.norm() * velocity.nodes().norm());
+}
+
 TEST_CASE("A velocity about a variant is the slope of the warp there", "[library]") {
   const Bore bore;
   const CadModel step10 = cad("bore/step10");

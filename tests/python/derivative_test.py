@@ -124,6 +124,44 @@ class Derivatives(unittest.TestCase):
         self.assertEqual(derivative.forward(strided).shape, (self.n, 3))
 
 
+class Sliding(unittest.TestCase):
+    def setUp(self):
+        self.morpher = cadmorph.Morpher(models.cad("shapes/box"), models.around_box(), quality="fast")
+        points = self.morpher.mesh.points[self.morpher.surface_nodes]
+        inside = (abs(points - [20, 15, 0]) < [20.1, 15.1, 20.1]).all(axis=1)
+        rim = (abs(points[:, :2] - [20, 15]) > [59.9, 44.9]).any(axis=1)
+        self.follows = (points[:, 2] == 0) & ~inside & ~rim
+        self.base = points
+
+    def test_slide_is_what_the_morph_does(self):
+        result = self.morpher.morph(models.box_of(44, 27, 24))
+        wanted = result.positions[self.morpher.surface_nodes]
+        given = np.where(self.follows[:, None], self.base + [1, 2, 3], wanted)
+        self.assertGreater(abs(wanted - self.base)[self.follows].max(), 0.5)
+        self.assertLess(abs(self.morpher.slide(given) - wanted).max(), 1e-11)
+        self.assertLess(abs(self.morpher.warp(self.morpher.slide(given)) - result.positions).max(), 1e-11)
+        with self.assertRaises(cadmorph.InvalidInputError):
+            self.morpher.slide(given[:-1])
+
+    def test_the_derivative_goes_through_planes_that_slide(self):
+        random = np.random.default_rng(5)
+        start = self.morpher.slide(self.base + 0.05 * self.base * ~self.follows[:, None] * (self.base[:, 2:] < 30))
+        derivative = self.morpher.derivative(start, slide=True)
+        u = random.normal(size=(len(self.base), 6))
+        v = random.normal(size=(self.morpher.mesh.node_count, 6))
+        forward, adjoint = derivative.forward(u), derivative.adjoint(v)
+        self.assertLess(abs(np.vdot(v, forward) - np.vdot(adjoint, u)), 1e-12 * np.linalg.norm(v) * np.linalg.norm(forward))
+        self.assertFalse(adjoint[self.follows].any())
+        self.assertTrue(adjoint[~self.follows].any(axis=1).all())
+        plain = self.morpher.derivative(start).forward(u)
+        self.assertGreater(abs(plain - forward).max(), 0.1)
+        h = 1e-3
+        plus, minus = (self.morpher.warp(self.morpher.slide(start + sign * h * u[:, :3])) for sign in (1, -1))
+        self.assertLess(abs((plus - minus) / (2 * h) - forward[:, :3]).max(), 1e-8)
+        with self.assertRaisesRegex(cadmorph.InvalidInputError, "three columns each"):
+            derivative.forward(u[:, :2])
+
+
 class IDWarp(unittest.TestCase):
     def test_its_calls(self):
         mesh = USMesh({"gridFile": models.FOLDER / "shapes/box.vtu", "cadFile": models.FOLDER / "shapes/box.step"})

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import cadmorph
+import numpy as np
 
 FOLDER = Path(os.environ["CADMORPH_MODELS"])
 
@@ -26,6 +27,19 @@ def box_of(length, width, height):
 
 def mesh(name):
     return cadmorph.Mesh.read(FOLDER / f"{name}.vtu")
+
+
+def around_box():
+    """Hexahedra round the box, on a plane that its foot stands on: the nodes of that slide."""
+    x, y, z = np.mgrid[0:13, 0:10, 0:7]
+    number = np.arange(x.size).reshape(x.shape)
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    cells = np.stack([number[i:12 + i, j:9 + j, k:6 + k] for i, j, k in corners], axis=-1)
+    is_outside = np.ones(cells.shape[:3], bool)
+    is_outside[4:8, 3:6, 0:2] = False
+    used, cells = np.unique(cells[is_outside], return_inverse=True)
+    points = 10.0 * np.stack([x.ravel() - 4, y.ravel() - 3, z.ravel()], axis=1)[used]
+    return cadmorph.Mesh(points, [("hexahedron", cells.reshape(-1, 8))])
 
 
 def box_morpher(**options):

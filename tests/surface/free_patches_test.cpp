@@ -119,3 +119,44 @@ TEST_CASE("a line between planes takes of the CAD's motion what is along it",
   }
   CHECK(on_line == 12);
 }
+
+TEST_CASE("the derivative of sliding planes is their motion's, and its adjoint its transpose",
+          "[surface][far-field]") {
+  const MorphCase c = mesh_case(to_model(ball_sector(kRadius, pi / 2)), around_sector(pi / 2));
+  const SurfaceMorph morph(c.base, c.mesh, c.boundary);
+  const Points base = c.mesh.points(c.boundary.nodes, Eigen::all);
+  std::vector<Index> given, following;
+  for (Index n = 0; n < base.rows(); ++n) {
+    const bool is_far = base.row(n).norm() > kFar - 1e-9;
+    const bool is_cad = morph.association().dimension[n] != CadDimension::None;
+    (is_far || is_cad ? given : following).push_back(n);
+  }
+  REQUIRE(following.size() > 300);
+  // Small motions leave the planes as they are, large ones take anchors: a ball that grows.
+  for (const double growth : {0.01, 0.6}) {
+    CAPTURE(growth);
+    Points moved = base;
+    for (const Index n : given)
+      if (base.row(n).norm() < kFar - 1) moved.row(n) *= 1 + growth;
+    const SlideDerivative map = morph.slide_derivative(moved);
+    RowMatrix u = RowMatrix::Zero(base.rows(), 6), v(base.rows(), 6);
+    for (Index i = 0; i < v.size(); ++i) v.data()[i] = std::sin(1e3 * double(i * i % 10007));
+    for (const Index n : given)
+      for (int d = 0; d < 6; ++d) u(n, d) = std::cos(0.2 * d + base(n, d % 3));
+    const RowMatrix forward = map.forward(u), adjoint = map.adjoint(v);
+    CHECK(std::abs(v.cwiseProduct(forward).sum() - adjoint.cwiseProduct(u).sum()) <
+          1e-12 * v.norm() * forward.norm());
+    CHECK(adjoint(following, Eigen::all).isZero(0));
+    CHECK(forward(given, Eigen::all) == u(given, Eigen::all));
+    RowMatrix other = u;
+    other(following, Eigen::all).setOnes();
+    CHECK(map.forward(other) == forward);
+    // With the anchors held the motion is linear.
+    Points slid = moved;
+    slid(following, Eigen::all) = base(following, Eigen::all);
+    const SurfaceMesh surface = make_surface_mesh(c.mesh, c.boundary, 1);
+    for (const FreePatch& patch : find_free_patches(surface, c.boundary, morph.association()))
+      if (patch.is_planar) slide_patch(surface, patch, slid);
+    CHECK((base + Points(map.forward(moved - base)) - slid).cwiseAbs().maxCoeff() < 1e-9 * kFar);
+  }
+}

@@ -165,6 +165,40 @@ TEST_CASE("The derivative goes through anchors in a far field", "[volume][deriva
   }
 }
 
+TEST_CASE("Motions that anchors hold are known beforehand", "[volume][derivative]") {
+  int held = 0;
+  for (const int n : {8, 18})
+    for (const double far : {10.0, 50.0}) {
+      const FarField field = far_field(n, far);
+      const VolumeMorph morph(field.mesh, field.surface);
+      VolumeMorphOptions options;
+      options.rbf.solver = SolverKind::Cholesky;  // asked for, it has no anchors
+      const VolumeMorph full(field.mesh, field.surface, options);
+      const VolumeMorph::HoldCheck check = morph.hold_check();
+      const Points start = rows_of(field.mesh.points, field.surface);
+      for (const auto& motion : std::vector<Motion>{
+               [](const Vector3d& x) -> Vector3d { return 1.25 * x; },
+               [](const Vector3d& x) -> Vector3d { return x + Vector3d(0.2, 0, 0.1); },
+               [](const Vector3d& x) -> Vector3d { return x + 0.2 * Vector3d(x[1], -x[0], 0); }}) {
+        const Points moved = targets(field, motion) - start;
+        RbfReport report;
+        morph.morph(start + moved, &report);
+        CAPTURE(n, far, report.reason);
+        if (report.reason.find("hold the field") != std::string::npos) {
+          ++held;
+          CHECK(check.may_be_held(start + moved));
+          CHECK(check.may_be_held(start + 1e-6 * moved));
+        }
+        CHECK(!full.hold_check().may_be_held(start + moved));
+      }
+      CHECK(!check.may_be_held(start));
+      CHECK(!check.may_be_held(1.1 * start));
+    }
+  CHECK(held >= 3);
+  const Case cube = shaken_cube(8, SolverKind::Auto);
+  CHECK(!VolumeMorph(cube.mesh, cube.surface).hold_check().may_be_held(cube.target));
+}
+
 TEST_CASE("Columns of a derivative are independent", "[volume][derivative]") {
   const Case given = shaken_cube(20, SolverKind::Auto);
   const VolumeDerivative map = derivative(given);

@@ -12,7 +12,8 @@ class USMesh:
     """A mesh that follows its surface.
 
     options: gridFile (mesh), cadFile (STEP file that it was made for); further keywords of Morpher.
-    Warps are one plain morph from the base, nothing repaired.
+    Warps are one plain morph from the base, nothing repaired; nodes on planes that slide (symmetry
+    planes) follow the others, whatever coordinates are given for them.
     """
 
     def __init__(self, options, comm=None, debug=False):
@@ -49,7 +50,7 @@ class USMesh:
 
     def warpMesh(self):
         """Moves all nodes with the surface."""
-        self._volume = self.morpher.warp(self._surface)
+        self._volume = self.morpher.warp(self.morpher.slide(self._surface))
 
     def getSolverGrid(self):
         """float64 (3 N,): all nodes, as a solver's vector."""
@@ -59,7 +60,7 @@ class USMesh:
 
     def _at_surface(self):
         if self._derivative is None:
-            self._derivative = self.morpher.derivative(self._surface)
+            self._derivative = self.morpher.derivative(self.morpher.slide(self._surface), slide=True)
         return self._derivative
 
     def warpDeriv(self, dXv, solverVec=True, surfOnly=False):

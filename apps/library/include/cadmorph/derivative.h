@@ -48,6 +48,12 @@ class Derivative {
   std::shared_ptr<const Impl> impl_;
 };
 
+struct DerivativeCall {
+  /// Nodes on planes that slide (symmetry planes, sides of a far field) follow the others: what is
+  /// given for them is not read, the adjoint by them is 0, and columns come in threes.
+  bool slide = false;
+};
+
 /// The CAD models with a parameter larger and smaller by a step, in the parameter's unit.
 struct ParameterPair {
   CadModel plus, minus;

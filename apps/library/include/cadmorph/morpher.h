@@ -72,11 +72,20 @@ class Morpher {
     return result;
   }
 
-  /// The derivative of `warp` at these positions, or at the base. Costs a morph and a factorisation
+  /// Positions of the surface nodes (m x 3) with those on planes that slide where the others take
+  /// them. Throws InvalidInputError on a wrong size.
+  Points slide(const Points& surface_positions) const {
+    Points result(surface_positions.rows(), 3);
+    slide_to(surface_positions, result.data());
+    return result;
+  }
+
+  /// The derivative of `warp` at these positions, or at the base; if asked for that of `warp` after
+  /// `slide`. Costs a morph and a factorisation
   /// of the centres' system. Throws as `warp` does, and InvalidInputError for methods other than
   /// RBF and the solver Iqr.
-  Derivative derivative(const Points& surface_positions) const;
-  Derivative derivative() const;
+  Derivative derivative(const Points& surface_positions, const DerivativeCall& call = {}) const;
+  Derivative derivative(const DerivativeCall& call = {}) const;
 
   /// How the nodes move with a CAD parameter, by central differences of the surface morphs onto the
   /// models with the parameter larger and smaller by a step; inside by the derivative of `warp` at
@@ -103,6 +112,7 @@ class Morpher {
 
  private:
   void warp_to(const Points& surface_positions, double* result) const;
+  void slide_to(const Points& surface_positions, double* result) const;
 
   std::shared_ptr<Impl> impl_;
 };
