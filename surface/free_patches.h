@@ -61,8 +61,9 @@ double plane_tolerance(const SurfaceMesh& surface);
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
 
 /// What slide_patch does, one patch after the other, as a linear map of the displacements of all
-/// surface nodes, the anchors held that `moved` took, and the transpose of that map. Sheets that are
-/// images of each other go each by themselves: others than mirrored displacements may be asked for.
+/// surface nodes, the anchors held that `moved` took, and the transpose of that map. Sheets that
+/// are images of each other go each by themselves: others than mirrored displacements may be asked
+/// for.
 class SlideDerivative {
  public:
   /// `moved`: where all surface nodes are, millimetres.
