@@ -101,6 +101,15 @@ std::string front(const FileKind& kind, Header header) {
   return stream.str();
 }
 
+/// Bounds what is read while it lives.
+class Limit {
+ public:
+  explicit Limit(std::uint64_t bytes) { archive_bytes = bytes; }
+  ~Limit() { archive_bytes = std::numeric_limits<std::uint64_t>::max(); }
+  Limit(const Limit&) = delete;
+  Limit& operator=(const Limit&) = delete;
+};
+
 [[noreturn]] void refuse(const fs::path& path, const std::string& why) {
   throw IoError("can't read " + path.string() + ": " + why);
 }
@@ -182,6 +191,7 @@ void read_checked_file(const fs::path& path, const FileKind& kind,
   const std::streampos place = file.tellg();
   check_contents(path, kind, header, file);
   file.seekg(place);
+  const Limit limit(header.size);
   try {
     InputArchive archive(file);
     contents(archive);

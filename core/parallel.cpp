@@ -36,9 +36,6 @@ class Order {
   void release() {}
   void acquire() {}
 #endif
-
- private:
-  char place_ = 0;
 };
 
 }  // namespace

@@ -175,6 +175,15 @@ Json to_json(const BatchIdentity& identity) {
           {"mesh_hash", identity.mesh_hash}, {"options", identity.options}};
 }
 
+BatchIdentity identity_of(const Json& json) {
+  return {.program = json.at("program"),
+          .base = json.at("base"),
+          .base_hash = json.at("base_hash"),
+          .mesh = json.at("mesh"),
+          .mesh_hash = json.at("mesh_hash"),
+          .options = json.at("options")};
+}
+
 Json to_json(const VariantList& list) {
   Json variants = Json::array();
   for (const Variant& variant : list.variants)
@@ -288,7 +297,7 @@ struct BatchFolder::Impl {
       Json plan = Json::parse(read_bytes(path));
       if (plan.at("format") != kPlanFormat)
         throw InvalidInputError(path.string() + ": of another version of cadmorph");
-      difference(plan.at("identity"), plan.at("identity"));  // all must be there
+      identity_of(plan.at("identity"));
       list_of(plan);
       return plan;
     } catch (const Json::exception& error) {
@@ -340,13 +349,7 @@ void BatchFolder::begin(const BatchIdentity& identity, const VariantList& list, 
 VariantList BatchFolder::read_list() const { return list_of(impl_->read_plan()); }
 
 BatchIdentity BatchFolder::read_identity() const {
-  const Json identity = impl_->read_plan().at("identity");
-  return {.program = identity.value("program", ""),
-          .base = identity.value("base", ""),
-          .base_hash = identity.value("base_hash", ""),
-          .mesh = identity.value("mesh", ""),
-          .mesh_hash = identity.value("mesh_hash", ""),
-          .options = identity.value("options", "")};
+  return identity_of(impl_->read_plan().at("identity"));
 }
 
 std::map<std::string, ResultRow> BatchFolder::read_rows() const {

@@ -389,7 +389,12 @@ TEST_CASE("A damaged plan is named, and lines that are no rows don't count", "[a
   const std::string command = "batch box.step box.vtu box_moved.step box.step -o out --resume";
   REQUIRE(place.run(command).exit_code == 0);
   const std::string plan = place.read("out/batch.json"), rows = place.read("out/results.jsonl");
-  for (const std::string& text : {plan.substr(0, plan.size() / 2), std::string("{\"format\":1}")}) {
+  const std::size_t program = plan.find("\"cadmorph ");
+  REQUIRE(program != std::string::npos);
+  const std::string number_for_text =
+      plan.substr(0, program) + "1" + plan.substr(plan.find(',', program));
+  for (const std::string& text :
+       {plan.substr(0, plan.size() / 2), std::string("{\"format\":1}"), number_for_text}) {
     place.write("out/batch.json", text);
     for (const std::string& damaged : {command, std::string("batch --collect out")}) {
       const RunResult result = place.run(damaged);

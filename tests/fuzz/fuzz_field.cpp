@@ -1,5 +1,5 @@
 // Reads any bytes as the contents of a field file, made to look undamaged by their size and
-// checksum, and moves points by it: success, or an error of the project's own kind.
+// checksum: success, or an error of the project's own kind.
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
@@ -32,8 +32,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const testing::FuzzFolder folder;
   const std::string bytes = mended(std::string(testing::text_of(data, size)));
   try {
-    const DeformationField field(read_field(folder.put("field.cmf", bytes)));
-    field.apply(Points::Random(10, 3));
+    read_field(folder.put("field.cmf", bytes));
   } catch (const Error&) {
   }
   return 0;

@@ -11,7 +11,9 @@
 #include <random>
 
 #include "../core/sample_meshes.h"
+#include "core/archive_types.h"
 #include "core/boundary.h"
+#include "core/checked_file.h"
 #include "core/errors.h"
 #include "volume/field_file.h"
 #include "volume_meshes.h"
@@ -239,6 +241,32 @@ TEST_CASE("A damaged field file is refused", "[volume][field]") {
   CHECK(file.refusal().find("it is no field file") != std::string::npos);
   CHECK_THROWS_AS(read_field(fs::temp_directory_path()), IoError);
   CHECK_THROWS_AS(read_field("no_such.cmf"), IoError);
+}
+
+TEST_CASE("A field file that claims more than it holds is refused", "[volume][field]") {
+  const ScratchFile file;
+  const FileKind kind{.mark = "cadmorph deformation field\n",
+                      .format = kFieldFormat,
+                      .name = "field file",
+                      .remedy = ""};
+  const auto refusal_of = [&](const auto&... contents) {
+    write_checked_file(file.path, kind, [&](OutputArchive& archive) { archive(contents...); });
+    return file.refusal();
+  };
+  using Catch::Matchers::Contains;
+  const std::string name = "x";
+  const Eigen::RowVector3d corner(1, 2, 3);
+  const auto refusal_of_nodes = [&](std::int64_t rows, std::int64_t columns) {
+    return refusal_of(name, name, name, 1.0, corner, corner, rows, columns);
+  };
+  CHECK_THAT(refusal_of(std::uint64_t{1} << 60), Contains("more than the file holds"));
+  CHECK_THAT(refusal_of_nodes(std::int64_t{1} << 40, 3), Contains("more than the file holds"));
+  CHECK_THAT(refusal_of_nodes(std::int64_t{1} << 62, 3), Contains("more than the file holds"));
+  CHECK_THAT(refusal_of_nodes(-1, 3), Contains("another shape"));
+  CHECK_THAT(refusal_of_nodes(2, 4), Contains("another shape"));
+  const Points none(0, 3);
+  CHECK_THAT(refusal_of(name, name, name, 1.0, corner, corner, none, none, std::uint64_t{1} << 60),
+             Contains("more than the file holds"));
 }
 
 }  // namespace cadmorph
