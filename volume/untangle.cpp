@@ -36,7 +36,7 @@ constexpr double kLeastRise = 0.1;
 // cells at most, or 5e7 nodes of samples on small meshes; what takes more fails in the end, and
 // took minutes to.
 constexpr double kMostPasses = 100;
-constexpr double kSmallWork = 6e7;
+constexpr double kSmallWork = 1e8;
 
 // The cells within some rings of the seeds, and the nodes that may move.
 struct Neighbourhood {
