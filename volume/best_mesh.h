@@ -70,8 +70,8 @@ struct BestMeshResult {
 /// attempt is taken when neither figure is below that of `positions` and their sum, each as a share
 /// of the reference's, is the largest so far; no more cells are invalid then. Cells that are not
 /// valid at `positions` (N x 3, `quality` is theirs) stay as they are. At most 20 passes over the
-/// mesh's cells (more where it is small): a count, no time, so that the result is the same on every
-/// machine and for any number of threads.
+/// mesh's cells, 80 where less than half was kept (more where the mesh is small): a count, no time,
+/// so that the result is the same on every machine and for any number of threads.
 BestMeshResult find_best_mesh(const Mesh& mesh, const ReferenceShape& reference,
                               const Points& positions, const QualityReport& quality,
                               const std::vector<char>& is_fixed, const Orientation& orientation,
