@@ -16,9 +16,9 @@
 #include "surface/face_map.h"
 #include "surface/face_nodes.h"
 #include "surface/free_patches.h"
+#include "surface/image_pairs.h"
 #include "surface/joint_motion.h"
 #include "surface/joints.h"
-#include "surface/mirror_pairs.h"
 #include "surface/node_feet.h"
 #include "surface/surface_mesh.h"
 
@@ -30,6 +30,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+constexpr double kRounding = 1e-13;  // of the largest coordinate, of some 1e-16 an operation
 constexpr int kMostSteps = 8;
 constexpr int kRefinement = 4;
 
@@ -87,11 +88,20 @@ struct Placement {
 
 // A node that moved by no more than the rounding of its way through the CAD has not moved.
 void keep_still(const Points& start, Points& positions) {
-  constexpr double kRounding = 1e-13;  // of the largest coordinate, of some 1e-16 an operation
   const double least = kRounding * start.cwiseAbs().maxCoeff();
   for (Index n = 0; n < start.rows(); ++n)
     if ((positions.row(n) - start.row(n)).cwiseAbs().maxCoeff() <= least)
       positions.row(n) = start.row(n);
+}
+
+std::vector<int> nodes_of(const std::vector<ImagePair>& pairs) {
+  std::vector<int> result;
+  for (const ImagePair& pair : pairs)
+    for (const auto* nodes : {&pair.from, &pair.to})
+      result.insert(result.end(), nodes->begin(), nodes->end());
+  std::ranges::sort(result);
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
 }
 
 // Where the warp puts a node, unless it has its place already.
@@ -140,7 +150,10 @@ struct SurfaceMorph::Impl {
                        const Placement& placed) const;
   void move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps, Placement& placed,
                   SurfaceMorphResult& result) const;
-  std::vector<int> mirror_faces(const ModelPair& pair, Placement& placed) const;
+  std::vector<ImagePair> image_faces(const ModelPair& pair, const Points& moved) const;
+  void place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
+                    Placement& placed) const;
+  void settle_images(const std::vector<ImagePair>& images, Points& moved) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
@@ -151,7 +164,8 @@ struct SurfaceMorph::Impl {
   double least_stretch(int row, const Points& moved_feet) const;
   void move_amid(Points& moved) const;
   std::vector<FreePatch> sliding_patches() const;
-  std::vector<std::string> slide(Points& moved) const;
+  std::vector<ImagePair> slide(Points& moved) const;
+  std::string describe_patches() const;
 };
 
 void SurfaceMorph::Impl::find_feet() {
@@ -292,52 +306,44 @@ void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const std::vector<Cur
     if (!faces[f].rows.empty()) unfold(pair, maps, f, mapped[f], placed, result);
 }
 
-// The sides of a periodic or extruded mesh move alike, whatever their parameters say. Returns their
-// nodes.
-std::vector<int> SurfaceMorph::Impl::mirror_faces(const ModelPair& pair, Placement& placed) const {
-  const Points moved = surface.points + (placed.feet - feet);
-  std::vector<PlaneSheet> sheets;
-  std::vector<int> face_of;
+// The sides of a periodic or extruded mesh that move.
+std::vector<ImagePair> SurfaceMorph::Impl::image_faces(const ModelPair& pair,
+                                                       const Points& moved) const {
+  std::vector<Sheet> sheets;
   for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
     const FaceNodes& nodes = faces[f];
-    const bool is_plane = base->faces()[f].type == SurfaceType::Plane &&
-                          pair.variant.faces()[pair.match.faces[f]].type == SurfaceType::Plane;
-    if (!is_plane || nodes.rows.empty() ||
-        (moved - surface.points)(nodes.rows, Eigen::all).isZero(0))
-      continue;
-    PlaneSheet sheet;
-    sheet.inner = nodes.rows;
+    Sheet sheet;
+    sheet.facets = nodes.facets;
+    sheet.is_planar = base->faces()[f].type == SurfaceType::Plane &&
+                      pair.variant.faces()[pair.match.faces[f]].type == SurfaceType::Plane;
+    if (!(moved - surface.points)(nodes.rows, Eigen::all).isZero(0)) sheet.inner = nodes.rows;
     for (const int facet : nodes.facets)
       sheet.border.insert(sheet.border.end(), surface.facets[facet].begin(),
                           surface.facets[facet].end());
-    std::ranges::sort(sheet.inner);
     std::ranges::sort(sheet.border);
     sheet.border.erase(std::unique(sheet.border.begin(), sheet.border.end()), sheet.border.end());
-    std::erase_if(sheet.border, [&](int n) { return std::ranges::binary_search(sheet.inner, n); });
-    const SurfacePoint middle = base->evaluate(f, nodes.uv.row(0));
-    sheet.origin = middle.point;
-    sheet.normal = middle.du.cross(middle.dv).normalized();
+    std::erase_if(sheet.border, [&](int n) { return std::ranges::binary_search(nodes.rows, n); });
     sheets.push_back(std::move(sheet));
-    face_of.push_back(f);
   }
-  std::vector<int> mirrored;
-  for (const MirrorPair& found :
-       find_mirror_pairs(surface, moved, sheets, plane_tolerance(surface))) {
-    for (const std::size_t sheet : {found.original, found.image})
-      for (const auto& nodes : {sheets[sheet].inner, sheets[sheet].border})
-        mirrored.insert(mirrored.end(), nodes.begin(), nodes.end());
-    const int variant = pair.match.faces[face_of[found.image]];
-    for (std::size_t i = 0; i < found.to.size(); ++i) {
-      const int from = found.from[i], to = found.to[i];
-      const Vector3d motion = placed.feet.row(from) - feet.row(from);
-      const Vector3d target = feet.row(to).transpose() + found.mirror * motion;
-      const FaceFoot foot = project_on_face(pair.variant, variant, target, placed.uv.row(to));
+  return find_image_pairs(surface, moved, sheets, plane_tolerance(surface));
+}
+
+// They move alike, whatever their parameters say.
+void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
+                                      Placement& placed) const {
+  const Points moved = surface.points + (placed.feet - feet);
+  for (const ImagePair& found : images) {
+    const int variant = pair.match.faces[static_cast<int>(found.image)];
+    for (std::size_t i = 0; i < found.inner; ++i) {
+      const int to = found.to[i];
+      const Vector3d motion = found.place(surface, moved, i) - moved.row(to).transpose();
+      if (motion.norm() <= kRounding * plane_tolerance(surface)) continue;
+      const FaceFoot foot = project_on_face(
+          pair.variant, variant, placed.feet.row(to).transpose() + motion, placed.uv.row(to));
       placed.feet.row(to) = foot.point;
       placed.uv.row(to) = foot.uv;
     }
   }
-  std::ranges::sort(mirrored);
-  return mirrored;
 }
 
 // Replaces a folded map by a finer one, or by projection, where that folds less.
@@ -431,6 +437,17 @@ void SurfaceMorph::Impl::move_amid(Points& moved) const {
       moved.row(n) += surface.middle(n, moved) - surface.middle(n, surface.points);
 }
 
+// Images to rounding, but where the CAD's own faces are none.
+void SurfaceMorph::Impl::settle_images(const std::vector<ImagePair>& images, Points& moved) const {
+  for (const ImagePair& pair : images)
+    for (std::size_t i = 0; i < pair.to.size(); ++i) {
+      const Vector3d place = pair.place(surface, moved, i);
+      if (pair.to[i] != pair.from[i] && (place - moved.row(pair.to[i]).transpose()).norm() <=
+                                            kSameMotion * plane_tolerance(surface))
+        moved.row(pair.to[i]) = place;
+    }
+}
+
 std::vector<FreePatch> SurfaceMorph::Impl::sliding_patches() const {
   std::vector<FreePatch> result;
   for (const FreePatch& patch : patches)
@@ -438,26 +455,33 @@ std::vector<FreePatch> SurfaceMorph::Impl::sliding_patches() const {
   return result;
 }
 
-std::vector<std::string> SurfaceMorph::Impl::slide(Points& moved) const {
-  Index slid = 0, fixed = 0;
-  std::vector<PlaneSheet> sheets;
-  for (const FreePatch& patch : patches) {
-    if (constraint(patch) == GroupConstraint::Follow) continue;
-    const bool is_sliding = slides(patch);
-    if (is_sliding) {
-      slide_patch(surface, patch, moved);
-      std::vector<int> border = patch.touched;
-      border.insert(border.end(), patch.border.begin(), patch.border.end());
-      sheets.push_back({patch.inner, std::move(border), patch.origin, patch.normal});
-    }
-    ++(is_sliding ? slid : fixed);
+// Returns the pairs of patches that are images of each other.
+std::vector<ImagePair> SurfaceMorph::Impl::slide(Points& moved) const {
+  std::vector<Sheet> sheets;
+  for (const FreePatch& patch : sliding_patches()) {
+    slide_patch(surface, patch, moved);
+    std::vector<int> border = patch.touched;
+    border.insert(border.end(), patch.border.begin(), patch.border.end());
+    sheets.push_back({patch.inner, std::move(border), patch.facets, true});
   }
-  for (const MirrorPair& pair : find_mirror_pairs(surface, moved, sheets, plane_tolerance(surface)))
-    mirror_motion(surface, pair, moved);
+  auto pairs = find_image_pairs(surface, moved, sheets, plane_tolerance(surface));
+  for (const ImagePair& pair : pairs)
+    for (std::size_t i = 0; i < pair.inner; ++i)
+      moved.row(pair.to[i]) = pair.place(surface, moved, i);
+  return pairs;
+}
+
+// What the patches on no CAD face do; empty where there are none.
+std::string SurfaceMorph::Impl::describe_patches() const {
+  const auto follows = [&](const FreePatch& patch) {
+    return constraint(patch) == GroupConstraint::Follow;
+  };
+  const auto slid = sliding_patches().size();
+  const auto fixed = patches.size() - slid - std::ranges::count_if(patches, follows);
   if (slid + fixed == 0) return {};
-  return {std::to_string(association.unmatched_nodes) +
-          " surface nodes lie on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
-          std::to_string(slid) + " slide in their plane (--unmatched)"};
+  return std::to_string(association.unmatched_nodes) +
+         " surface nodes lie on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
+         std::to_string(slid) + " slide in their plane (--unmatched)";
 }
 
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
@@ -507,15 +531,21 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
     placed.cross(row, to);
   SurfaceMorphResult result;
   self.move_faces(pair, maps, placed, result);
-  result.mirrored = self.mirror_faces(pair, placed);
+  const auto images = self.image_faces(pair, self.surface.points + (placed.feet - self.feet));
+  self.place_images(pair, images, placed);
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
+  self.settle_images(images, moved);
   result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);
-  for (std::string& note : self.slide(moved)) result.warnings.push_back(std::move(note));
+  auto slid = self.slide(moved);
+  if (std::string text = self.describe_patches(); !text.empty())
+    result.warnings.push_back(std::move(text));
+  slid.insert(slid.end(), images.begin(), images.end());
+  result.paired = nodes_of(slid);
   result.positions = moved / self.association.mesh_unit_mm;
   keep_still(self.start, result.positions);
   result.beyond_wires = self.distances_beyond_wires(pair, placed);

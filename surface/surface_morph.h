@@ -42,7 +42,7 @@ struct SurfaceMorphResult {
   Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
   Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
   PartedJoints parted;
-  std::vector<int> mirrored;          ///< nodes on faces that are images of each other, ascending
+  std::vector<int> paired;            ///< nodes on faces that are images of each other, ascending
   std::vector<std::string> folds;     ///< faces with folded facets: a line each
   std::vector<Index> folded_facets;   ///< of the boundary, by face
   std::vector<std::string> warnings;  ///< other remarks: a line each

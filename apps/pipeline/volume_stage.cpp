@@ -144,7 +144,7 @@ std::vector<Index> nodes_to_hold(const MorphBase& base, const SurfaceMorphResult
   for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
     if (const Index node = base.boundary.nodes[row];
         surface.positions.row(row) == base.mesh().points.row(node) ||
-        std::ranges::binary_search(surface.mirrored, static_cast<int>(row)))
+        std::ranges::binary_search(surface.paired, static_cast<int>(row)))
       result.push_back(node);
   return result;
 }
