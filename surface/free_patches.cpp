@@ -14,7 +14,6 @@
 #include "cad/face_sampler.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
-#include "core/rbf/anchors.h"
 
 namespace cadmorph {
 namespace {
@@ -31,7 +30,6 @@ constexpr double kBeyondCad = 1.2;
 // A mesh of this CAD covers faces of it, however many more nodes a far field has; the ends of a
 // body between two symmetry planes stay bare.
 constexpr double kLeastCovered = 0.25;
-constexpr std::size_t kMaxCentres = 2000;
 // Nodes that are off the CAD by no more than this part of their shortest mesh edge, and what
 // samples of its faces leave unknown, belong to it.
 constexpr double kOffCad = 0.5, kSamplesApart = 1.5;
@@ -39,6 +37,12 @@ constexpr Index kSamples = 100'000;
 
 bool is_unmatched_node(const Association& association, int n) {
   return association.dimension[n] == CadDimension::None && !association.is_amid[n];
+}
+
+// Whether something else than its patch moves it.
+bool is_given(const Association& association, const PatchMarks& marks, int n) {
+  return association.dimension[n] != CadDimension::None ||
+         (!marks.is_moved.empty() && marks.is_moved[n]);
 }
 
 std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
@@ -105,20 +109,25 @@ struct MeanPlane {
   }
 };
 
-// Grows a patch from `seed`, over facets of its plane if is_planar, else over all that are left.
+// Grows a patch from `seed`, over facets of its plane if is_planar, else smoothly over what is
+// left.
 FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, double tolerance,
-               const std::vector<char>& is_open, std::vector<int>& patch_of, int id) {
+               const std::vector<char>& is_open, const PatchMarks& marks,
+               std::vector<int>& patch_of, int id) {
   FreePatch patch;
   patch.is_planar = is_planar;
   patch.origin = centroid(surface, surface.points, seed);
   patch.normal = area_vector(surface, surface.points, seed).normalized();
   MeanPlane plane;
   const int waiting = patch_of[seed];
-  const auto belongs = [&](int g) {
-    if (!is_open[g] || patch_of[g] != waiting) return false;
-    const Vector3d normal = area_vector(surface, surface.points, g).normalized();
-    return !is_planar || (std::abs(normal.dot(patch.normal)) > kSmoothJoint &&
-                          off_plane(surface, g, patch) <= tolerance);
+  const auto normal_of = [&](int g) -> Vector3d {
+    return area_vector(surface, surface.points, g).normalized();
+  };
+  const auto belongs = [&](int from, int g) {
+    if (!is_open[g] || patch_of[g] != waiting || !marks.is_one_group(seed, g)) return false;
+    if (!is_planar) return normal_of(g).dot(normal_of(from)) > kSmoothJoint;
+    return std::abs(normal_of(g).dot(patch.normal)) > kSmoothJoint &&
+           off_plane(surface, g, patch) <= tolerance;
   };
   const auto add = [&](int g) {
     patch_of[g] = id;
@@ -134,19 +143,20 @@ FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, double tole
     for (std::size_t k = 0; k < patch.facets.size(); ++k)
       for (const int n : surface.facets[patch.facets[k]])
         for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
-          if (belongs(surface.incident_facets[i])) add(surface.incident_facets[i]);
+          if (belongs(patch.facets[k], surface.incident_facets[i])) add(surface.incident_facets[i]);
   }
   return patch;
 }
 
 // A part of a curved boundary: facets beside it go on smoothly, but leave its plane.
 bool is_bent(const SurfaceMesh& surface, const FreePatch& patch, double tolerance,
-             const std::vector<char>& is_open, const std::vector<int>& patch_of, int id) {
+             const std::vector<char>& is_open, const PatchMarks& marks,
+             const std::vector<int>& patch_of, int id) {
   for (const int f : patch.facets)
     for (const int n : surface.facets[f])
       for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
         const int g = surface.incident_facets[i];
-        if (!is_open[g] || patch_of[g] == id) continue;
+        if (!is_open[g] || patch_of[g] == id || !marks.is_one_group(f, g)) continue;
         const Vector3d normal = area_vector(surface, surface.points, g).normalized();
         if (normal.dot(patch.normal) > kSmoothJoint && off_plane(surface, g, patch) > tolerance)
           return true;
@@ -154,7 +164,7 @@ bool is_bent(const SurfaceMesh& surface, const FreePatch& patch, double toleranc
   return false;
 }
 
-void sort_nodes(const SurfaceMesh& surface, const Association& association,
+void sort_nodes(const SurfaceMesh& surface, const Association& association, const PatchMarks& marks,
                 const std::vector<int>& patch_of, int id, FreePatch& patch) {
   std::vector<int> nodes;
   for (const int f : patch.facets)
@@ -163,7 +173,7 @@ void sort_nodes(const SurfaceMesh& surface, const Association& association,
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
   for (const int n : nodes) {
     if (association.is_amid[n]) continue;
-    if (association.dimension[n] != CadDimension::None) {
+    if (is_given(association, marks, n)) {
       patch.touched.push_back(n);
       continue;
     }
@@ -200,7 +210,7 @@ void sort_along(const SurfaceMesh& surface, FreeLine& line) {
 }
 
 // Finds the lines between two planar patches and gives both patches a copy.
-void add_lines(const SurfaceMesh& surface, const Association& association,
+void add_lines(const SurfaceMesh& surface, const Association& association, const PatchMarks& marks,
                const std::vector<int>& patch_of, std::vector<FreePatch>& patches) {
   std::map<std::pair<int, int>, FreeLine> lines;
   std::vector<char> is_free(association.dimension.size(), 0), is_seen(is_free);
@@ -209,14 +219,17 @@ void add_lines(const SurfaceMesh& surface, const Association& association,
       for (const int n : *nodes) {
         if (std::exchange(is_seen[n], 1)) continue;
         const std::vector<int> ids = patches_at(surface, patch_of, n);
-        is_free[n] = ids.size() == 2 && is_unmatched_node(association, n);
+        is_free[n] = ids.size() == 2 && is_unmatched_node(association, n) &&
+                     !is_given(association, marks, n);
         for (std::size_t i = 0; i < ids.size(); ++i)
           for (std::size_t j = i + 1; j < ids.size(); ++j)
             if (patches[ids[i]].is_planar && patches[ids[j]].is_planar)
               lines[{ids[i], ids[j]}].nodes.push_back(n);
       }
   for (auto& [pair, line] : lines) {
-    const auto is_touched = [&](int n) { return !is_unmatched_node(association, n); };
+    const auto is_touched = [&](int n) {
+      return !is_unmatched_node(association, n) || is_given(association, marks, n);
+    };
     const Vector3d along = patches[pair.first].normal.cross(patches[pair.second].normal);
     if (along.norm() < kLeastAngle || std::ranges::none_of(line.nodes, is_touched)) continue;
     line.direction = along.normalized();
@@ -226,58 +239,6 @@ void add_lines(const SurfaceMesh& surface, const Association& association,
     patches[pair.first].lines.push_back(line);
     patches[pair.second].lines.push_back(line);
   }
-}
-
-// Calls take(node, before, after, part) for the free nodes of a line, between those on either side.
-void for_each_free(const SurfaceMesh& surface, const FreeLine& line, const auto& take) {
-  const auto at = [&](std::size_t i) {
-    return surface.points.row(line.nodes[i]).dot(line.direction);
-  };
-  for (std::size_t i = 0, j = 1; j < line.nodes.size(); ++j) {
-    if (line.is_free[j]) continue;
-    for (std::size_t k = i + 1; k < j; ++k)
-      take(line.nodes[k], line.nodes[i], line.nodes[j],
-           at(j) > at(i) ? (at(k) - at(i)) / (at(j) - at(i)) : 0);
-    i = j;
-  }
-}
-
-void slide_line(const SurfaceMesh& surface, const FreeLine& line, Points& moved) {
-  const auto motion = [&](int node) {
-    return (moved.row(node) - surface.points.row(node)).dot(line.direction);
-  };
-  for_each_free(surface, line, [&](int node, int before, int after, double part) {
-    const double step = (1 - part) * motion(before) + part * motion(after);
-    moved.row(node) = surface.points.row(node) + step * line.direction.transpose();
-  });
-}
-
-// A patch in its own plane.
-struct PlaneProblem {
-  Eigen::Matrix<double, 3, 2> basis;
-  std::vector<int> border;  // its centres
-  RowMatrix centres, values, targets;
-};
-
-// None where nothing moves that the patch touches, and `is_needed` does not ask for it all the
-// same.
-std::optional<PlaneProblem> plane_problem(const SurfaceMesh& surface, const FreePatch& patch,
-                                          const Points& moved, bool is_needed) {
-  double largest = 0;
-  for (const int n : patch.touched)
-    largest = std::max(largest, (moved.row(n) - surface.points.row(n)).norm());
-  if ((largest == 0 && !is_needed) || patch.inner.empty()) return {};
-  std::vector<int> nodes = patch.touched;
-  nodes.insert(nodes.end(), patch.border.begin(), patch.border.end());
-  const std::size_t stride = (nodes.size() + kMaxCentres - 1) / kMaxCentres;
-  PlaneProblem problem;
-  const Vector3d e1 = patch.normal.unitOrthogonal(), e2 = patch.normal.cross(e1);
-  problem.basis << e1, e2;
-  for (std::size_t i = 0; i < nodes.size(); i += stride) problem.border.push_back(nodes[i]);
-  problem.centres = surface.points(problem.border, Eigen::all) * problem.basis;
-  problem.values = (moved - surface.points)(problem.border, Eigen::all) * problem.basis;
-  problem.targets = surface.points(patch.inner, Eigen::all) * problem.basis;
-  return problem;
 }
 
 // Part of the CAD's faces that the mesh covers by half of their area or more.
@@ -447,7 +408,7 @@ double plane_tolerance(const SurfaceMesh& surface) {
 }
 
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
-                                         const Association& association) {
+                                         const Association& association, const PatchMarks& marks) {
   const auto is_open = unmatched_facets(surface, boundary, association);
   std::vector<int> patch_of(surface.facets.size(), kNoPatch);
   std::vector<FreePatch> patches;
@@ -457,16 +418,17 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
     for (const int f : order) {
       if (patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
       const int id = static_cast<int>(patches.size());
-      FreePatch patch = grow(surface, f, is_planar, tolerance, is_open, patch_of, id);
-      if (is_planar && is_bent(surface, patch, tolerance, is_open, patch_of, id)) {
+      FreePatch patch = grow(surface, f, is_planar, tolerance, is_open, marks, patch_of, id);
+      if (is_planar && is_bent(surface, patch, tolerance, is_open, marks, patch_of, id)) {
         for (const int g : patch.facets) patch_of[g] = kPartOfCurved;
         continue;
       }
       patches.push_back(std::move(patch));
     }
   for (std::size_t i = 0; i < patches.size(); ++i)
-    sort_nodes(surface, association, patch_of, static_cast<int>(i), patches[i]);
-  add_lines(surface, association, patch_of, patches);
+    sort_nodes(surface, association, marks, patch_of, static_cast<int>(i), patches[i]);
+  add_lines(surface, association, marks, patch_of, patches);
+  std::erase_if(patches, [](const FreePatch& p) { return p.inner.empty() && p.border.empty(); });
   return patches;
 }
 
@@ -501,75 +463,6 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
     refuse(base, boundary, surface, example, unmatched, outside,
            "; the mesh is hardly larger than the CAD, so they are no far field.");
   refuse_left_behind(base, boundary, surface, association, outside);
-}
-
-void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved) {
-  for (const FreeLine& line : patch.lines) slide_line(surface, line, moved);
-  const auto plane = plane_problem(surface, patch, moved, false);
-  if (!plane) return;
-  const RowMatrix d =
-      interpolate_bounded(plane->centres, plane->values, Kernel::biharmonic_2d(), plane->targets);
-  for (Index i = 0; i < d.rows(); ++i)
-    moved.row(patch.inner[static_cast<std::size_t>(i)]) += d.row(i) * plane->basis.transpose();
-}
-
-SlideDerivative::SlideDerivative(const SurfaceMesh& surface, const std::vector<FreePatch>& patches,
-                                 const Points& moved) {
-  Points slid = moved;
-  for (const FreePatch& patch : patches) {
-    Step step;
-    for (const FreeLine& line : patch.lines) {
-      OnLine on{line.direction.transpose(), {}};
-      for_each_free(surface, line, [&](int node, int before, int after, double part) {
-        on.nodes.push_back({node, before, after, part});
-      });
-      step.lines.push_back(std::move(on));
-      slide_line(surface, line, slid);
-    }
-    if (const auto plane = plane_problem(surface, patch, slid, true))
-      step.plane = InPlane{plane->basis, plane->border, patch.inner,
-                           bounded_derivative(plane->centres, plane->values,
-                                              Kernel::biharmonic_2d(), plane->targets)};
-    steps_.push_back(std::move(step));
-  }
-}
-
-RowMatrix SlideDerivative::forward(RowMatrix displacements) const {
-  for (Index c = 0; c < displacements.cols(); c += 3) {
-    auto u = displacements.middleCols<3>(c);
-    for (const Step& step : steps_) {
-      for (const OnLine& line : step.lines)
-        for (const auto& [node, before, after, part] : line.nodes)
-          u.row(node) = ((1 - part) * u.row(before) + part * u.row(after)).dot(line.direction) *
-                        line.direction;
-      if (!step.plane) continue;
-      const auto& [basis, border, inner, field] = *step.plane;
-      u(inner, Eigen::all) = field.forward(u(border, Eigen::all) * basis) * basis.transpose();
-    }
-  }
-  return displacements;
-}
-
-RowMatrix SlideDerivative::adjoint(RowMatrix slopes) const {
-  for (Index c = 0; c < slopes.cols(); c += 3) {
-    auto g = slopes.middleCols<3>(c);
-    for (auto step = steps_.rbegin(); step != steps_.rend(); ++step) {
-      if (step->plane) {
-        const auto& [basis, border, inner, field] = *step->plane;
-        const Eigen::MatrixXd by_inner = g(inner, Eigen::all) * basis;
-        g(inner, Eigen::all).setZero();
-        g(border, Eigen::all) += field.adjoint(by_inner) * basis.transpose();
-      }
-      for (auto line = step->lines.rbegin(); line != step->lines.rend(); ++line)
-        for (auto at = line->nodes.rbegin(); at != line->nodes.rend(); ++at) {
-          const Eigen::RowVector3d along = g.row(at->node).dot(line->direction) * line->direction;
-          g.row(at->node).setZero();
-          g.row(at->before) += (1 - at->part) * along;
-          g.row(at->after) += at->part * along;
-        }
-    }
-  }
-  return slopes;
 }
 
 }  // namespace cadmorph

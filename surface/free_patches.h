@@ -1,11 +1,11 @@
 #pragma once
 
-#include <optional>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "core/rbf/anchors.h"
 #include "surface/association.h"
+#include "surface/own_surface.h"
 #include "surface/surface_mesh.h"
 
 namespace cadmorph {
@@ -23,10 +23,21 @@ struct FreePatch {
   std::vector<int> facets;
   std::vector<int> inner;       ///< unmatched nodes of this patch alone
   std::vector<int> border;      ///< unmatched nodes shared with another patch
-  std::vector<int> touched;     ///< nodes shared with the matched surface
+  std::vector<int> touched;     ///< nodes shared with the matched surface, or moved all the same
   std::vector<FreeLine> lines;  ///< of its border, those that the CAD touches
   Eigen::Vector3d origin, normal;
   bool is_planar;
+  std::shared_ptr<const OwnSurface> form = nullptr;  ///< of a curved one that may slide
+};
+
+/// What the groups of the mesh say of its patches.
+struct PatchMarks {
+  std::vector<int> group;      ///< of a facet; patches end where it changes; empty: all alike
+  std::vector<char> is_moved;  ///< of a node: moved, if on no CAD face, all the same; empty: none
+
+  bool is_one_group(int facet, int other) const {
+    return group.empty() || group[facet] == group[other];
+  }
 };
 
 /// Marks the facets of the outside that cancel: two at one place with opposite normals, whose nodes
@@ -38,9 +49,11 @@ std::vector<char> find_cracks(const SurfaceMesh& surface, const Boundary& bounda
 std::string describe_cracks(const SurfaceMesh& surface, const Boundary& boundary,
                             const Association& association);
 
-/// Splits the unmatched facets of the outside into patches: planar ones, and the curved rest.
+/// Splits the unmatched facets of the outside into patches: planar ones, and the curved rest where
+/// its facets meet at more than 30 degrees.
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
-                                         const Association& association);
+                                         const Association& association,
+                                         const PatchMarks& marks = {});
 
 /// Marks unmatched nodes on interfaces between regions and on cracks as free, and throws
 /// AssociationError where the unmatched outside can't be a far field or a symmetry plane: the mesh
@@ -52,53 +65,5 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
 /// How far nodes of a plane may lie off it, millimetres: coordinates are rounded in proportion to
 /// their size.
 double plane_tolerance(const SurfaceMesh& surface);
-
-/// Moves the free nodes of a planar patch's lines along them, linearly between the nodes on either
-/// side, by those nodes' motion along the line; then its inner nodes in its plane with the nodes it
-/// touches, by a 2D RBF (r^2 log r) whose border goes with its lines or stays fixed. `moved` holds
-/// all surface nodes' new positions (millimetres) and is updated. Two patches move their common
-/// line alike.
-void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
-
-/// What slide_patch does, one patch after the other, as a linear map of the displacements of all
-/// surface nodes, the anchors held that `moved` took, and the transpose of that map. Sheets that
-/// are images of each other go each by themselves: others than mirrored displacements may be asked
-/// for.
-class SlideDerivative {
- public:
-  /// `moved`: where all surface nodes are, millimetres.
-  SlideDerivative(const SurfaceMesh& surface, const std::vector<FreePatch>& patches,
-                  const Points& moved);
-
-  /// Returns the displacements with those that follow in place of what is given for them: n x 3 k,
-  /// k displacements side by side.
-  RowMatrix forward(RowMatrix displacements) const;
-
-  /// Returns the derivative by the displacements given (0 by those that follow) for that by all.
-  RowMatrix adjoint(RowMatrix slopes) const;
-
- private:
-  // Nodes of a line that go with the nodes on either side.
-  struct OnLine {
-    Eigen::RowVector3d direction;
-    struct Node {
-      int node, before, after;
-      double part;  // of the way from `before` to `after`
-    };
-    std::vector<Node> nodes;
-  };
-  // Nodes in a plane that go with its border.
-  struct InPlane {
-    Eigen::Matrix<double, 3, 2> basis;
-    std::vector<int> border, inner;
-    FieldMap field;
-  };
-  struct Step {
-    std::vector<OnLine> lines;
-    std::optional<InPlane> plane;
-  };
-
-  std::vector<Step> steps_;
-};
 
 }  // namespace cadmorph

@@ -1,13 +1,18 @@
 #include "surface/group_constraints.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
+#include <limits>
+#include <set>
 #include <utility>
 
 #include "core/errors.h"
+#include "core/kd_tree.h"
 
 namespace cadmorph {
 namespace {
+
+using Eigen::Vector3d;
 
 std::string list_groups(const Mesh& mesh) {
   if (mesh.groups.empty()) return "the mesh has no named groups";
@@ -16,23 +21,68 @@ std::string list_groups(const Mesh& mesh) {
   return "the mesh has " + names;
 }
 
-void mark(const Mesh& mesh, const std::string& name, GroupConstraint constraint,
+std::vector<Index> nodes_of(const Mesh& mesh, const std::string& name) {
+  std::vector<Index> nodes;
+  for (const NodeGroup& group : mesh.groups)
+    if (group.name == name) nodes.insert(nodes.end(), group.nodes.begin(), group.nodes.end());
+  return nodes;
+}
+
+void mark(const Mesh& mesh, const std::vector<std::string>& names, GroupConstraint constraint,
           std::vector<GroupConstraint>& of_node) {
-  bool is_found = false;
-  for (const NodeGroup& group : mesh.groups) {
-    if (group.name != name) continue;
-    is_found = true;
-    for (const Index node : group.nodes) {
-      GroupConstraint& known = of_node[static_cast<std::size_t>(node)];
-      if (known == GroupConstraint::Hold || known == constraint) continue;
-      if (known != GroupConstraint::None)
-        throw InvalidInputError("node " + std::to_string(node) + " of the group '" + name +
-                                "' is in another group that is to do something else");
-      known = constraint;
-    }
+  for (const std::string& name : names) {
+    if (std::ranges::find(mesh.groups, name, &NodeGroup::name) == mesh.groups.end())
+      throw InvalidInputError("no group of the mesh is named '" + name + "'; " + list_groups(mesh));
+    for (const Index node : nodes_of(mesh, name))
+      of_node[static_cast<std::size_t>(node)] = constraint;
   }
-  if (!is_found)
-    throw InvalidInputError("no group of the mesh is named '" + name + "'; " + list_groups(mesh));
+}
+
+// A group can't be told to do two things.
+void refuse_doubles(const GroupConstraints& constraints) {
+  std::vector<std::string> all;
+  for (const auto* names :
+       {&constraints.held, &constraints.rigid, &constraints.sliding, &constraints.following}) {
+    const std::set<std::string> once(names->begin(), names->end());
+    all.insert(all.end(), once.begin(), once.end());
+  }
+  std::ranges::sort(all);
+  if (const auto twice = std::ranges::adjacent_find(all); twice != all.end())
+    throw InvalidInputError("the group '" + *twice + "' of the mesh is to do two things at once");
+}
+
+int row_of(const Boundary& boundary, Index node) {
+  return static_cast<int>(std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin());
+}
+
+bool is_taken_from_cad(GroupConstraint constraint) {
+  return constraint == GroupConstraint::Hold || constraint == GroupConstraint::Rigid;
+}
+
+// Nodes of the facets on the CAD, by pieces that hang together.
+std::vector<std::vector<int>> parts_on_cad(const SurfaceMesh& surface,
+                                           const Association& association) {
+  std::vector<std::vector<int>> parts;
+  std::vector<char> is_seen(surface.facets.size(), 0);
+  for (int seed = 0; seed < static_cast<int>(surface.facets.size()); ++seed) {
+    std::vector<int> facets;
+    const auto take = [&](int f) {
+      if (association.facet_face[f] >= 0 && !std::exchange(is_seen[f], 1)) facets.push_back(f);
+    };
+    take(seed);
+    if (facets.empty()) continue;
+    std::vector<int> nodes;
+    for (std::size_t k = 0; k < facets.size(); ++k)
+      for (const int n : surface.facets[facets[k]]) {
+        nodes.push_back(n);
+        for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
+          take(surface.incident_facets[i]);
+      }
+    std::ranges::sort(nodes);
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+    parts.push_back(std::move(nodes));
+  }
+  return parts;
 }
 
 Index& count_of(CadDimension dimension, Association& association) {
@@ -70,11 +120,12 @@ std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& 
                                               const GroupConstraints& constraints) {
   std::vector<GroupConstraint> of_node(static_cast<std::size_t>(mesh.node_count()),
                                        GroupConstraint::None);
-  for (const std::string& name : constraints.held) mark(mesh, name, GroupConstraint::Hold, of_node);
-  for (const std::string& name : constraints.sliding)
-    mark(mesh, name, GroupConstraint::Slide, of_node);
-  for (const std::string& name : constraints.following)
-    mark(mesh, name, GroupConstraint::Follow, of_node);
+  refuse_doubles(constraints);
+  // The strongest last: it has the nodes that groups share.
+  mark(mesh, constraints.following, GroupConstraint::Follow, of_node);
+  mark(mesh, constraints.sliding, GroupConstraint::Slide, of_node);
+  mark(mesh, constraints.rigid, GroupConstraint::Rigid, of_node);
+  mark(mesh, constraints.held, GroupConstraint::Hold, of_node);
   std::vector<GroupConstraint> result;
   for (const Index node : boundary.nodes) result.push_back(of_node[static_cast<std::size_t>(node)]);
   return result;
@@ -84,7 +135,7 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
                        Association& association) {
   for (std::size_t row = 0; row < constraints.size(); ++row) {
     const bool is_on_cad = association.dimension[row] != CadDimension::None;
-    if (constraints[row] == GroupConstraint::Hold) take_from_cad(row, association);
+    if (is_taken_from_cad(constraints[row])) take_from_cad(row, association);
     if (constraints[row] != GroupConstraint::Follow || is_on_cad || association.is_free[row] ||
         association.is_amid[row])
       continue;
@@ -92,12 +143,77 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
     --association.unmatched_nodes;
   }
   for (Index f = 0; f < boundary.facet_count(); ++f) {
-    const auto is_held = [&](Index node) {
-      const auto place = std::ranges::lower_bound(boundary.nodes, node);
-      return constraints[static_cast<std::size_t>(place - boundary.nodes.begin())] ==
-             GroupConstraint::Hold;
+    const auto is_taken = [&](Index node) {
+      return is_taken_from_cad(constraints[row_of(boundary, node)]);
     };
-    if (std::ranges::any_of(boundary.facet(f), is_held)) association.facet_face[f] = -1;
+    if (std::ranges::any_of(boundary.facet(f), is_taken)) association.facet_face[f] = -1;
+  }
+}
+
+PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
+                        const GroupConstraints& constraints,
+                        const std::vector<GroupConstraint>& of_node) {
+  PatchMarks marks;
+  for (const GroupConstraint constraint : of_node)
+    marks.is_moved.push_back(constraint == GroupConstraint::Rigid);
+  marks.group.assign(static_cast<std::size_t>(boundary.facet_count()), -1);
+  int id = 0;
+  for (const auto* names : {&constraints.sliding, &constraints.rigid, &constraints.held})
+    for (const std::string& name : *names) {
+      std::vector<char> is_in(static_cast<std::size_t>(mesh.node_count()), 0);
+      for (const Index node : nodes_of(mesh, name)) is_in[static_cast<std::size_t>(node)] = 1;
+      for (Index f = 0; f < boundary.facet_count(); ++f)
+        if (std::ranges::all_of(boundary.facet(f), [&](Index node) { return is_in[node]; }))
+          marks.group[f] = id;
+      ++id;
+    }
+  return marks;
+}
+
+std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boundary,
+                                          const SurfaceMesh& surface,
+                                          const Association& association,
+                                          const std::vector<std::string>& names) {
+  if (names.empty()) return {};
+  const std::vector<std::vector<int>> parts = parts_on_cad(surface, association);
+  if (parts.empty())
+    throw InvalidInputError(
+        "group '" + names.front() +
+        "' is to move with the nearest part, but no surface of the mesh lies on "
+        "the CAD that is not held or rigid itself");
+  std::vector<int> nodes, part_of;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    nodes.insert(nodes.end(), parts[p].begin(), parts[p].end());
+    part_of.insert(part_of.end(), parts[p].size(), static_cast<int>(p));
+  }
+  const KdTree tree(surface.points(nodes, Eigen::all));
+  std::vector<RigidGroup> result;
+  for (const std::string& name : names) {
+    RigidGroup group;
+    Neighbour nearest{0, std::numeric_limits<double>::infinity()};
+    for (const Index node : nodes_of(mesh, name)) {
+      if (!std::ranges::binary_search(boundary.nodes, node)) continue;
+      group.nodes.push_back(row_of(boundary, node));
+      const Vector3d x = surface.points.row(group.nodes.back());
+      const Neighbour near = tree.nearest(x.data(), 1).front();
+      if (near.squared_distance < nearest.squared_distance) nearest = near;
+    }
+    group.part = parts[part_of[nearest.index]];
+    result.push_back(std::move(group));
+  }
+  return result;
+}
+
+void move_rigid_groups(const SurfaceMesh& surface, const std::vector<RigidGroup>& groups,
+                       Points& moved) {
+  for (const auto& [nodes, part] : groups) {
+    const Eigen::Matrix3Xd from = surface.points(part, Eigen::all).transpose(),
+                           to = moved(part, Eigen::all).transpose();
+    const Eigen::Matrix4d motion = Eigen::umeyama(from, to, false);
+    const Eigen::Matrix3d turn = motion.topLeftCorner<3, 3>();
+    const Vector3d shift = motion.topRightCorner<3, 1>();
+    for (const int n : nodes)
+      moved.row(n) = (turn * surface.points.row(n).transpose() + shift).transpose();
   }
 }
 

@@ -6,29 +6,57 @@
 #include "core/boundary.h"
 #include "core/mesh.h"
 #include "surface/association.h"
+#include "surface/free_patches.h"
+#include "surface/surface_mesh.h"
 
 namespace cadmorph {
 
 /// What parts of the surface do that the mesh file names (see Mesh::groups); the names of groups.
 struct GroupConstraints {
   std::vector<std::string> held;       ///< all nodes stay, those on the CAD, too
-  std::vector<std::string> sliding;    ///< nodes on no CAD face slide in the plane they lie in
+  std::vector<std::string> rigid;      ///< all nodes move as one piece with the nearest part
+  std::vector<std::string> sliding;    ///< nodes on no CAD face slide along their own surface
   std::vector<std::string> following;  ///< nodes on no CAD face follow the volume
 
-  bool is_empty() const { return held.empty() && sliding.empty() && following.empty(); }
+  bool is_empty() const {
+    return held.empty() && rigid.empty() && sliding.empty() && following.empty();
+  }
 };
 
-enum class GroupConstraint : std::int8_t { None, Hold, Slide, Follow };
+enum class GroupConstraint : std::int8_t { None, Hold, Rigid, Slide, Follow };
 
-/// The constraint of each boundary node (rows as Boundary::nodes). Throws InvalidInputError for a
-/// name that no group has (it lists those there are), and for a node of groups that contradict each
-/// other, unless one of them is held: that counts.
+/// The constraint of each boundary node (rows as Boundary::nodes). Where groups share a node the
+/// first that counts is: held, rigid, sliding, following. Throws InvalidInputError for a name that
+/// no group has (it lists those there are), and for one that is to do two things.
 std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints);
 
-/// Takes held nodes from the CAD, and marks following ones that are on no CAD face as free. Again
-/// applied, it changes nothing.
+/// Takes held and rigid nodes from the CAD, and marks following ones that are on no CAD face as
+/// free. Again applied, it changes nothing.
 void apply_constraints(const std::vector<GroupConstraint>& constraints, const Boundary& boundary,
                        Association& association);
+
+/// Where the groups cut the surface into patches of their own, and which nodes move rigidly.
+PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
+                        const GroupConstraints& constraints,
+                        const std::vector<GroupConstraint>& of_node);
+
+/// Nodes that move as one piece, and those of the part of the CAD's surface that they go with
+/// (rows of Boundary::nodes).
+struct RigidGroup {
+  std::vector<int> nodes, part;
+};
+
+/// A group's part: of the pieces of the mesh's surface that lie on the CAD and hang together, the
+/// one with the node nearest to one of the group's.
+std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boundary,
+                                          const SurfaceMesh& surface,
+                                          const Association& association,
+                                          const std::vector<std::string>& names);
+
+/// Moves rigid groups by the turn and shift that fit their parts' motion best (least squares);
+/// `moved`: all surface nodes, millimetres.
+void move_rigid_groups(const SurfaceMesh& surface, const std::vector<RigidGroup>& groups,
+                       Points& moved);
 
 }  // namespace cadmorph

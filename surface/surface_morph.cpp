@@ -132,12 +132,14 @@ struct SurfaceMorph::Impl {
   Association association;
   std::vector<GroupConstraint> constraints;  // of the nodes, by their groups
   std::vector<FreePatch> patches;
+  std::vector<RigidGroup> rigid;
   std::string crack;  // what to tell of one inside of the mesh
   std::vector<FaceNodes> faces;
   Joints joints;
   Points feet;  // of all nodes on the base CAD, millimetres
 
   void find_feet();
+  void find_forms();
   void check_policy() const;
   GroupConstraint constraint(const FreePatch& patch) const;
   bool slides(const FreePatch& patch) const;
@@ -192,25 +194,14 @@ void SurfaceMorph::Impl::find_feet() {
 }
 
 void SurfaceMorph::Impl::check_policy() const {
-  for (const FreePatch& patch : patches)
-    if (constraint(patch) == GroupConstraint::Slide && !patch.is_planar)
-      throw InvalidInputError(
-          "a group of the mesh is to slide in its plane, but is not plane: its patch near (" +
-          text_of(patch.origin) + ") mm; hold it, or let it follow the volume");
-  const bool is_refused =
-      !patches.empty() &&
-      (options.unmatched == UnmatchedPolicy::Error ||
-       (options.unmatched == UnmatchedPolicy::Slide &&
-        std::any_of(patches.begin(), patches.end(), [](const auto& p) { return !p.is_planar; })));
-  if (!is_refused) return;
+  if (patches.empty() || options.unmatched != UnmatchedPolicy::Error) return;
   const FreePatch& patch = patches.front();
-  std::ostringstream text;
-  text << "the mesh has " << patches.size() << " boundary patches that lie on no face of "
-       << base->file_name() << ", the first (" << patch.facets.size() << " facets) near "
-       << patch.origin.transpose() << " mm. --unmatched asks to refuse "
-       << (options.unmatched == UnmatchedPolicy::Slide ? "patches that are not planar" : "them")
-       << "; --unmatched auto or fix keeps them.";
-  throw AssociationError(text.str());
+  throw AssociationError("the mesh has " + std::to_string(patches.size()) +
+                         " boundary patches that lie on no face of " + base->file_name() +
+                         ", the first (" + std::to_string(patch.facets.size()) + " facets) near " +
+                         text_of(patch.origin) +
+                         " mm. --unmatched asks to refuse them; --unmatched auto or fix keeps "
+                         "them.");
 }
 
 // What the groups say of a patch: one node that is held holds it.
@@ -227,10 +218,17 @@ GroupConstraint SurfaceMorph::Impl::constraint(const FreePatch& patch) const {
 }
 
 bool SurfaceMorph::Impl::slides(const FreePatch& patch) const {
-  if (!patch.is_planar || patch.touched.empty()) return false;
+  if (patch.touched.empty()) return false;
   const GroupConstraint named = constraint(patch);
   if (named != GroupConstraint::None) return named == GroupConstraint::Slide;
-  return options.unmatched != UnmatchedPolicy::Fix;
+  if (options.unmatched == UnmatchedPolicy::Slide) return true;
+  return patch.is_planar && options.unmatched != UnmatchedPolicy::Fix;
+}
+
+void SurfaceMorph::Impl::find_forms() {
+  for (FreePatch& patch : patches)
+    if (!patch.is_planar && slides(patch))
+      patch.form = std::make_shared<OwnSurface>(surface, patch.facets, plane_tolerance(surface));
 }
 
 void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
@@ -462,7 +460,7 @@ std::vector<ImagePair> SurfaceMorph::Impl::slide(Points& moved) const {
     slide_patch(surface, patch, moved);
     std::vector<int> border = patch.touched;
     border.insert(border.end(), patch.border.begin(), patch.border.end());
-    sheets.push_back({patch.inner, std::move(border), patch.facets, true});
+    sheets.push_back({patch.inner, std::move(border), patch.facets, patch.is_planar});
   }
   auto pairs = find_image_pairs(surface, moved, sheets, plane_tolerance(surface));
   for (const ImagePair& pair : pairs)
@@ -481,7 +479,7 @@ std::string SurfaceMorph::Impl::describe_patches() const {
   if (slid + fixed == 0) return {};
   return std::to_string(association.unmatched_nodes) +
          " surface nodes lie on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
-         std::to_string(slid) + " slide in their plane (--unmatched)";
+         std::to_string(slid) + " slide along their surface (--unmatched)";
 }
 
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
@@ -501,7 +499,12 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
-  impl_->patches = find_free_patches(impl_->surface, boundary, impl_->association);
+  impl_->patches =
+      find_free_patches(impl_->surface, boundary, impl_->association,
+                        mark_patches(mesh, boundary, impl_->options.groups, impl_->constraints));
+  impl_->rigid = find_rigid_groups(mesh, boundary, impl_->surface, impl_->association,
+                                   impl_->options.groups.rigid);
+  impl_->find_forms();
   impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
   impl_->find_feet();
@@ -538,6 +541,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
   self.settle_images(images, moved);
+  move_rigid_groups(self.surface, self.rigid, moved);
   result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);

@@ -10,9 +10,9 @@
 #include "core/boundary.h"
 #include "core/mesh.h"
 #include "surface/association.h"
-#include "surface/free_patches.h"
 #include "surface/group_constraints.h"
 #include "surface/joints.h"
+#include "surface/patch_slide.h"
 
 namespace cadmorph {
 
@@ -22,7 +22,7 @@ enum class UnmatchedPolicy {
   Auto,   ///< planar patches slide where they touch moved surface, all else stays fixed
   Error,  ///< refuse
   Fix,    ///< keep in place
-  Slide,  ///< slide in their plane; refuse patches that are not planar
+  Slide,  ///< slide along their own surface, planar or not
 };
 
 struct SurfaceMorphOptions {

@@ -172,8 +172,11 @@ void add_mesh_options(CLI::App& app, MorphOptions& raw) {
   };
   add_group_option("--hold", surface.groups.held,
                    "named part of the mesh (marker, patch, set) whose nodes stay; may be repeated");
+  add_group_option("--rigid", surface.groups.rigid,
+                   "named part that moves as one piece with the nearest part of the CAD; may be "
+                   "repeated");
   add_group_option("--slide", surface.groups.sliding,
-                   "named part on no CAD face that slides in its plane; may be repeated");
+                   "named part on no CAD face that slides along its own surface; may be repeated");
   add_group_option("--follow", surface.groups.following,
                    "named part on no CAD face that follows the volume; may be repeated");
   app.add_option("--mesh-unit", raw.mesh_unit, "length unit of the mesh (default: detected)")

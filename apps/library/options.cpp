@@ -111,8 +111,10 @@ PipelineOptions inner_options(const MorphOptions& options) {
   result.surface.association.mesh_unit_mm = options.mesh_unit_mm.value_or(0);
   result.surface.snap = options.snap;
   result.surface.unmatched = inner(options.unmatched);
-  result.surface.groups = {
-      .held = options.hold, .sliding = options.slide, .following = options.follow};
+  result.surface.groups = {.held = options.hold,
+                           .rigid = options.rigid,
+                           .sliding = options.slide,
+                           .following = options.follow};
   result.volume.method = inner(options.method);
   result.volume.rbf.solver = inner(options.solver);
   result.volume.rbf.tolerance = options.solver_tolerance;

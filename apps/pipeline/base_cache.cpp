@@ -83,7 +83,7 @@ std::string hash_of_file(const fs::path& mesh) {
 
 std::string names_of(const GroupConstraints& groups) {
   std::string all;
-  for (const auto* names : {&groups.held, &groups.sliding, &groups.following}) {
+  for (const auto* names : {&groups.held, &groups.rigid, &groups.sliding, &groups.following}) {
     for (const std::string& name : *names) all += name + "\n";
     all += "\n";
   }
@@ -101,7 +101,7 @@ Key key_of(const BaseInputs& inputs) {
           {"set of libraries", loaded_libraries()},
           {"base CAD", file_hash(inputs.cad->file_name()) + contents_of(*inputs.cad)},
           {"mesh", hash_of_file(inputs.file.path()) + contents_of(inputs.mesh)},
-          {"held, sliding and following groups", names_of(inputs.options.surface.groups)},
+          {"held, rigid, sliding and following groups", names_of(inputs.options.surface.groups)},
           {"mesh unit", exact(association.mesh_unit_mm)},
           {"association tolerance", exact(association.tolerance)},
           {"method", to_string(volume.method)},

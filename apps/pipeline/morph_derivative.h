@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "surface/free_patches.h"
+#include "surface/patch_slide.h"
 #include "volume/volume_derivative.h"
 
 namespace cadmorph {

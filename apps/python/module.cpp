@@ -419,17 +419,18 @@ void add_derivative(py::module_& module) {
 std::unique_ptr<Morpher> make_morpher(
     const CadModel& base, const Mesh& mesh, const py::object& progress,
     std::optional<double> mesh_unit_mm, double association_tolerance, bool snap,
-    const std::string& unmatched, std::vector<std::string> hold, std::vector<std::string> slide,
-    std::vector<std::string> follow, std::vector<std::pair<int, int>> face_map,
-    const std::string& method, const std::string& solver, double solver_tolerance,
-    double memory_limit_bytes, int steps, int max_steps, const std::string& untangle,
-    const std::string& quality, std::optional<double> improve_below,
+    const std::string& unmatched, std::vector<std::string> hold, std::vector<std::string> rigid,
+    std::vector<std::string> slide, std::vector<std::string> follow,
+    std::vector<std::pair<int, int>> face_map, const std::string& method, const std::string& solver,
+    double solver_tolerance, double memory_limit_bytes, int steps, int max_steps,
+    const std::string& untangle, const std::string& quality, std::optional<double> improve_below,
     std::optional<double> min_scaled_jacobian) {
   const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
                              .association_tolerance = association_tolerance,
                              .snap = snap,
                              .unmatched = unmatched_of(unmatched),
                              .hold = std::move(hold),
+                             .rigid = std::move(rigid),
                              .slide = std::move(slide),
                              .follow = std::move(follow),
                              .face_map = std::move(face_map),
@@ -458,7 +459,7 @@ void add_morpher(py::module_& module) {
           py::init(&make_morpher), "base"_a, "mesh"_a, py::kw_only(), "progress"_a = py::none(),
           "mesh_unit_mm"_a = py::none(), "association_tolerance"_a = defaults.association_tolerance,
           "snap"_a = false, "unmatched"_a = "auto", "hold"_a = defaults.hold,
-          "slide"_a = defaults.slide, "follow"_a = defaults.follow,
+          "rigid"_a = defaults.rigid, "slide"_a = defaults.slide, "follow"_a = defaults.follow,
           "face_map"_a = defaults.face_map, "method"_a = "rbf", "solver"_a = "auto",
           "solver_tolerance"_a = defaults.solver_tolerance,
           "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
@@ -471,7 +472,8 @@ mesh_unit_mm: millimetres per mesh unit; None: detected.
 association_tolerance: largest distance of a surface node from the CAD, in its shortest mesh edge.
 snap: puts nodes exactly on the CAD instead of keeping their offset.
 unmatched: what surface on no CAD face does: 'auto', 'error', 'fix', 'slide'.
-hold, slide, follow: names of parts of the mesh that stay, slide in their plane, follow the volume.
+hold, rigid, slide, follow: names of parts of the mesh that stay, move as one piece with the
+    nearest part of the CAD, slide along their own surface, follow the volume.
 face_map: pairs of base and variant face numbers, from 1 as 'cadmorph match' prints them.
 method: 'rbf', 'femwarp', 'lbwarp', 'simplex-linear'.
 solver: 'auto', 'adaptive', 'lu', 'ldlt', 'cholesky', 'iqr', 'fast'.

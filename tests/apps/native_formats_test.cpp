@@ -137,6 +137,9 @@ TEST_CASE("Named parts are held, and unknown names refused", "[apps][formats]") 
   const RunResult unknown = place.run(job + "--hold ceiling");
   CHECK(unknown.exit_code == 2);
   CHECK_THAT(unknown.err, Catch::Contains("ceiling") && Catch::Contains("inlet, floor, lid"));
+  const RunResult twice = place.run(job + "--hold floor --rigid floor");
+  CHECK(twice.exit_code == 2);
+  CHECK_THAT(twice.err, Catch::Contains("floor") && Catch::Contains("two things"));
 }
 
 }  // namespace cadmorph

@@ -389,14 +389,6 @@ TEST_CASE("oblique symmetry planes in single precision slide", "[surface][far-fi
   CHECK(slid > 0);
 }
 
-TEST_CASE("sliding refuses unmatched boundaries that are not planar",
-          "[surface][far-field][errors]") {
-  const MorphCase c = mesh_case(to_model(cylinder(5, 20)), ring_around_cylinder());
-  SurfaceMorphOptions options;
-  options.unmatched = UnmatchedPolicy::Slide;
-  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, options), AssociationError);
-}
-
 TEST_CASE("nodes off the CAD keep their offset, and snapping removes it", "[surface][offset]") {
   for (const std::string name : {"cylinder", "sphere", "torus", "bracket", "blade"}) {
     DYNAMIC_SECTION(name) {

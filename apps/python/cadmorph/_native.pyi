@@ -315,6 +315,7 @@ class Morpher:
         snap: bool = False,
         unmatched: str = "auto",
         hold: Sequence[str] = (),
+        rigid: Sequence[str] = (),
         slide: Sequence[str] = (),
         follow: Sequence[str] = (),
         face_map: Sequence[tuple[int, int]] = (),

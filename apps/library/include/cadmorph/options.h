@@ -44,7 +44,8 @@ struct MorphOptions {
   bool snap = false;  ///< puts nodes exactly on the CAD instead of keeping their offset
   Unmatched unmatched = Unmatched::Auto;
   std::vector<std::string> hold = {};    ///< named parts of the mesh whose nodes stay
-  std::vector<std::string> slide = {};   ///< named parts on no CAD face that slide in their plane
+  std::vector<std::string> rigid = {};   ///< named parts that move with the nearest of the CAD
+  std::vector<std::string> slide = {};   ///< those on no CAD face that slide along their surface
   std::vector<std::string> follow = {};  ///< named parts on no CAD face that follow the volume
   /// Base and variant face numbers, from 1 as `cadmorph match` prints them.
   std::vector<std::pair<int, int>> face_map = {};
