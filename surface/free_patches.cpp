@@ -21,7 +21,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kSameShape = 0.02;    // coarse meshes cut corners
-constexpr double kSamePlane = 1e-6;    // of the surface's size: seven digits
 constexpr double kSmoothJoint = 0.86;  // cosine of 30 degrees
 constexpr double kLeastAngle = 1e-3;   // of two planes that meet in a line
 constexpr int kNoPatch = -1, kPartOfCurved = -2;

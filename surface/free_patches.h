@@ -10,6 +10,9 @@
 
 namespace cadmorph {
 
+/// Part of the surface's size that nodes of a plane may lie off it: seven digits.
+inline constexpr double kSamePlane = 1e-6;
+
 /// Where two planar patches that slide meet: nodes of both, in their order along a straight line.
 struct FreeLine {
   Eigen::Vector3d direction;

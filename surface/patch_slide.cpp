@@ -92,6 +92,13 @@ std::vector<Matrix3d> move_inner(const SurfaceMesh& surface, const FreePatch& pa
 
 }  // namespace
 
+Vector3d onto_patch(const SurfaceMesh& surface, const FreePatch& patch, int node,
+                    const Vector3d& x) {
+  const Vector3d start = surface.points.row(node);
+  if (patch.is_planar) return x - patch.normal.dot(x - start) * patch.normal;
+  return patch.form->foot(x, node).point + (start - patch.form->foot(start, node).point);
+}
+
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved) {
   for (const FreeLine& line : patch.lines) slide_line(surface, line, moved);
   const auto field = patch_field(surface, patch, moved, false);

@@ -16,6 +16,11 @@ namespace cadmorph {
 /// positions (millimetres) and is updated. Two patches move their common line alike.
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
 
+/// The point of a patch (planar, or with a form) nearest to x, for a node that stays as far off the
+/// patch as it is at the surface's points.
+Eigen::Vector3d onto_patch(const SurfaceMesh& surface, const FreePatch& patch, int node,
+                           const Eigen::Vector3d& x);
+
 /// What slide_patch does, one patch after the other, as a linear map of the displacements of all
 /// surface nodes, the anchors held that `moved` took, and the transpose of that map. Sheets that
 /// are images of each other go each by themselves: others than mirrored displacements may be asked

@@ -156,6 +156,7 @@ struct SurfaceMorph::Impl {
   void place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
                     Placement& placed) const;
   void settle_images(const std::vector<ImagePair>& images, Points& moved) const;
+  void settle_junctions(const CadModel& variant, Placement& placed) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
@@ -446,6 +447,52 @@ void SurfaceMorph::Impl::settle_images(const std::vector<ImagePair>& images, Poi
     }
 }
 
+// Nodes on the CAD and on a patch that slides stay on both: on a symmetry plane that cuts a face,
+// on a hub that a blade goes through. Alternate projections; where they don't meet nearby, the
+// CAD's place counts.
+void SurfaceMorph::Impl::settle_junctions(const CadModel& variant, Placement& placed) const {
+  constexpr int kMostSteps = 100;
+  constexpr double kFarthest =
+      4;  // times what the node is off the patch: surfaces meet at 15 degrees
+  const double rounding = kRounding * plane_tolerance(surface) / kSamePlane;
+  std::map<int, std::vector<const FreePatch*>> patches_of;
+  const auto sliding = sliding_patches();
+  for (const FreePatch& patch : sliding)
+    for (const int n : patch.touched) patches_of[n].push_back(&patch);
+  for (const auto& [n, own] : patches_of) {
+    const bool is_on_face = association.dimension[n] == CadDimension::Face;
+    if (placed.is_crossing[n] || placed.entity[n] < 0) continue;
+    const Vector3d start = placed.feet.row(n);
+    const auto onto_patches = [&](Vector3d x) {
+      for (const FreePatch* patch : own) x = onto_patch(surface, *patch, n, x);
+      return x;
+    };
+    const double off = (onto_patches(start) - start).norm();
+    Vector3d x = start;
+    Vector2d uv = placed.uv.row(n);
+    double step = off;
+    for (int k = 0; k < kMostSteps && step > rounding; ++k) {
+      const Vector3d before = x;
+      x = onto_patches(x);
+      if (is_on_face) {
+        const FaceFoot foot = project_on_face(variant, placed.entity[n], x, uv);
+        x = foot.point;
+        uv = foot.uv;
+      } else {
+        const EdgeFoot foot = project_on_edge(variant, placed.entity[n], x, uv[0]);
+        x = foot.point;
+        uv = {foot.t, 0};
+      }
+      step = (x - before).norm();
+    }
+    if (off <= rounding || step > rounding || (onto_patches(x) - x).norm() > rounding ||
+        (x - start).norm() > kFarthest * off)
+      continue;
+    placed.feet.row(n) = x;
+    placed.uv.row(n) = uv;
+  }
+}
+
 std::vector<FreePatch> SurfaceMorph::Impl::sliding_patches() const {
   std::vector<FreePatch> result;
   for (const FreePatch& patch : patches)
@@ -536,6 +583,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   self.move_faces(pair, maps, placed, result);
   const auto images = self.image_faces(pair, self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, images, placed);
+  self.settle_junctions(joined, placed);
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
