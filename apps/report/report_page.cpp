@@ -275,7 +275,9 @@ std::string report_page(const PipelineReport& report, const PageContents& conten
            contents.surface_note.empty() ? data(false) : data(contents.surface_note));
   page.set("no_picture", contents.no_picture.empty() ? data(false) : data(contents.no_picture));
   page.set("pictures", picture_list(report, contents));
-  page.set("quality", before_after(quality_rows(report.before, report.after)));
+  auto quality = quality_rows(report.before, report.after);
+  for (auto& cells : layer_rows(report.layers)) quality.push_back(std::move(cells));
+  page.set("quality", before_after(quality));
   page.set("distances", before_after(distance_rows(report)));
   page.set("jacobian", bins(contents.details.scaled_jacobian, "%.2f", false));
   page.set("has_deviation", !contents.details.deviation.is_empty());

@@ -307,6 +307,19 @@ std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& afte
   };
 }
 
+std::vector<Row> layer_rows(const LayerFigures& layers) {
+  if (layers.cells == 0) return {};
+  std::vector<Row> rows{
+      {"First cells on what moved, heights within 1 %", with_commas(layers.cells) + " cells",
+       format("%.1f %%", 100 * layers.share_kept)},
+      {"First cells on what moved, height times", "1",
+       format("%.3g to %.3g", layers.least, layers.most)}};
+  if (layers.growth_after > 0)
+    rows.push_back({"Growth from first to second cell, mean", format("%.3f", layers.growth_before),
+                    format("%.3f", layers.growth_after)});
+  return rows;
+}
+
 std::string summary_text(const PipelineReport& report) {
   std::string text;
   text += labelled("Base CAD", cad_line(report.base_cad));
