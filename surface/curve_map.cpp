@@ -410,7 +410,7 @@ CurveMap::Way CurveMap::choose() {
     way.is_reversed = runs_backward();
     way.mode = has_equal_links ? Mode::Parameter : has_equal_range() ? Mode::Range : Mode::Length;
   }
-  if (!is_same_under_alignment()) return way;
+  if (!is_same_under_alignment() || (base_curve_->is_closed() && stays(way))) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
   const double different =
       (pair_->match.is_congruent ? kRounding : kDifferent) * variant_.model().diagonal();
@@ -420,6 +420,17 @@ CurveMap::Way CurveMap::choose() {
   if (!is_nearest) return way;
   turn_.reset();
   return nearest;
+}
+
+// A closed curve that both models have in the same place: it tells its parameters, even where all
+// that is round it turned about its axis.
+bool CurveMap::stays(const Way& way) const {
+  return std::ranges::all_of(probes_, [&](const CurveLocation& l) {
+    const CurveLocation to = apply(way, l);
+    return (variant_.model().evaluate_edge(to.edge, to.t).point -
+            base_.model().evaluate_edge(l.edge, l.t).point)
+               .norm() <= kRounding * variant_.model().diagonal();
+  });
 }
 
 bool CurveMap::is_reparametrised(const Way& way) const {

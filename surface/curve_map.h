@@ -97,6 +97,7 @@ class CurveMap {
   Way choose();
   Way best_shift() const;
   Way choose_closed(bool has_equal_links);
+  bool stays(const Way& way) const;
   bool is_reparametrised(const Way& way) const;
   double change_of_form(const Way& way) const;
   Eigen::Vector2d spin(const Way& way, const Eigen::Vector3d& axis) const;

@@ -1,3 +1,4 @@
+#include <BRepAlgoAPI_Common.hxx>
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepAlgoAPI_Fuse.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
@@ -658,6 +659,38 @@ TEST_CASE("a sphere round a body that turns stays where it is", "[surface][far-f
     else
       CHECK((Vector3d(result.positions.row(n)) - apply(turn, old.row(n))).norm() <=
             kKnown * c.diagonal);
+}
+
+TEST_CASE("half a sphere round a body on its symmetry plane that turns stays where it is",
+          "[surface][far-field]") {
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(gp_Pnt(-5, -2, -1), gp_Pnt(5, 2, 1)).Solid();
+  const TopoDS_Shape half =
+      BRepAlgoAPI_Common(sphere_at({0, 0, 0}, 30),
+                         BRepPrimAPI_MakeBox(gp_Pnt(-40, -40, 0), gp_Pnt(40, 40, 40)).Solid())
+          .Shape();
+  const gp_Trsf turn = turn_about_z(0.35);
+  const TopoDS_Shape field = BRepAlgoAPI_Cut(half, box).Shape();
+  const MorphCase c = mesh_case(to_model(field), triangulate(field, 0.2));
+  const auto result =
+      morph_surface(c, to_model(BRepAlgoAPI_Cut(half, transformed(box, turn)).Shape()));
+  CHECK(result.folds.empty());
+  const Points old = surface_points(c.boundary, c.mesh.points);
+  Index far = 0, near = 0;
+  for (Index n = 0; n < old.rows(); ++n) {
+    const Vector3d x = old.row(n), y = result.positions.row(n);
+    const bool is_on_plane = std::abs(x.z()) < 1e-9;
+    if (std::abs(x.norm() - 30) < 1e-6) {
+      ++far;
+      CHECK((y - x).norm() <= 1e-12 * c.diagonal);
+    } else if (is_on_plane) {
+      CHECK(std::abs(y.z()) <= 1e-12 * c.diagonal);
+    } else {
+      ++near;
+      CHECK((y - apply(turn, x)).norm() <= kKnown * c.diagonal);
+    }
+  }
+  CHECK(far > 100);
+  CHECK(near > 0);
 }
 
 TEST_CASE("a ball with a hole that turns about its axis turns with the hole", "[surface][seam]") {
