@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/rbf/anchors.h"
 #include "volume/lbfgs.h"
 #include "volume/node_cells.h"
 #include "volume/shape_energy.h"
@@ -75,6 +76,8 @@ class BestMesh {
     result_.positions = at_.positions = positions;
     result_.quality = at_.quality = quality;
     can_keep_ = result_.report.base = worst_cells(reference.quality);
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      reach_ = std::max(reach_, (is_fixed_[n] ? kMostOvershoot : 1) * moved(positions, n));
     result_.report.plain = result_.report.best = worst_cells(quality);
   }
 
@@ -249,6 +252,7 @@ class BestMesh {
   // The next attempt starts where this one ended, unless that is no mesh to hand out.
   void judge(State next, RaiseAttempt& attempt) {
     BestMeshReport& report = result_.report;
+    take_back_far(next.positions);
     next.quality = measure_quality(mesh_, next.positions, orientation_);
     take_back_below(report.plain.min, next);
     if (check_validity(mesh_, next.positions, orientation_).invalid > validity_.invalid ||
@@ -266,6 +270,18 @@ class BestMesh {
     result_.positions = at_.positions;
     result_.quality = at_.quality;
     slides_ = at_.slides;
+  }
+
+  double moved(const Points& positions, Index node) const {
+    return (positions.row(node) - mesh_.points.row(node)).norm();
+  }
+
+  // Large cells far from a small change have room for moves beyond all that the part does: these
+  // are not asked for.
+  void take_back_far(Points& positions) const {
+    for (Index n = 0; n < mesh_.node_count(); ++n)
+      if (!is_fixed_[n] && !is_slider(n) && moved(positions, n) > reach_)
+        positions.row(n) = result_.positions.row(n);
   }
 
   // Puts the inner nodes of cells that fell below `least` back to where the result has them: where
@@ -300,7 +316,7 @@ class BestMesh {
   State at_;                ///< where the last attempt ended
   RowMatrix slides_;        ///< of the result
   ValidityReport validity_;
-  double work_ = 0;
+  double work_ = 0, reach_ = 0;
   BestMeshResult result_;
 };
 

@@ -233,4 +233,27 @@ TEST_CASE("Cells that are inverted stay as they are, the others are raised", "[v
   CHECK(result.positions.row(centre) == positions.row(centre));
 }
 
+TEST_CASE("No inner node moves much farther than the farthest surface node", "[volume][best]") {
+  // Poor cells with much room, spoilt a little more by a small change.
+  FixedCube poor(testing::cube(CellType::Hexahedron, 6));
+  const auto node_at = [&](double x, double y, double z) {
+    Index node = -1;
+    (poor.mesh.points.rowwise() - Eigen::RowVector3d(x, y, z)).rowwise().norm().minCoeff(&node);
+    return node;
+  };
+  const Index amid = node_at(0.5, 0.5, 0.5), beside = node_at(0.667, 0.5, 0.5),
+              floor = node_at(0.5, 0.5, 0);
+  poor.mesh.points.row(amid) += Eigen::RowVector3d(0.09, 0.05, 0.02);
+  poor.quality = measure_quality(poor.mesh, poor.mesh.points, poor.orientation);
+  constexpr double kMoved = 0.02;
+  const Points start = poor.mesh.points;
+  Points positions = start;
+  REQUIRE(poor.is_fixed[floor]);
+  positions(floor, 2) -= kMoved;
+  positions(beside, 0) -= kMoved;
+  const BestMeshResult result = poor.raised(positions);
+  CHECK(result.report.best.worst_twentieth > result.report.plain.worst_twentieth);
+  CHECK((result.positions - start).rowwise().norm().maxCoeff() <= 1.2 * kMoved);
+}
+
 }  // namespace cadmorph
