@@ -146,21 +146,25 @@ Index first_from(const BinaryRun& run, std::uint64_t place) {
   return std::min(run.count, Index((place - run.place + stride - 1) / stride));
 }
 
-/// Replaces the numbers that differ in `bytes`, which stand at `place` in the file and cut none.
-void replace_numbers(const BinaryPlaces& places, const Points& before, const Points& after,
+std::uint64_t end_of(const BinaryRun& run) {
+  return run.count == 0 ? run.place
+                        : run.place + std::uint64_t(run.count - 1) * run.stride + number_size(run);
+}
+
+/// Replaces the numbers of a run that differ in `bytes`, which stand at `place` in the file and cut
+/// none.
+void replace_numbers(const BinaryRun& run, const Points& before, const Points& after,
                      std::uint64_t place, std::span<char> bytes) {
-  for (const BinaryRun& run : places.runs) {
-    const Index end = first_from(run, place + bytes.size());
-    for (Index i = first_from(run, place); i < end; ++i) {
-      const Index node = node_of(run, i);
-      const double value = after(node, run.component);
-      if (before(node, run.component) == value) continue;
-      char* to = bytes.data() + (run.place + std::uint64_t(i) * run.stride - place);
-      if (is_single(run))
-        store<float, std::uint32_t>(value / run.scale, to, run.is_big_endian);
-      else
-        store<double, std::uint64_t>(value / run.scale, to, run.is_big_endian);
-    }
+  const Index end = first_from(run, place + bytes.size());
+  for (Index i = first_from(run, place); i < end; ++i) {
+    const Index node = node_of(run, i);
+    const double value = after(node, run.component);
+    if (before(node, run.component) == value) continue;
+    char* to = bytes.data() + (run.place + std::uint64_t(i) * run.stride - place);
+    if (is_single(run))
+      store<float, std::uint32_t>(value / run.scale, to, run.is_big_endian);
+    else
+      store<double, std::uint64_t>(value / run.scale, to, run.is_big_endian);
   }
 }
 
@@ -168,16 +172,16 @@ void replace_numbers(const BinaryPlaces& places, const Points& before, const Poi
 class NewBinaryNumbers : public Replacement {
  public:
   NewBinaryNumbers(const BinaryPlaces& places, const Points& before, const Points& after)
-      : places_(places), before_(before), after_(after) {}
+      : runs_(places), before_(before), after_(after) {}
 
   std::uint64_t last_cut(std::uint64_t begin, std::uint64_t end) const override {
     // Numbers of several runs may lie beside each other.
     for (std::uint64_t cut = end;; end = cut) {
-      for (const BinaryRun& run : places_.runs) {
-        const Index next = first_from(run, cut);
+      for (const BinaryRun* run : runs_.over(cut, cut)) {
+        const Index next = first_from(*run, cut);
         if (next == 0) continue;
-        const std::uint64_t last = run.place + std::uint64_t(next - 1) * run.stride;
-        if (last + number_size(run) > cut) cut = std::max(last, begin);
+        const std::uint64_t last = run->place + std::uint64_t(next - 1) * run->stride;
+        if (last + number_size(*run) > cut) cut = std::max(last, begin);
       }
       if (cut == end) return cut;
     }
@@ -185,11 +189,12 @@ class NewBinaryNumbers : public Replacement {
   void append(std::uint64_t place, std::string_view bytes, std::string& copy) const override {
     const std::size_t begin = copy.size();
     copy += bytes;
-    replace_numbers(places_, before_, after_, place, std::span(copy).subspan(begin));
+    for (const BinaryRun* run : runs_.over(place, place + bytes.size()))
+      replace_numbers(*run, before_, after_, place, std::span(copy).subspan(begin));
   }
 
  private:
-  const BinaryPlaces& places_;
+  RunsByPlace runs_;
   const Points &before_, &after_;
 };
 
@@ -257,6 +262,20 @@ class PlacesCopier : public MeshCopier {
 
 }  // namespace
 
+RunsByPlace::RunsByPlace(const BinaryPlaces& places) {
+  for (const BinaryRun& run : places.runs)
+    if (run.count > 0) runs_.push_back(&run);
+  std::ranges::stable_sort(runs_, {}, &BinaryRun::place);
+  std::uint64_t end = 0;
+  for (const BinaryRun* run : runs_) ends_.push_back(end = std::max(end, end_of(*run)));
+}
+
+std::span<const BinaryRun* const> RunsByPlace::over(std::uint64_t begin, std::uint64_t end) const {
+  const auto first = std::ranges::upper_bound(ends_, begin) - ends_.begin();
+  const auto last = std::ranges::lower_bound(runs_, end, {}, &BinaryRun::place) - runs_.begin();
+  return std::span(runs_).subspan(std::size_t(first), std::size_t(std::max(last - first, {})));
+}
+
 void write_shortest(double value, std::string_view /*original*/, std::string& text) {
   char buffer[32];
   const auto [end, error] = std::to_chars(buffer, buffer + sizeof buffer, value);
@@ -278,7 +297,7 @@ void read_runs(std::string_view bytes, const BinaryPlaces& places, const fs::pat
 
 void replace_coordinates(std::span<char> bytes, const BinaryPlaces& places, const Points& before,
                          const Points& after) {
-  replace_numbers(places, before, after, 0, bytes);
+  for (const BinaryRun& run : places.runs) replace_numbers(run, before, after, 0, bytes);
 }
 
 void write_places(const SourceFile& source, const BinaryPlaces& places, const Points& before,

@@ -49,6 +49,21 @@ struct BinaryPlaces {
   std::vector<BinaryRun> runs;
 };
 
+/// The runs of a file in the order of their places: a file may have very many.
+class RunsByPlace {
+ public:
+  /// `places` must outlive it.
+  explicit RunsByPlace(const BinaryPlaces& places);
+
+  /// Those that may have bytes of [begin, end); the ones around `begin` when that is `end`. None of
+  /// them is left out; others are among them only where the runs' reaches overlap. O(log runs).
+  std::span<const BinaryRun* const> over(std::uint64_t begin, std::uint64_t end) const;
+
+ private:
+  std::vector<const BinaryRun*> runs_;
+  std::vector<std::uint64_t> ends_;  ///< the farthest of those up to each
+};
+
 using CoordinatePlaces = std::variant<TextPlaces, BinaryPlaces>;
 
 /// Reads the coordinates of `runs` out of a file's bytes into `points`, which has its rows. Throws

@@ -8,8 +8,8 @@
 #include "core/formats/coordinate_places.h"
 #include "core/formats/formats.h"
 #include "core/formats/gmsh_elements.h"
-#include "core/formats/node_numbers.h"
 #include "core/formats/number_input.h"
+#include "core/formats/number_table.h"
 
 namespace fs = std::filesystem;
 
@@ -19,6 +19,7 @@ namespace {
 using enum CellType;
 
 constexpr int kIntSize = 4, kSizeSize = 8;
+constexpr Index kUsual = 4;  // nodes of a cell: most are tetrahedra
 
 /// What the elements are whose numbers are known but that can't be read.
 std::string other_kind(Index number) {
@@ -344,8 +345,8 @@ class Reader {
   }
 
   void end_nodes() {
-    node_numbers_ = NodeNumbers(numbers_);
-    if (const Index row = node_numbers_.double_row(); row >= 0)
+    node_numbers_ = NumberTable(numbers_);
+    if (const Index row = node_numbers_.double_item(); row >= 0)
       in_.fail("there are two nodes with the number " + std::to_string(numbers_[std::size_t(row)]));
   }
 
@@ -370,7 +371,7 @@ class Reader {
     for (int i = 0; i < kind.nodes; ++i) {
       const std::size_t place = in_.place();
       const Index number = in_.integer("the number of a node", size);
-      const Index row = node_numbers_.row(number);
+      const Index row = node_numbers_.find(number);
       if (row < 0)
         in_.fail_at(place, "an element has the node " + std::to_string(number) +
                                ", which is not among the nodes");
@@ -417,7 +418,6 @@ class Reader {
     const Index total = in_.count("the number of elements", kSizeSize, 16, 4);
     in_.size("the least number of an element");
     in_.size("the largest number of an element");
-    constexpr Index kUsual = 4;  // nodes of a cell: most are tetrahedra
     reserve_cells(result_.mesh, total, kUsual * total);
     Index read = 0;
     for (Index block = 0; block < blocks; ++block) {
@@ -445,7 +445,6 @@ class Reader {
   void read_old_elements() {
     const Index count = in_.text().count("the number of elements", 8);
     in_.begin_numbers();
-    constexpr Index kUsual = 4;  // nodes of a cell: most are tetrahedra
     reserve_cells(result_.mesh, count, kUsual * count);
     if (!in_.is_binary()) {
       for (Index i = 0; i < count; ++i) {
@@ -570,7 +569,7 @@ class Reader {
   bool has_nodes_ = false, has_elements_ = false;
 
   std::vector<Index> numbers_;  ///< of the nodes
-  NodeNumbers node_numbers_;
+  NumberTable node_numbers_;
   std::vector<double> points_;  ///< of a text
   TextPlaces text_places_;
   BinaryPlaces binary_places_;

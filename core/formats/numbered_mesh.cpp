@@ -93,40 +93,6 @@ void append_sets(const NumberedMesh& part, const MeshAssembly::Placed& placed, M
 
 }  // namespace
 
-NumberTable::NumberTable(std::span<const Index> numbers) {
-  count_ = std::ssize(numbers);
-  if (numbers.empty()) return;
-  first_ = numbers[0];
-  is_consecutive_ = true;
-  Index least = first_, most = first_;
-  for (Index i = 0; i < count_; ++i) {
-    const Index number = numbers[std::size_t(i)];
-    is_consecutive_ = is_consecutive_ && number - i == first_;
-    least = std::min(least, number);
-    most = std::max(most, number);
-  }
-  if (is_consecutive_) return;
-  constexpr Index kGaps = 8, kLeast = 1 << 20;  // beyond, a table would be mostly empty
-  first_ = least;
-  if (least >= 0 && most - least < kGaps * count_ + kLeast) {
-    dense_.assign(std::size_t(most - least + 1), -1);
-    for (Index i = count_; i-- > 0;) dense_[std::size_t(numbers[std::size_t(i)] - first_)] = i;
-    return;
-  }
-  sparse_.reserve(numbers.size());
-  for (Index i = 0; i < count_; ++i) sparse_.emplace(numbers[std::size_t(i)], i);
-}
-
-Index NumberTable::find(Index number) const {
-  if (is_consecutive_) return number >= first_ && number - first_ < count_ ? number - first_ : -1;
-  if (!dense_.empty())
-    return number >= first_ && number - first_ < std::ssize(dense_)
-               ? dense_[std::size_t(number - first_)]
-               : -1;
-  const auto found = sparse_.find(number);
-  return found == sparse_.end() ? -1 : found->second;
-}
-
 void NumberedMesh::add_node(Index number, const Eigen::RowVector3d& point) {
   node_numbers.push_back(number);
   coordinates.insert(coordinates.end(), point.data(), point.data() + 3);

@@ -2,31 +2,14 @@
 
 #include <span>
 #include <string>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include "core/formats/deck.h"
 #include "core/formats/mesh_format.h"
+#include "core/formats/number_table.h"
 
 namespace cadmorph {
-
-/// Finds items by the numbers that a file gives them, in any order and with gaps.
-class NumberTable {
- public:
-  NumberTable() = default;
-  /// `numbers[i]` is that of item i; of equal ones the first item counts.
-  explicit NumberTable(std::span<const Index> numbers);
-
-  /// The item of a number; -1 when there is none.
-  Index find(Index number) const;
-
- private:
-  bool is_consecutive_ = false;
-  Index first_ = 0, count_ = 0;
-  std::vector<Index> dense_;  ///< by number - first_
-  std::unordered_map<Index, Index> sparse_;
-};
 
 /// A set of nodes or elements by number.
 struct NumberedSet {
