@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
@@ -91,11 +94,10 @@ int table_corners(std::span<const Edge> edges) {
 
 class EdgeLengths {
  public:
-  explicit EdgeLengths(const Mesh& mesh)
-      : points_(mesh.points),
-        lengths_{
-            Eigen::VectorXd::Constant(mesh.node_count(), std::numeric_limits<double>::infinity()),
-            Eigen::VectorXd::Zero(mesh.node_count())} {}
+  explicit EdgeLengths(const Points& points)
+      : points_(points),
+        lengths_{Eigen::VectorXd::Constant(points.rows(), std::numeric_limits<double>::infinity()),
+                 Eigen::VectorXd::Zero(points.rows())} {}
 
   void add(Index a, Index b) {
     if (a == b) return;
@@ -127,8 +129,18 @@ class EdgeLengths {
 
  private:
   void add_length(Index n, double length) {
-    lengths_.shortest[n] = std::min(lengths_.shortest[n], length);
-    lengths_.longest[n] = std::max(lengths_.longest[n], length);
+    replace_if(lengths_.shortest[n], length, std::less());
+    replace_if(lengths_.longest[n], length, std::greater());
+  }
+
+  /// Several threads do it: whatever their order, the extreme of all stays.
+  template <class Compare>
+  static void replace_if(double& extreme, double length, Compare is_beyond) {
+    const std::atomic_ref<double> shared(extreme);
+    double known = shared.load(std::memory_order_relaxed);
+    while (is_beyond(length, known) &&
+           !shared.compare_exchange_weak(known, length, std::memory_order_relaxed))
+      continue;
   }
 
   const Points& points_;
@@ -176,21 +188,27 @@ void add_centres(const Mesh& mesh, Index c, EdgeLengths& lengths) {
   if (type == CellType::TriquadraticHexahedron) lengths.add_centre(nodes[26], nodes.subspan(20, 6));
 }
 
+void add_cell(const Mesh& mesh, Index c, EdgeLengths& lengths) {
+  if (mesh.types[c] == CellType::Polyhedron)
+    add_polyhedron(mesh, c, lengths);
+  else if (mesh.types[c] == CellType::Polygon)
+    lengths.add_loop(mesh.cell(c));
+  else if (mesh.types[c] == CellType::PolyLine)
+    lengths.add_line(mesh.cell(c));
+  else
+    add_cell(mesh.cell(c), edge_table(mesh.types[c]), lengths);
+  add_centres(mesh, c, lengths);
+}
+
 }  // namespace
 
-IncidentEdges incident_edges(const Mesh& mesh) {
-  EdgeLengths lengths(mesh);
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    if (mesh.types[c] == CellType::Polyhedron)
-      add_polyhedron(mesh, c, lengths);
-    else if (mesh.types[c] == CellType::Polygon)
-      lengths.add_loop(mesh.cell(c));
-    else if (mesh.types[c] == CellType::PolyLine)
-      lengths.add_line(mesh.cell(c));
-    else
-      add_cell(mesh.cell(c), edge_table(mesh.types[c]), lengths);
-    add_centres(mesh, c, lengths);
-  }
+IncidentEdges incident_edges(const Mesh& mesh) { return incident_edges(mesh, mesh.points); }
+
+IncidentEdges incident_edges(const Mesh& mesh, const Points& points) {
+  EdgeLengths lengths(points);
+  parallel_for(mesh.cell_count(), 1 << 14, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c) add_cell(mesh, c, lengths);
+  });
   return lengths.take();
 }
 

@@ -12,7 +12,9 @@ struct IncidentEdges {
 
 /// Edges of quadratic cells count in halves, corner to mid-side node. The centre node of a face has
 /// the lines to the face's mid-side nodes, that of a cell those to the centres of its faces. The
-/// mesh must pass check_mesh. O(cells).
+/// mesh must pass check_mesh. O(cells), on all threads.
 IncidentEdges incident_edges(const Mesh& mesh);
+/// The same of the mesh with its nodes at `points`, as many.
+IncidentEdges incident_edges(const Mesh& mesh, const Points& points);
 
 }  // namespace cadmorph

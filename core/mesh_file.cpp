@@ -28,9 +28,7 @@ CoordinateRounding measure_rounding(const Mesh& mesh, const Points& wanted, cons
   const Eigen::VectorXd distances = (written - wanted).rowwise().norm();
   CoordinateRounding rounding;
   if (distances.maxCoeff() == 0) return rounding;
-  Mesh moved = mesh;
-  moved.points = wanted;
-  const Eigen::VectorXd edges = incident_edges(moved).shortest;
+  const Eigen::VectorXd edges = incident_edges(mesh, wanted).shortest;
   for (Index n = 0; n < distances.size(); ++n) {
     rounding.largest = std::max(rounding.largest, distances(n));
     const double relative = edges(n) > 0 ? distances(n) / edges(n) : 0;

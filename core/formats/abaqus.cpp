@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -242,6 +243,7 @@ struct Part {
   SetTable nodes = {}, elements = {}, surfaces = {};
   std::vector<std::pair<std::string, std::string>> sections = {};  ///< set of elements, material
   int instances = 0;
+  int placed = 0;  ///< of the instances; after the last the mesh is gone
 };
 
 struct Instance {
@@ -255,8 +257,8 @@ struct Instance {
 struct Placed {
   std::string instance;  ///< in capitals; empty: the deck's own
   const Part* part = nullptr;
-  MeshAssembly::Placed nodes = {};
   NumberTable elements = {};
+  MeshAssembly::Placed nodes = {};
 };
 
 /// Reads a deck of Abaqus or CalculiX.
@@ -321,8 +323,8 @@ class Reader {
     std::size_t begin = 0, end = 0;
     bool is_whole = false;  ///< all was read, and no element is without its end
     std::vector<NodeLine> nodes;
-    std::vector<Index> elements;      ///< the number and the nodes of each
-    std::vector<std::size_t> places;  ///< of each element
+    NumberedMesh elements;
+    std::vector<Index> element = {};  ///< that is being read: its number and nodes
   };
 
   /// Lines of data on all threads; those that go on in the next block, and errors, on one.
@@ -358,8 +360,9 @@ class Reader {
     const std::string_view text = sources_.text(file);
     const auto width = std::size_t(element_nodes_) + 1;
     block.nodes.clear();
-    block.elements.clear();
-    block.places.clear();
+    block.elements.clear_elements();
+    block.element.clear();
+    DeckPlace element_place;
     for (std::size_t at = block.begin; at < block.end;) {
       const DeckPlace place{file, at};
       const std::string_view line = take_line(text, at);
@@ -368,25 +371,25 @@ class Reader {
         block.nodes.push_back(node_line(place, line));
         continue;
       }
-      if (block.elements.size() == width * block.places.size()) block.places.push_back(place.place);
-      append_numbers(place, line, block.elements);
-      if (block.elements.size() > width * block.places.size()) return false;
+      if (block.element.empty()) element_place = place;
+      append_numbers(place, line, block.element);
+      if (block.element.size() > width) return false;
+      if (block.element.size() < width) continue;
+      add_element(block.element, element_place, block.elements);
+      block.element.clear();
     }
-    return data_ == Data::Nodes || block.elements.size() == width * block.places.size();
+    return block.element.empty();
   }
 
   void add_block(std::size_t file, const DataBlock& block) {
+    Part& in = part();
     for (const NodeLine& node : block.nodes) {
       here_ = node.place;
       add_node(node);
     }
-    const auto width = std::size_t(element_nodes_) + 1;
-    for (std::size_t e = 0; e < block.places.size(); ++e) {
-      element_place_ = {file, block.places[e]};
-      const auto first = block.elements.begin() + std::ptrdiff_t(e * width);
-      element_.assign(first, first + std::ptrdiff_t(width));
-      add_element();
-    }
+    in.mesh.reserve_elements(block.elements, blocks_behind(sources_.text(file), block));
+    in.mesh.append_elements(block.elements, 0, block.elements.element_count());
+    end_elements(block.elements.element_numbers);
   }
 
   /// A keyword's line goes on behind a comma at its end.
@@ -590,11 +593,11 @@ class Reader {
 
   NodeRecords& node_records() {
     std::vector<NodeRecords>& all = part().mesh.records;
-    const bool goes_on = records_keyword_ == std::pair(keyword_place_.file, keyword_place_.place) &&
-                         !all.empty() && all.back().file == here_.file;
+    const bool goes_on =
+        records_keyword_ == keyword_place_ && !all.empty() && all.back().file == here_.file;
     if (!goes_on) {
       all.push_back({.file = here_.file, .style = style_, .frames = node_frames_});
-      records_keyword_ = {keyword_place_.file, keyword_place_.place};
+      records_keyword_ = keyword_place_;
     }
     return all.back();
   }
@@ -667,7 +670,9 @@ class Reader {
       sources_.fail(here_, "element " + std::to_string(element_[0]) + " has " +
                                std::to_string(element_.size() - 1) + " nodes, expected " +
                                std::to_string(element_nodes_));
-    add_element();
+    add_element(element_, element_place_, part().mesh);
+    end_elements({&element_[0], 1});
+    element_.clear();
   }
 
   /// Appends the numbers of a line: of an element, and of nodes.
@@ -689,13 +694,16 @@ class Reader {
     }
   }
 
-  void add_element() {
-    if (kind_.type == CellType::QuadraticEdge) std::swap(element_[2], element_[3]);
-    Part& in = part();
-    in.mesh.add_element(element_[0], kind_.type, std::span(element_).subspan(1), 0, element_place_);
-    in.is_plane.push_back(kind_.is_plane);
-    if (element_set_) element_set_->numbers.push_back(element_[0]);
-    element_.clear();
+  void add_element(std::vector<Index>& element, DeckPlace place, NumberedMesh& mesh) const {
+    if (kind_.type == CellType::QuadraticEdge) std::swap(element[2], element[3]);
+    mesh.add_element(element[0], kind_.type, std::span(element).subspan(1), 0, place);
+  }
+
+  /// What goes with elements added to the part.
+  void end_elements(std::span<const Index> numbers) {
+    part().is_plane.resize(part().mesh.types.size(), kind_.is_plane);
+    if (element_set_)
+      element_set_->numbers.insert(element_set_->numbers.end(), numbers.begin(), numbers.end());
   }
 
   void begin_set(const Keyword& keyword) {
@@ -820,10 +828,13 @@ class Reader {
       records.is_shared = part.instances > 1;
       records.owner = "instance " + instance.name;
     }
-    placed_.push_back({.instance = instance.name,
-                       .part = &part,
-                       .nodes = assembly_.add(part.mesh, instance.frames),
-                       .elements = NumberTable(part.mesh.element_numbers)});
+    Placed placed{.instance = instance.name,
+                  .part = &part,
+                  .elements = NumberTable(part.mesh.element_numbers)};
+    const bool is_last = ++part.placed >= part.instances;
+    placed.nodes = is_last ? assembly_.add(std::move(part.mesh), instance.frames)
+                           : assembly_.add(part.mesh, instance.frames);
+    placed_.push_back(std::move(placed));
   }
 
   /// The first section that names a cell's set tells its material, and so its region.
@@ -949,7 +960,7 @@ class Reader {
   std::size_t current_part_ = 0;
   std::vector<NodeFrame> system_, node_frames_;
   std::vector<double> frame_numbers_;
-  std::pair<std::size_t, std::size_t> records_keyword_{~std::size_t{0}, 0};
+  std::optional<DeckPlace> records_keyword_;
   SetLines *node_set_ = nullptr, *element_set_ = nullptr;
   ElementKind kind_;
   Index element_nodes_ = 0;

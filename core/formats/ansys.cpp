@@ -139,7 +139,7 @@ class Reader {
   ReadMesh run() {
     while (at_ < text_.size()) read_command(next_line());
     MeshAssembly assembly(sources_);
-    assembly.add(mesh_);
+    assembly.add(std::move(mesh_));
     ReadMesh result = assembly.finish(std::move(sources_), "material");
     for (const auto& [name, count] : left_out_)
       result.remarks.push_back(std::to_string(count) + " elements of type " + name +

@@ -194,13 +194,17 @@ class DeckCopier : public MeshCopier {
     for (std::size_t file = 0; file < files_.size(); ++file) {
       const std::vector<Edit> edits = edits_of(records_, file, before, after);
       if (edits.empty()) continue;
-      const FileBytes bytes = read_again(files_[file].source);
+      const std::uint64_t begin_of_all = edits.front().place.place;
+      const TextToken last = edits.back().place;
+      const FileBytes bytes = read_part_again(files_[file].source, begin_of_all,
+                                              std::size_t(last.place + last.length - begin_of_all));
       parallel_for(std::ssize(edits), 1 << 13, [&](Index begin, Index end) {
         std::string text;
         for (Index i = begin; i < end; ++i) {
           const Edit& edit = edits[std::size_t(i)];
           text.clear();
-          const auto record = std::string_view(bytes).substr(edit.place.place, edit.place.length);
+          const auto record =
+              std::string_view(bytes).substr(edit.place.place - begin_of_all, edit.place.length);
           write_record(edit, record, before, after, least, text);
           Eigen::RowVector3d point;
           edit.records->style->read(text, point);
@@ -261,6 +265,8 @@ std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
   }
   if (!fs::is_regular_file(path))
     fail(from, "there is no file " + path.string() + " to include; copy it there");
+  constexpr std::size_t kMostFiles = 0xffff;
+  if (files_.size() > kMostFiles) fail(from, "the deck includes too many files");
   SourceBytes included = read_source(path);
   files_.push_back({.source = std::move(included.source), .name = name});
   texts_.push_back(std::move(included.bytes));

@@ -65,8 +65,10 @@ struct DeckFile {
 
 /// Where something stands in a deck.
 struct DeckPlace {
-  std::size_t file = 0;
-  std::size_t place = 0;
+  std::uint64_t file : 16 = 0;
+  std::uint64_t place : 48 = 0;
+
+  bool operator==(const DeckPlace&) const = default;
 };
 
 /// The files of a deck while they are read. Names of included files start from the folder of the
@@ -127,6 +129,13 @@ void read_blocks(std::string_view text, std::size_t begin, std::size_t end,
       [&](Index slot) {
         if (!has_ended) has_ended = !take(blocks[std::size_t(slot)]);
       });
+}
+
+/// How many blocks like this one the text has behind it.
+template <class Block>
+double blocks_behind(std::string_view text, const Block& block) {
+  return block.end > block.begin ? double(text.size() - block.end) / double(block.end - block.begin)
+                                 : 0;
 }
 
 /// A copier for decks whose nodes stand in records of text. Included files are copied beside the

@@ -68,7 +68,7 @@ class Reader {
     read_file(0);
     end_element();
     MeshAssembly assembly(sources_);
-    assembly.add(mesh_);
+    assembly.add(std::move(mesh_));
     ReadMesh result = assembly.finish(std::move(sources_), "part");
     for (const auto& [name, count] : left_out_)
       result.remarks.push_back(std::to_string(count) + " lines of *" + name +

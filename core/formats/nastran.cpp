@@ -14,6 +14,7 @@
 #include "core/formats/formats.h"
 #include "core/formats/number_fields.h"
 #include "core/formats/numbered_mesh.h"
+#include "core/large_pages.h"
 
 namespace fs = std::filesystem;
 
@@ -21,6 +22,17 @@ namespace cadmorph {
 namespace {
 
 constexpr std::size_t kSmall = 8, kLarge = 16;  // columns of a field
+
+/// What the lines of a text may have: looked for once, not line by line.
+struct Marks {
+  explicit Marks(std::string_view text)
+      : has_commas(text.find(',') != std::string_view::npos),
+        has_tabs(text.find('\t') != std::string_view::npos),
+        has_comments(text.find('$') != std::string_view::npos) {}
+
+  bool has_commas, has_tabs, has_comments;
+};
+
 std::string_view without_comment(std::string_view line) {
   return line.substr(0, std::min(line.find('$'), line.size()));
 }
@@ -39,12 +51,15 @@ std::string without_tabs(std::string_view line) {
 
 bool is_free(std::string_view line) { return line.find(',') != std::string_view::npos; }
 
+bool is_empty(std::string_view line) { return std::ranges::all_of(line, is_blank); }
+
 /// What stands in the first field of a line.
-std::string_view name_field(std::string_view line) {
-  if (is_free(line)) return trimmed(line.substr(0, line.find(',')));
+std::string_view name_field(std::string_view line, const Marks& marks) {
+  if (marks.has_commas && is_free(line)) return trimmed(line.substr(0, line.find(',')));
   const std::string_view field = line.substr(0, kSmall);
-  return trimmed(field.substr(0, field.find('\t')));
+  return trimmed(marks.has_tabs ? field.substr(0, field.find('\t')) : field);
 }
+std::string_view name_field(std::string_view line) { return name_field(line, Marks(line)); }
 
 bool is_continuation(std::string_view line) {
   if (std::isalpha(static_cast<unsigned char>(line.front()))) return false;  // most lines
@@ -55,24 +70,26 @@ bool is_continuation(std::string_view line) {
 /// The fields of a card, 8 a line (4 of large ones) without its name and marks of continuation.
 class Card {
  public:
-  explicit Card(std::string_view record);
+  Card(std::string_view record, const Marks& marks);
+  explicit Card(std::string_view record) : Card(record, Marks(record)) {}
 
-  /// Blank where the card has no such field, or is longer than any that is read.
+  /// With blanks around; blank where the card has no such field, or is longer than any that is
+  /// read.
   std::string_view field(std::size_t i) const {
     return i < count_ ? fields_[i] : std::string_view();
   }
 
  private:
-  void append_line(std::string_view line);
+  void append_line(std::string_view line, const Marks& marks);
 
   std::array<std::string_view, 32> fields_;
   std::size_t count_ = 0;
   std::forward_list<std::string> lines_;  ///< those whose tabs were replaced
 };
 
-void Card::append_line(std::string_view line) {
-  const bool has_commas = is_free(line);
-  const std::string_view name = name_field(has_commas ? line : line.substr(0, kSmall));
+void Card::append_line(std::string_view line, const Marks& marks) {
+  const bool has_commas = marks.has_commas && is_free(line);
+  const std::string_view name = name_field(has_commas ? line : line.substr(0, kSmall), marks);
   const bool is_large = name.find('*') != std::string_view::npos;
   const std::size_t width = is_large ? kLarge : kSmall;
   const std::size_t end = std::min(count_ + (is_large ? 4 : 8), fields_.size());
@@ -80,20 +97,21 @@ void Card::append_line(std::string_view line) {
     FreeFields free_fields(line);
     std::string_view field;
     free_fields.next(field);
-    while (count_ < end && free_fields.next(field)) fields_[count_++] = trimmed(field);
+    while (count_ < end && free_fields.next(field)) fields_[count_++] = field;
   } else {
-    const bool has_tabs = line.find('\t') != std::string_view::npos;
+    const bool has_tabs = marks.has_tabs && line.find('\t') != std::string_view::npos;
     const std::string_view plain = has_tabs ? lines_.emplace_front(without_tabs(line)) : line;
     for (std::size_t at = kSmall; count_ < end && at < plain.size(); at += width)
-      fields_[count_++] = trimmed(plain.substr(at, width));
+      fields_[count_++] = plain.substr(at, width);
   }
-  count_ = end;  // what the line does not have is blank
+  while (count_ < end) fields_[count_++] = {};  // what the line does not have is blank
 }
 
-Card::Card(std::string_view record) {
+Card::Card(std::string_view record, const Marks& marks) {
   for (std::size_t at = 0; at < record.size();) {
-    const std::string_view line = without_comment(take_line(record, at));
-    if (!trimmed(line).empty()) append_line(line);
+    const std::string_view full = take_line(record, at);
+    const std::string_view line = marks.has_comments ? without_comment(full) : full;
+    if (!is_empty(line)) append_line(line, marks);
   }
 }
 
@@ -114,14 +132,16 @@ class GridCard : public NodeStyle {
              std::string& text) const override {
     const Card card(record);
     Fields fields;
-    for (std::size_t i = 0; i < fields.size(); ++i) fields[i] = card.field(i);
-    std::array<std::string, 3> numbers;
+    for (std::size_t i = 0; i < fields.size(); ++i) fields[i] = trimmed(card.field(i));
+    std::string numbers;
+    numbers.reserve(3 * kLarge);  // the fields point into it
     for (std::size_t c = 0; c < 3; ++c) {
       std::string_view& field = fields[2 + c];
       if (!is_changed[c] || (field.empty() && std::abs(point(Index(c))) <= least)) continue;
+      const std::size_t begin = numbers.size();
       write_real(point(Index(c)), {.width = kLarge, .needs_point = true, .has_letter = false},
-                 numbers[c]);
-      field = numbers[c];
+                 numbers);
+      field = std::string_view(numbers).substr(begin);
     }
     if (is_plain_large(record))
       replace_columns(record, fields, text);
@@ -158,7 +178,8 @@ class GridCard : public NodeStyle {
   void write_large(std::string_view record, const Fields& fields, std::string& text) const {
     text += "GRID*   ";
     for (std::size_t i = 0; i < 4; ++i) put(fields[i], text);
-    text += newline_ + "*       ";
+    text += newline_;
+    text += "*       ";
     std::size_t last = 8;
     while (last > 5 && fields[last - 1].empty()) --last;
     for (std::size_t i = 4; i < last; ++i) put(fields[i], text);
@@ -237,7 +258,7 @@ struct System {
 struct Grid {
   DeckPlace place;
   std::size_t length = 0;
-  Index number = 0, system = 0;
+  Index number = 0, system = 0;  ///< -1: the default
   Eigen::RowVector3d point;
 };
 
@@ -251,7 +272,7 @@ class Reader {
     add_grids();
     name_properties();
     MeshAssembly assembly(sources_);
-    assembly.add(mesh_);
+    assembly.add(std::move(mesh_));
     ReadMesh result = assembly.finish(std::move(sources_), "property");
     for (const auto& [name, count] : left_out_)
       result.remarks.push_back(std::to_string(count) + " elements " + name +
@@ -276,23 +297,35 @@ class Reader {
     return 0;
   }
 
-  /// A card of a node or an element, read.
-  struct ReadCard {
-    enum class Kind { Grid, Element, Other } kind = Kind::Other;
+  /// How much of a block was read.
+  struct Counts {
+    Index grids = 0, elements = 0, incomplete = 0;
+  };
+
+  /// A card of another kind, or one that can't be read, and what stands before it in its block.
+  struct OtherCard {
     std::size_t begin = 0, end = 0;  ///< in the text
-    Index number = 0;
-    Index system_or_property = 0;
-    const ElementCard* element = nullptr;
-    std::size_t first = 0;  ///< of its nodes, or of its coordinates
+    Counts before;
   };
 
   /// Some of the lines of a file, and their cards.
   struct CardBlock {
     std::size_t begin = 0, end = 0;
     bool has_failed = false;  ///< what follows the card that can't be read is not tried
-    std::vector<ReadCard> cards;
-    std::vector<Index> nodes;
-    std::vector<double> coordinates;
+    std::vector<Grid> grids;
+    NumberedMesh elements;
+    Index incomplete = 0;  ///< elements
+    std::vector<OtherCard> others;
+    std::vector<Index> nodes = {};  ///< of the element that is being read
+
+    Counts counts() const { return {std::ssize(grids), elements.element_count(), incomplete}; }
+    void clear() {
+      has_failed = false;
+      grids.clear();
+      elements.clear_elements();
+      incomplete = 0;
+      others.clear();
+    }
   };
 
   /// Cards of nodes and elements are read on all threads; others, and what is wrong, on one.
@@ -300,36 +333,49 @@ class Reader {
     const std::string_view text = sources_.text(file);
     const auto goes_on = [&](std::size_t place) {
       const std::string_view line = without_comment(take_line(text, place));
-      return trimmed(line).empty() || is_continuation(line);
+      return is_empty(line) || is_continuation(line);
     };
     const auto read = [&](CardBlock& block) { read_block(file, block); };
     const auto take = [&](CardBlock& block) {
-      for (const ReadCard& card : block.cards) {
-        if (has_ended_) break;
+      Counts taken;
+      for (const OtherCard& card : block.others) {
+        take_cards(file, block, taken, card.before);
+        taken = card.before;
         here_ = {file, card.begin};
-        take_card(text, block, card);
+        read_other(text.substr(card.begin, card.end - card.begin));
+        if (has_ended_) return false;
       }
-      return !has_ended_;
+      take_cards(file, block, taken, block.counts());
+      return true;
     };
     read_blocks<CardBlock>(text, at, text.size(), goes_on, read, take);
   }
 
+  /// Takes the nodes and elements of a block between two others of its cards.
+  void take_cards(std::size_t file, const CardBlock& block, const Counts& first,
+                  const Counts& last) {
+    grids_.insert(grids_.end(), block.grids.begin() + first.grids,
+                  block.grids.begin() + last.grids);
+    mesh_.reserve_elements(block.elements, blocks_behind(sources_.text(file), block));
+    mesh_.append_elements(block.elements, first.elements, last.elements);
+    incomplete_ += last.incomplete - first.incomplete;
+  }
+
   void read_block(std::size_t file, CardBlock& block) const {
     const std::string_view text = sources_.text(file);
-    block.has_failed = false;
-    block.cards.clear();
-    block.nodes.clear();
-    block.coordinates.clear();
-    CardName last;
+    const Marks marks(text.substr(block.begin, block.end - block.begin));
+    block.clear();
+    CardName name;
     std::size_t begin = block.begin, end = block.begin;  // of the card
     const auto finish = [&] {
-      if (end > begin) block.cards.push_back(read_card(file, begin, end, last, block));
+      if (end > begin)
+        read_card({file, begin}, text.substr(begin, end - begin), marks, name, block);
     };
     for (std::size_t at = block.begin; at < block.end;) {
       const std::size_t place = at;
       const std::string_view full = take_line(text, at);
-      const std::string_view line = without_comment(full);
-      if (trimmed(line).empty()) continue;
+      const std::string_view line = marks.has_comments ? without_comment(full) : full;
+      if (is_empty(line)) continue;
       if (!is_continuation(line)) {
         finish();
         begin = place;
@@ -347,8 +393,10 @@ class Reader {
     std::string field, name;
     const ElementCard* element = nullptr;
 
-    void set(std::string_view record) {
-      std::string_view found = name_field(without_comment(record.substr(0, record.find('\n'))));
+    void set(std::string_view record, const Marks& marks) {
+      std::string_view line = record.substr(0, record.find('\n'));
+      if (marks.has_comments) line = without_comment(line);
+      std::string_view found = name_field(line, marks);
       if (found.ends_with('*')) found.remove_suffix(1);
       if (found == field && !name.empty()) return;
       field = found;
@@ -359,57 +407,48 @@ class Reader {
     }
   };
 
-  ReadCard read_card(std::size_t file, std::size_t begin, std::size_t end, CardName& name,
-                     CardBlock& block) const {
-    ReadCard card{.begin = begin, .end = end};
-    if (block.has_failed) return card;
-    const std::string_view record = sources_.text(file).substr(begin, end - begin);
-    name.set(record);
-    if (name.name != "GRID" && !name.element) return card;
-    const std::size_t nodes = block.nodes.size(), coordinates = block.coordinates.size();
-    try {
-      if (name.element)
-        read_element(*name.element, {file, begin}, record, card, block);
-      else
-        read_grid({file, begin}, record, card, block);
-    } catch (const Error&) {
-      // It is read again in its turn, when what went wrong is told.
-      card.kind = ReadCard::Kind::Other;
-      block.has_failed = true;
-      block.nodes.resize(nodes);
-      block.coordinates.resize(coordinates);
+  void read_card(DeckPlace place, std::string_view record, const Marks& marks, CardName& name,
+                 CardBlock& block) const {
+    const OtherCard other{
+        .begin = place.place, .end = place.place + record.size(), .before = block.counts()};
+    if (!block.has_failed) {
+      name.set(record, marks);
+      try {
+        if (read_node_or_element(place, record, marks, name, block)) return;
+      } catch (const Error&) {
+        block.has_failed = true;  // it is read again in its turn, when what went wrong is told
+      }
     }
-    return card;
+    block.others.push_back(other);
   }
 
-  void take_card(std::string_view text, CardBlock& block, const ReadCard& card) {
-    switch (card.kind) {
-      case ReadCard::Kind::Grid:
-        return add_grid(block, card);
-      case ReadCard::Kind::Element:
-        return add_element(block, card);
-      case ReadCard::Kind::Other:
-        return read_other(text.substr(card.begin, card.end - card.begin), block, card);
-    }
+  /// False for a card of another kind. Leaves the block as it is where it throws.
+  bool read_node_or_element(DeckPlace place, std::string_view record, const Marks& marks,
+                            const CardName& name, CardBlock& block) const {
+    if (name.element)
+      read_element(*name.element, place, record, marks, block);
+    else if (name.name == "GRID")
+      read_grid(place, record, marks, block);
+    else
+      return false;
+    return true;
   }
 
-  void read_other(std::string_view record, CardBlock& block, ReadCard card) {
-    name_.set(record);
+  void read_other(std::string_view record) {
+    const Marks marks(record);
+    name_.set(record, marks);
     const std::string& name = name_.name;
-    if (name == "ENDDATA") {
+    CardBlock block;
+    if (read_node_or_element(here_, record, marks, name_, block)) {
+      take_cards(here_.file, block, {}, block.counts());
+    } else if (name == "ENDDATA") {
       has_ended_ = true;
-    } else if (name == "GRID") {
-      read_grid(here_, record, card, block);
-      add_grid(block, card);
     } else if (name.starts_with("INCLUDE")) {
       read_include(record);
     } else if (name == "GRDSET") {
       read_default(record);
     } else if (name.starts_with("CORD")) {
       read_system(name, record);
-    } else if (name_.element) {
-      read_element(*name_.element, here_, record, card, block);
-      add_element(block, card);
     } else if (std::ranges::find(kLeftOut, name) != std::end(kLeftOut)) {
       ++left_out_[name];
     }
@@ -418,11 +457,9 @@ class Reader {
   Index number_of(DeckPlace place, std::string_view field, std::string_view what,
                   bool may_be_blank) const {
     Index value = 0;
-    const bool is_blank = trimmed(field).empty();
-    if (is_blank && may_be_blank) return 0;
-    if (!read_integer(field, value) || value < 0 || value > kHighestNumber)
-      fail_expected(place, what, field);
-    return value;
+    if (read_integer(field, value) && value >= 0 && value <= kHighestNumber) return value;
+    if (!may_be_blank || !is_empty(field)) fail_expected(place, what, field);
+    return 0;
   }
 
   [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
@@ -433,30 +470,19 @@ class Reader {
     sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
   }
 
-  void read_grid(DeckPlace place, std::string_view record, ReadCard& grid, CardBlock& block) const {
-    const Card card(record);
+  void read_grid(DeckPlace place, std::string_view record, const Marks& marks,
+                 CardBlock& block) const {
+    const Card card(record, marks);
     if (record.size() > 0xffff) sources_.fail(place, "the card is too long");
-    grid.kind = ReadCard::Kind::Grid;
+    Grid grid{.place = place, .length = record.size(), .point = {}};
     grid.number = number_of(place, card.field(0), "the number of a node", false);
-    grid.system_or_property =
-        trimmed(card.field(1)).empty()
-            ? -1
-            : number_of(place, card.field(1), "the number of a coordinate system", false);
-    grid.first = block.coordinates.size();
-    for (std::size_t c = 0; c < 3; ++c) {
-      double value = 0;
-      if (!read_real(card.field(2 + c), value))
+    grid.system = is_empty(card.field(1))
+                      ? -1
+                      : number_of(place, card.field(1), "the number of a coordinate system", false);
+    for (std::size_t c = 0; c < 3; ++c)
+      if (!read_real(card.field(2 + c), grid.point(Index(c))))
         fail_expected(place, "a coordinate", card.field(2 + c));
-      block.coordinates.push_back(value);
-    }
-  }
-
-  void add_grid(const CardBlock& block, const ReadCard& card) {
-    grids_.push_back({.place = here_,
-                      .length = card.end - card.begin,
-                      .number = card.number,
-                      .system = card.system_or_property,
-                      .point = Eigen::RowVector3d::Map(block.coordinates.data() + card.first)});
+    block.grids.push_back(grid);
   }
 
   void read_default(std::string_view record) {
@@ -492,50 +518,42 @@ class Reader {
     sources_.leave();
   }
 
-  /// A mid-side node that is missing has the number 0.
   void read_element(const ElementCard& element, DeckPlace place, std::string_view record,
-                    ReadCard& read, CardBlock& block) const {
-    const Card card(record);
-    read.kind = ReadCard::Kind::Element;
-    read.element = &element;
-    read.number = number_of(place, card.field(0), "the number of an element", false);
-    if (element.nodes_at == 2)
-      read.system_or_property = number_of(place, card.field(1), "the number of a property", true);
+                    const Marks& marks, CardBlock& block) const {
+    const Card card(record, marks);
+    const Index number = number_of(place, card.field(0), "the number of an element", false);
+    const Index property = element.nodes_at == 2
+                               ? number_of(place, card.field(1), "the number of a property", true)
+                               : 0;
     constexpr Index kHighestRegion = 1 << 30;
-    if (read.system_or_property > kHighestRegion)
-      fail_expected(place, "the number of a property", card.field(1));
+    if (property > kHighestRegion) fail_expected(place, "the number of a property", card.field(1));
     const std::size_t corners = std::size_t(cell_node_count(element.linear));
     const std::size_t most = std::size_t(cell_node_count(element.quadratic));
-    read.first = block.nodes.size();
+    std::vector<Index>& nodes = block.nodes;
+    nodes.clear();
     for (std::size_t i = 0; i < most; ++i) {
       // A bar's third may be no node.
       const Index node =
           number_of(place, card.field(element.nodes_at + i), "the number of a node", i >= corners);
       if (node == 0 && i < corners)
-        sources_.fail(place, "element " + std::to_string(read.number) + " lacks a corner node");
-      block.nodes.push_back(node);
+        sources_.fail(place, "element " + std::to_string(number) + " lacks a corner node");
+      nodes.push_back(node);
     }
-  }
-
-  void add_element(const CardBlock& block, const ReadCard& card) {
-    const ElementCard& element = *card.element;
-    const auto corners = std::size_t(cell_node_count(element.linear));
-    const auto given =
-        std::span(block.nodes).subspan(card.first, std::size_t(cell_node_count(element.quadratic)));
-    nodes_.assign(given.begin(), given.end());
-    const bool is_full = std::ranges::find(nodes_, 0) == nodes_.end();
+    // A mid-side node that is missing has the number 0.
+    const bool is_full = std::ranges::find(nodes, 0) == nodes.end();
     const auto is_node = [](Index node) { return node > 0; };
-    if (!is_full && std::ranges::any_of(given.subspan(corners), is_node)) ++incomplete_;
-    if (!is_full) nodes_.resize(corners);
+    if (!is_full && std::ranges::any_of(std::span(nodes).subspan(corners), is_node))
+      ++block.incomplete;
+    if (!is_full) nodes.resize(corners);
     const CellType type = is_full ? element.quadratic : element.linear;
-    to_vtk_order(type);
-    mesh_.add_element(card.number, type, nodes_, int(card.system_or_property), here_);
+    to_vtk_order(type, nodes);
+    block.elements.add_element(number, type, nodes, int(property), place);
   }
 
   /// Nastran's mid-side nodes go bottom, upright, top; VTK's bottom, top, upright.
-  void to_vtk_order(CellType type) {
+  static void to_vtk_order(CellType type, std::vector<Index>& nodes) {
     const auto swap_ranges = [&](std::ptrdiff_t first, std::ptrdiff_t count) {
-      const auto at = nodes_.begin() + first;
+      const auto at = nodes.begin() + first;
       std::rotate(at, at + count, at + 2 * count);
     };
     if (type == CellType::QuadraticHexahedron) swap_ranges(12, 4);
@@ -579,10 +597,11 @@ class Reader {
   /// Records go by file and system.
   void add_grids() {
     std::map<std::pair<std::size_t, Index>, std::size_t> blocks;
+    mesh_.reserve_nodes(grids_.size());
     for (Grid& grid : grids_) {
       if (grid.system < 0) grid.system = default_system_;
-      const auto [found, is_new] =
-          blocks.emplace(std::pair(grid.place.file, grid.system), mesh_.records.size());
+      const auto [found, is_new] = blocks.emplace(
+          std::pair(std::size_t(grid.place.file), grid.system), mesh_.records.size());
       if (is_new) {
         NodeRecords block{.file = grid.place.file, .style = style_of(grid.place.file)};
         if (grid.system != 0) block.frames.push_back(frame_of(grid.system, grid.place));
@@ -625,7 +644,6 @@ class Reader {
   Index default_system_ = 0;
   DeckPlace here_;
   bool has_ended_ = false;
-  std::vector<Index> nodes_;
   CardName name_;
   std::map<std::string, Index> left_out_;
   Index incomplete_ = 0;

@@ -5,11 +5,11 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 
 namespace cadmorph {
 namespace {
 
-bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_sign(char c) { return c == '+' || c == '-'; }
 
@@ -38,37 +38,78 @@ std::string with_letter(std::string_view text) {
   return result;
 }
 
-/// "1.5e-05" in the field's own spelling.
-std::string spelled(std::string_view text, const RealField& field) {
-  const std::size_t e = text.find('e');
-  std::string mantissa(text.substr(0, e));
-  const bool has_point = mantissa.find('.') != std::string::npos;
-  if (!has_point && (field.needs_point || !field.has_letter)) mantissa += '.';
-  if (e == std::string_view::npos) return mantissa;
-  std::string_view digits = text.substr(e + 1);
-  const bool is_negative = digits.starts_with('-');
-  if (is_sign(digits.front())) digits.remove_prefix(1);
-  while (digits.size() > 1 && digits.starts_with('0')) digits.remove_prefix(1);
-  const std::string_view sign = is_negative ? "-" : field.has_letter ? "" : "+";
-  return mantissa + (field.has_letter ? "e" : "") + std::string(sign) + std::string(digits);
-}
+/// The characters of a number.
+class Spelling {
+ public:
+  /// As to_chars writes it, then in the field's own spelling.
+  template <class... Format>
+  Spelling(const RealField& field, double value, Format... format) {
+    const auto [end, error] = std::to_chars(text_.data(), text_.data() + kMost, value, format...);
+    if (error != std::errc()) return;
+    size_ = std::size_t(end - text_.data());
+    respell(field);
+    if (size_ > field.width) leave_out_zero();
+  }
 
-/// Without the zero before the point.
-std::string without_zero(std::string text) {
-  const std::size_t zero = text.find("0.");
-  if (text.size() > 2 && (zero == 0 || (zero == 1 && text[0] == '-'))) text.erase(zero, 1);
-  return text;
+  std::size_t size() const { return size_; }  ///< 0: too many to tell
+  operator std::string_view() const { return {text_.data(), size_}; }
+
+ private:
+  static constexpr std::size_t kMost = 400;
+
+  /// "1e-05" with a point, and with no more of the exponent than it takes.
+  void respell(const RealField& field) {
+    std::size_t e = std::string_view(*this).find('e');
+    const bool has_exponent = e != std::string_view::npos;
+    const bool has_point = std::string_view(*this).substr(0, e).find('.') != std::string_view::npos;
+    if (!has_exponent) e = size_;
+    if (!has_point && (field.needs_point || !field.has_letter)) {
+      std::memmove(text_.data() + e + 1, text_.data() + e, size_ - e);
+      text_[e++] = '.';
+      ++size_;
+    }
+    if (!has_exponent) return;
+    std::size_t digits = e + 1;
+    const bool is_negative = text_[digits] == '-';
+    if (is_sign(text_[digits])) ++digits;
+    while (digits + 1 < size_ && text_[digits] == '0') ++digits;
+    if (field.has_letter) text_[e++] = 'e';
+    if (is_negative)
+      text_[e++] = '-';
+    else if (!field.has_letter)
+      text_[e++] = '+';
+    std::memmove(text_.data() + e, text_.data() + digits, size_ - digits);
+    size_ -= digits - e;
+  }
+
+  /// The one before the point.
+  void leave_out_zero() {
+    const std::size_t zero = text_[0] == '-' ? 1 : 0;
+    if (size_ <= 2 || text_[zero] != '0' || text_[zero + 1] != '.') return;
+    --size_;
+    std::memmove(text_.data() + zero, text_.data() + zero + 1, size_ - zero);
+  }
+
+  std::array<char, kMost + 4> text_;
+  std::size_t size_ = 0;
+};
+
+/// The most digits after the point that may fit.
+int most_digits(double value, std::chars_format format, const RealField& field) {
+  const double size = std::abs(value);
+  int others = std::signbit(value) ? 2 : 1;  // the sign and the point
+  if (format == std::chars_format::scientific) others += 3;
+  for (double power = 1; format == std::chars_format::fixed && size >= power && power < 1e22;
+       power *= 10)
+    ++others;
+  return std::max(0, int(field.width) - others);
 }
 
 /// The most digits after the point that fit, fixed or with an exponent; empty when none do.
 std::string fitted(double value, std::chars_format format, const RealField& field) {
-  std::array<char, 400> buffer;
-  for (int digits = int(field.width); digits >= 0;) {
-    const auto [end, error] =
-        std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, format, digits);
-    std::string text = error == std::errc() ? spelled({buffer.data(), end}, field) : std::string();
-    if (text.size() > field.width) text = without_zero(std::move(text));
-    if (!text.empty() && text.size() <= field.width) return text;
+  for (int digits = most_digits(value, format, field); digits >= 0;) {
+    const Spelling text(field, value, format, digits);
+    if (text.size() > 0 && text.size() <= field.width) return std::string(std::string_view(text));
     // Each digit less is a character less.
     const int surplus = std::max(1, int(text.size()) - int(field.width));
     digits = digits > 0 ? std::max(0, digits - surplus) : -1;
@@ -77,12 +118,6 @@ std::string fitted(double value, std::chars_format format, const RealField& fiel
 }
 
 }  // namespace
-
-std::string_view trimmed(std::string_view field) {
-  while (!field.empty() && is_blank(field.front())) field.remove_prefix(1);
-  while (!field.empty() && is_blank(field.back())) field.remove_suffix(1);
-  return field;
-}
 
 bool read_real(std::string_view field, double& value) {
   const std::string_view text = trimmed(field);
@@ -112,10 +147,7 @@ bool read_integer(std::string_view field, Index& value) {
 }
 
 void write_real(double value, const RealField& field, std::string& text) {
-  std::array<char, 32> buffer;
-  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
-  std::string shortest = spelled({buffer.data(), end}, field);
-  if (shortest.size() > field.width) shortest = without_zero(std::move(shortest));
+  const Spelling shortest(field, value);
   if (shortest.size() <= field.width) {
     text += shortest;
     return;

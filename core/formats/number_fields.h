@@ -9,7 +9,13 @@ namespace cadmorph {
 
 /// Numbers in the fields of card decks, as Fortran programs read them.
 
-std::string_view trimmed(std::string_view field);
+inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+
+inline std::string_view trimmed(std::string_view field) {
+  while (!field.empty() && is_blank(field.front())) field.remove_prefix(1);
+  while (!field.empty() && is_blank(field.back())) field.remove_suffix(1);
+  return field;
+}
 
 /// Decks know no case.
 std::string upper(std::string_view text);

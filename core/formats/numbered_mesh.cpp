@@ -1,7 +1,12 @@
 #include "core/formats/numbered_mesh.h"
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
+#include <numeric>
+
+#include "core/large_pages.h"
+#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
@@ -18,6 +23,10 @@ std::vector<Index> nodes_of_rows(const NumberedMesh& part, const NumberTable& ta
     return DeckPlace{};
   };
   std::vector<Index> nodes(part.node_numbers.size());
+  if (table.double_item() < 0) {
+    std::iota(nodes.begin(), nodes.end(), first_node);
+    return nodes;
+  }
   Index next = first_node;
   for (std::size_t row = 0; row < nodes.size(); ++row) {
     const auto first = std::size_t(table.find(part.node_numbers[row]));
@@ -39,6 +48,7 @@ std::vector<Index> nodes_of_rows(const NumberedMesh& part, const NumberTable& ta
 void append_points(const NumberedMesh& part, const std::vector<NodeFrame>& frames,
                    const std::vector<Index>& nodes, std::vector<double>& points) {
   Index next = std::ssize(points) / 3;
+  points.reserve(points.size() + part.coordinates.size());
   for (std::size_t row = 0; row < nodes.size(); ++row) {
     if (nodes[row] != next) continue;
     Eigen::RowVector3d point = Eigen::RowVector3d::Map(part.coordinates.data() + 3 * row);
@@ -48,25 +58,56 @@ void append_points(const NumberedMesh& part, const std::vector<NodeFrame>& frame
   }
 }
 
-void append_cells(const NumberedMesh& part, const NumberTable& table,
-                  const std::vector<Index>& nodes, const DeckSources& sources, Mesh& mesh) {
-  if (mesh.offsets.empty()) mesh.offsets.push_back(0);
-  const Index shift = std::ssize(mesh.connectivity);
-  reserve_cells(mesh, std::ssize(part.types), std::ssize(part.connectivity));
-  mesh.types.insert(mesh.types.end(), part.types.begin(), part.types.end());
-  mesh.regions.insert(mesh.regions.end(), part.regions.begin(), part.regions.end());
-  for (std::size_t e = 0; e < part.types.size(); ++e) {
-    for (Index i = part.offsets[e]; i < part.offsets[e + 1]; ++i) {
-      const Index row = table.find(part.connectivity[std::size_t(i)]);
-      if (row < 0)
-        sources.fail(part.places[e], "element " + std::to_string(part.element_numbers[e]) +
-                                         " uses node " +
-                                         std::to_string(part.connectivity[std::size_t(i)]) +
-                                         ", which is not defined");
-      mesh.connectivity.push_back(nodes[std::size_t(row)]);
+/// Appends values, or takes them all where there are none before.
+template <class Value>
+void append(std::vector<Value> more, std::vector<Value>& values) {
+  if (values.empty())
+    values = std::move(more);
+  else
+    values.insert(values.end(), more.begin(), more.end());
+}
+
+/// Turns the numbers of the nodes of cells into nodes, from a place in the connectivity on; returns
+/// the first place that has a number of no node, or the end.
+Index number_nodes(const NumberTable& table, const std::vector<Index>& nodes, Index from,
+                   std::vector<Index>& connectivity) {
+  std::atomic<Index> wrong = std::ssize(connectivity);
+  parallel_for(wrong - from, 1 << 16, [&](Index begin, Index end) {
+    for (Index i = from + begin; i < from + end; ++i) {
+      Index& node = connectivity[std::size_t(i)];
+      const Index row = table.find(node);
+      if (row >= 0) {
+        node = nodes[std::size_t(row)];
+        continue;
+      }
+      for (Index known = wrong; i < known && !wrong.compare_exchange_weak(known, i);) continue;
+      return;
     }
-    mesh.offsets.push_back(shift + part.offsets[e + 1]);
+  });
+  return wrong;
+}
+
+void append_cells(NumberedMesh& part, const NumberTable& table, const std::vector<Index>& nodes,
+                  const DeckSources& sources, Mesh& mesh) {
+  const Index first_cell = mesh.cell_count(), first = std::ssize(mesh.connectivity);
+  append(std::move(part.types), mesh.types);
+  append(std::move(part.regions), mesh.regions);
+  append(std::move(part.connectivity), mesh.connectivity);
+  if (first_cell > 0) {
+    for (Index& offset : part.offsets) offset += first;
+    mesh.offsets.pop_back();
+  } else {
+    mesh.offsets.clear();
   }
+  append(std::move(part.offsets), mesh.offsets);
+  const Index wrong = number_nodes(table, nodes, first, mesh.connectivity);
+  if (wrong == std::ssize(mesh.connectivity)) return;
+  const auto end = std::upper_bound(mesh.offsets.begin() + first_cell, mesh.offsets.end(), wrong);
+  const auto element = std::size_t(end - mesh.offsets.begin() - first_cell - 1);
+  sources.fail(part.places[element], "element " + std::to_string(part.element_numbers[element]) +
+                                         " uses node " +
+                                         std::to_string(mesh.connectivity[std::size_t(wrong)]) +
+                                         ", which is not defined");
 }
 
 /// Numbers that nothing has are left out, as the solvers do.
@@ -108,15 +149,56 @@ void NumberedMesh::add_element(Index number, CellType type, std::span<const Inde
   places.push_back(place);
 }
 
-MeshAssembly::Placed MeshAssembly::add(const NumberedMesh& part,
-                                       const std::vector<NodeFrame>& frames) {
+void NumberedMesh::append_elements(const NumberedMesh& piece, Index first, Index last) {
+  const auto append = [](const auto& from, Index begin, Index end, auto& to) {
+    to.insert(to.end(), from.begin() + begin, from.begin() + end);
+  };
+  append(piece.element_numbers, first, last, element_numbers);
+  append(piece.types, first, last, types);
+  append(piece.regions, first, last, regions);
+  append(piece.places, first, last, places);
+  const Index first_node = piece.offsets[std::size_t(first)];
+  const Index shift = std::ssize(connectivity) - first_node;
+  append(piece.connectivity, first_node, piece.offsets[std::size_t(last)], connectivity);
+  for (Index e = first; e < last; ++e) offsets.push_back(piece.offsets[std::size_t(e) + 1] + shift);
+}
+
+void NumberedMesh::reserve_elements(const NumberedMesh& piece, double pieces_to_come) {
+  const double pieces = 1 + 1.1 * pieces_to_come;  // a reserve for those that are a little larger
+  const auto reserve = [pieces](const auto& of_piece, auto& values) {
+    if (values.size() + of_piece.size() <= values.capacity()) return;
+    reserve_large(values, values.size() + std::size_t(pieces * double(of_piece.size())));
+  };
+  reserve(piece.element_numbers, element_numbers);
+  reserve(piece.types, types);
+  reserve(piece.regions, regions);
+  reserve(piece.places, places);
+  reserve(piece.offsets, offsets);
+  reserve(piece.connectivity, connectivity);
+}
+
+void NumberedMesh::reserve_nodes(std::size_t more) {
+  reserve_large(node_numbers, node_numbers.size() + more);
+  reserve_large(coordinates, coordinates.size() + 3 * more);
+}
+
+void NumberedMesh::clear_elements() {
+  element_numbers.clear();
+  types.clear();
+  regions.clear();
+  places.clear();
+  offsets.resize(1);
+  connectivity.clear();
+}
+
+MeshAssembly::Placed MeshAssembly::add(NumberedMesh part, const std::vector<NodeFrame>& frames) {
   Placed placed{
       .rows = NumberTable(part.node_numbers), .nodes = {}, .first_cell = mesh_.cell_count()};
   placed.nodes = nodes_of_rows(part, placed.rows, std::ssize(points_) / 3, sources_);
   append_points(part, frames, placed.nodes, points_);
   append_cells(part, placed.rows, placed.nodes, sources_, mesh_);
   append_sets(part, placed, mesh_);
-  for (NodeRecords block : part.records) {
+  for (NodeRecords& block : part.records) {
     for (Index& node : block.nodes) node = placed.nodes[std::size_t(node)];
     block.frames.insert(block.frames.end(), frames.begin(), frames.end());
     records_.push_back(std::move(block));

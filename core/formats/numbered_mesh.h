@@ -36,9 +36,19 @@ struct NumberedMesh {
 
   std::vector<NumberedSet> sets;
 
+  Index element_count() const { return std::ssize(types); }
+
   void add_node(Index number, const Eigen::RowVector3d& point);
   void add_element(Index number, CellType type, std::span<const Index> nodes, int region,
                    DeckPlace place);
+
+  /// Appends the elements [first, last) of a piece of the deck that was read apart.
+  void append_elements(const NumberedMesh& piece, Index first, Index last);
+  /// Where there is no room for the elements of a piece: makes it for them and for those of
+  /// `pieces_to_come` more like it.
+  void reserve_elements(const NumberedMesh& piece, double pieces_to_come);
+  void reserve_nodes(std::size_t more);
+  void clear_elements();
 };
 
 /// Gathers the nodes of one group after another, each node once a group.
@@ -79,7 +89,7 @@ class MeshAssembly {
   /// Adds a part, moved by `frames`, and its sets as groups. A node defined twice in one place is
   /// one node. Throws IoError where it lies in two places, and for elements whose nodes are
   /// missing.
-  Placed add(const NumberedMesh& part, const std::vector<NodeFrame>& frames = {});
+  Placed add(NumberedMesh part, const std::vector<NodeFrame>& frames = {});
 
   Mesh& mesh() { return mesh_; }
   const Mesh& mesh() const { return mesh_; }

@@ -66,7 +66,10 @@ std::string read_through_zlib(const fs::path& path, std::size_t size) {
   return bytes;
 }
 
-FileBytes read_plain(const fs::path& path) {
+constexpr std::size_t kWhole = std::numeric_limits<std::size_t>::max();
+
+/// Up to `size` bytes of a file, from `place` on.
+FileBytes read_plain(const fs::path& path, Index place = 0, std::size_t size = kWhole) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) fail_reading(path, std::strerror(errno));
   const std::unique_ptr<const int, void (*)(const int*)> closer(&file,
@@ -74,13 +77,14 @@ FileBytes read_plain(const fs::path& path) {
   struct stat status {};
   if (fstat(file, &status) != 0) fail_reading(path, std::strerror(errno));
   if (S_ISDIR(status.st_mode)) fail_reading(path, "it is a folder");
-  FileBytes bytes(std::size_t(status.st_size));
+  const Index rest = std::max<Index>(Index(status.st_size) - place, 0);
+  FileBytes bytes(std::min(size, std::size_t(rest)));
   std::atomic<Index> end =
       std::ssize(std::string_view(bytes));  // nearer when the file gets shorter
   constexpr Index kPiece = 1 << 23;
   parallel_for(end, kPiece, [&](Index at, Index piece_end) {
     while (at < piece_end) {
-      const ssize_t got = pread(file, bytes.data() + at, std::size_t(piece_end - at), at);
+      const ssize_t got = pread(file, bytes.data() + at, std::size_t(piece_end - at), place + at);
       if (got < 0 && errno == EINTR) continue;
       if (got < 0) fail_reading(path, std::strerror(errno));
       at += got;
@@ -178,7 +182,7 @@ SourceBytes read_source(const fs::path& path) {
   result.bytes = read_plain(path);
   result.source.is_compressed = is_gzip(result.bytes);
   if (result.source.is_compressed) {
-    const std::string text = read_through_zlib(path, std::numeric_limits<std::size_t>::max());
+    const std::string text = read_through_zlib(path, kWhole);
     result.bytes = FileBytes(text.size());
     std::ranges::copy(text, result.bytes.data());
   }
@@ -190,6 +194,19 @@ FileBytes read_again(const SourceFile& source) {
   SourceBytes again = read_source(source.path);
   if (again.source.hash != source.hash) fail_changed(source.path);
   return std::move(again.bytes);
+}
+
+FileBytes read_part_again(const SourceFile& source, std::uint64_t place, std::size_t size) {
+  FileBytes part;
+  if (source.is_compressed) {
+    const FileBytes all = read_again(source);
+    part = FileBytes(size);
+    std::ranges::copy(std::string_view(all).substr(place, size), part.data());
+  } else {
+    part = read_plain(source.path, Index(place), size);
+  }
+  if (part.size() < size) fail_changed(source.path);
+  return part;
 }
 
 std::string read_start(const fs::path& path, std::size_t size) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/formats/text_scanner.h"
+#include "core/large_pages.h"
 
 namespace cadmorph {
 
@@ -16,7 +17,9 @@ class FileBytes {
  public:
   FileBytes() = default;
   explicit FileBytes(std::size_t size)
-      : data_(std::make_unique_for_overwrite<char[]>(size)), size_(size) {}
+      : data_(std::make_unique_for_overwrite<char[]>(size)), size_(size) {
+    use_large_pages(data_.get(), size);
+  }
 
   char* data() { return data_.get(); }
   const char* data() const { return data_.get(); }
@@ -48,6 +51,10 @@ SourceBytes read_source(const std::filesystem::path& path);
 
 /// Reads it again. Throws IoError when it has changed since.
 FileBytes read_again(const SourceFile& source);
+
+/// Reads `size` bytes from `place` on of the (uncompressed) file again. Throws IoError when it has
+/// become shorter: that it has changed otherwise is not noticed.
+FileBytes read_part_again(const SourceFile& source, std::uint64_t place, std::size_t size);
 
 /// The first `size` bytes of a file, uncompressed. Throws as read_source.
 std::string read_start(const std::filesystem::path& path, std::size_t size);
