@@ -96,14 +96,14 @@ class EdgeLengths {
  public:
   explicit EdgeLengths(const Points& points)
       : points_(points),
-        lengths_{Eigen::VectorXd::Constant(points.rows(), std::numeric_limits<double>::infinity()),
+        squares_{Eigen::VectorXd::Constant(points.rows(), std::numeric_limits<double>::infinity()),
                  Eigen::VectorXd::Zero(points.rows())} {}
 
   void add(Index a, Index b) {
     if (a == b) return;
-    const double length = (points_.row(a) - points_.row(b)).norm();
-    add_length(a, length);
-    add_length(b, length);
+    const double square = (points_.row(a) - points_.row(b)).squaredNorm();
+    add_square(a, square);
+    add_square(b, square);
   }
 
   void add_line(std::span<const Index> nodes) {
@@ -118,33 +118,33 @@ class EdgeLengths {
   // A node inside a face or cell, on no edge, and the nearest ones around it.
   void add_centre(Index centre, std::span<const Index> around) {
     for (const Index node : around)
-      add_length(centre, (points_.row(centre) - points_.row(node)).norm());
+      add_square(centre, (points_.row(centre) - points_.row(node)).squaredNorm());
   }
 
   IncidentEdges take() {
-    for (double& length : lengths_.shortest)
-      if (!std::isfinite(length)) length = 0;
-    return std::move(lengths_);
+    for (double& square : squares_.shortest)
+      if (!std::isfinite(square)) square = 0;
+    return {squares_.shortest.cwiseSqrt(), squares_.longest.cwiseSqrt()};
   }
 
  private:
-  void add_length(Index n, double length) {
-    replace_if(lengths_.shortest[n], length, std::less());
-    replace_if(lengths_.longest[n], length, std::greater());
+  void add_square(Index n, double square) {
+    replace_if(squares_.shortest[n], square, std::less());
+    replace_if(squares_.longest[n], square, std::greater());
   }
 
   /// Several threads do it: whatever their order, the extreme of all stays.
   template <class Compare>
-  static void replace_if(double& extreme, double length, Compare is_beyond) {
+  static void replace_if(double& extreme, double value, Compare is_beyond) {
     const std::atomic_ref<double> shared(extreme);
     double known = shared.load(std::memory_order_relaxed);
-    while (is_beyond(length, known) &&
-           !shared.compare_exchange_weak(known, length, std::memory_order_relaxed))
+    while (is_beyond(value, known) &&
+           !shared.compare_exchange_weak(known, value, std::memory_order_relaxed))
       continue;
   }
 
   const Points& points_;
-  IncidentEdges lengths_;
+  IncidentEdges squares_;  ///< of the lengths
 };
 
 void add_polyhedron(const Mesh& mesh, Index c, EdgeLengths& lengths) {

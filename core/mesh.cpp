@@ -6,7 +6,6 @@
 
 #include "core/cell_topology.h"
 #include "core/errors.h"
-#include "core/large_pages.h"
 
 namespace cadmorph {
 namespace {
@@ -259,7 +258,9 @@ int corner_count(CellType type, Index node_count) {
 
 void reserve_cells(Mesh& mesh, Index cells, Index nodes) {
   const auto reserve = [](auto& values, Index more) {
-    reserve_large(values, values.size() + std::size_t(more));
+    const std::size_t size = values.size() + std::size_t(more);
+    // Twice as much as before, at least: many small blocks would move all values each time.
+    if (size > values.capacity()) values.reserve(std::max(size, 2 * values.capacity()));
   };
   reserve(mesh.types, cells);
   reserve(mesh.offsets, cells + 1);

@@ -101,8 +101,8 @@ std::vector<Edit> edits_of(const std::vector<NodeRecords>& all, std::size_t file
 /// Appends the new record.
 void write_record(const Edit& edit, std::string_view record, const Points& before,
                   const Points& after, double least, std::string& text) {
-  Eigen::RowVector3d in_file;
-  edit.records->style->read(record, in_file);
+  Eigen::RowVector3d in_file = Eigen::RowVector3d::Zero();
+  if (!edit.records->frames.empty()) edit.records->style->read(record, in_file);
   const NewCoordinates wanted = new_coordinates(edit, in_file, before, after);
   edit.records->style->write(record, wanted.point, wanted.is_changed, least, text);
 }

@@ -14,7 +14,6 @@
 #include "core/formats/formats.h"
 #include "core/formats/number_fields.h"
 #include "core/formats/numbered_mesh.h"
-#include "core/large_pages.h"
 
 namespace fs = std::filesystem;
 
@@ -82,7 +81,7 @@ class Card {
  private:
   void append_line(std::string_view line, const Marks& marks);
 
-  std::array<std::string_view, 32> fields_;
+  std::array<std::string_view, 24> fields_;
   std::size_t count_ = 0;
   std::forward_list<std::string> lines_;  ///< those whose tabs were replaced
 };
@@ -532,9 +531,11 @@ class Reader {
     std::vector<Index>& nodes = block.nodes;
     nodes.clear();
     for (std::size_t i = 0; i < most; ++i) {
-      // A bar's third may be no node.
-      const Index node =
-          number_of(place, card.field(element.nodes_at + i), "the number of a node", i >= corners);
+      const std::string_view field = card.field(element.nodes_at + i);
+      const bool may_be_blank = i >= corners;
+      const Index node = field.empty() && may_be_blank
+                             ? 0
+                             : number_of(place, field, "the number of a node", may_be_blank);
       if (node == 0 && i < corners)
         sources_.fail(place, "element " + std::to_string(number) + " lacks a corner node");
       nodes.push_back(node);

@@ -139,6 +139,20 @@ std::string_view columns(std::string_view line, std::size_t first, std::size_t c
 }
 
 bool read_integer(std::string_view field, Index& value) {
+  const char* at = field.data();
+  const char* const field_end = at + field.size();
+  while (at < field_end && is_blank(*at)) ++at;
+  // Most have few digits, and no sign: these can't overflow.
+  constexpr std::ptrdiff_t kFew = 18;
+  const char* const first = at;
+  Index number = 0;
+  while (at < field_end && is_digit(*at) && at - first < kFew) number = 10 * number + (*at++ - '0');
+  const bool has_digits = at > first;
+  while (at < field_end && is_blank(*at)) ++at;
+  if (at == field_end) {
+    value = number;
+    return has_digits;
+  }
   std::string_view text = trimmed(field);
   if (text.starts_with('+')) text.remove_prefix(1);
   const char* const end = text.data() + text.size();

@@ -5,7 +5,6 @@
 #include <limits>
 #include <numeric>
 
-#include "core/large_pages.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -167,7 +166,9 @@ void NumberedMesh::reserve_elements(const NumberedMesh& piece, double pieces_to_
   const double pieces = 1 + 1.1 * pieces_to_come;  // a reserve for those that are a little larger
   const auto reserve = [pieces](const auto& of_piece, auto& values) {
     if (values.size() + of_piece.size() <= values.capacity()) return;
-    reserve_large(values, values.size() + std::size_t(pieces * double(of_piece.size())));
+    const auto more = std::size_t(pieces * double(of_piece.size()));
+    // Twice as much as before, at least: little more each time would move all values each time.
+    values.reserve(std::max(values.size() + more, 2 * values.capacity()));
   };
   reserve(piece.element_numbers, element_numbers);
   reserve(piece.types, types);
@@ -178,8 +179,8 @@ void NumberedMesh::reserve_elements(const NumberedMesh& piece, double pieces_to_
 }
 
 void NumberedMesh::reserve_nodes(std::size_t more) {
-  reserve_large(node_numbers, node_numbers.size() + more);
-  reserve_large(coordinates, coordinates.size() + 3 * more);
+  node_numbers.reserve(node_numbers.size() + more);
+  coordinates.reserve(coordinates.size() + 3 * more);
 }
 
 void NumberedMesh::clear_elements() {

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "core/formats/text_scanner.h"
-#include "core/large_pages.h"
 
 namespace cadmorph {
 
@@ -17,9 +16,7 @@ class FileBytes {
  public:
   FileBytes() = default;
   explicit FileBytes(std::size_t size)
-      : data_(std::make_unique_for_overwrite<char[]>(size)), size_(size) {
-    use_large_pages(data_.get(), size);
-  }
+      : data_(std::make_unique_for_overwrite<char[]>(size)), size_(size) {}
 
   char* data() { return data_.get(); }
   const char* data() const { return data_.get(); }
