@@ -166,7 +166,8 @@ void TextScanner::read_words(std::size_t begin, std::size_t end, std::vector<Ahe
         word.real = real;
         word.kind = Ahead::Kind::Real;
       } else {
-        for (length = 1; at + length < end && !ends(text + at + length);) ++length;
+        const bool is_separator = ends_word(text[at]);
+        for (length = 1; !is_separator && at + length < end && !ends(text + at + length);) ++length;
       }
     }
     word.token = {.place = at, .length = std::min(length, kLongestToken)};

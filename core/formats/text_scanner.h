@@ -31,6 +31,8 @@ class TextScanner {
     if (place < ahead_from_ || place > ahead_end_) numbers_read_ = 0;
     at_ = place;
   }
+  /// Goes on behind something that is no number; what was read ahead stays of use.
+  void pass(std::size_t place) { at_ = place; }
   std::string_view text() const { return text_; }
 
   /// Skips white space, line ends and comments; false at the end of the text.

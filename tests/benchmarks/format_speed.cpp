@@ -1,4 +1,4 @@
-// format_speed FILE...: for each mesh file the time to read it, to write it with all nodes moved,
+// format_speed FILE...: for each mesh file, or folder of one, the time to read it, to write it with all nodes moved,
 // and to copy its bytes; the rates, and (reading + writing) / copying. Processor time too: it bears
 // a busy machine.
 
@@ -42,14 +42,23 @@ Times measure(Call&& call) {
 
 // As `cp` does, flushed to disk like a mesh that is written.
 void copy_flushed(const fs::path& from, const fs::path& to) {
-  fs::copy_file(from, to, fs::copy_options::overwrite_existing);
+  fs::copy(from, to, fs::copy_options::recursive);
   sync();
 }
 
+double megabytes_of(const fs::path& path) {
+  if (!fs::is_directory(path)) return 1e-6 * static_cast<double>(fs::file_size(path));
+  double sum = 0;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(path))
+    if (entry.is_regular_file()) sum += 1e-6 * static_cast<double>(entry.file_size());
+  return sum;
+}
+
 void run(const fs::path& file, const fs::path& scratch) {
-  const double megabytes = 1e-6 * static_cast<double>(fs::file_size(file));
+  const double megabytes = megabytes_of(file);
   const fs::path target = scratch / file.filename();
   const Times copied = measure([&] { copy_flushed(file, target); });
+  fs::remove_all(target);
   std::unique_ptr<MeshFile> mesh;
   const Times read = measure([&] { mesh = std::make_unique<MeshFile>(file); });
   const Points moved = 1.01 * mesh->mesh().points;

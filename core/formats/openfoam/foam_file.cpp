@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 namespace fs = std::filesystem;
 
@@ -15,20 +15,20 @@ constexpr Index kNoLimit = std::numeric_limits<std::int64_t>::max();
 
 bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 
-bool is_punctuation(char c) {
-  return c == '(' || c == ')' || c == '{' || c == '}' || c == '[' || c == ']' || c == ';' ||
-         c == '"';
-}
+constexpr std::string_view kPunctuation = "(){}[];\"/";  // and the slash of comments
 
-bool ends_number(char c) { return is_space(c) || is_punctuation(c) || c == '/'; }
+bool is_punctuation(char c) { return c != '/' && kPunctuation.find(c) != std::string_view::npos; }
+
+bool ends_number(char c) { return is_space(c) || kPunctuation.find(c) != std::string_view::npos; }
 
 }  // namespace
 
-FoamFile::FoamFile(const fs::path& path) : path_(path) {
-  SourceBytes file = read_source(path);
-  contents_ = std::move(file.bytes);
-  bytes_ = contents_;
-  source_ = std::move(file.source);
+FoamFile::FoamFile(const fs::path& path, SourceBytes file)
+    : path_(path),
+      contents_(std::move(file.bytes)),
+      bytes_(contents_),
+      source_(std::move(file.source)),
+      scanner_(bytes_, path, 0, kPunctuation) {
   read_header();
 }
 
@@ -134,19 +134,18 @@ bool FoamFile::is_at_number() const {
   return at_ < bytes_.size() && bytes_[at_] >= '0' && bytes_[at_] <= '9';
 }
 
-template <class Number>
-TextToken FoamFile::number(std::string_view what, Number& value) {
-  if (!skip_space()) fail_expected(what);
-  const char* const begin = bytes_.data() + at_;
-  const char* const end = bytes_.data() + bytes_.size();
-  // from_chars knows no plus sign.
-  const char* const first = *begin == '+' ? begin + 1 : begin;
-  const auto [last, error] = std::from_chars(first, end, value);
-  const auto length = std::size_t(last - begin);
-  if (error != std::errc() || (last != end && !ends_number(*last)) || length > 0xffff)
-    fail_expected(what);
-  const TextToken token{.place = at_, .length = length};
-  at_ += length;
+TextScanner& FoamFile::scanner() {
+  skip_space();
+  if (is_binary_)
+    scanner_.go_to(at_);
+  else
+    scanner_.pass(at_);
+  return scanner_;
+}
+
+TextToken FoamFile::coordinate(double& value) {
+  const TextToken token = scanner().number("a coordinate", value);
+  at_ = scanner_.place();
   return token;
 }
 
@@ -160,10 +159,8 @@ Index FoamFile::checked(Index value, std::size_t place, std::string_view what, I
 }
 
 Index FoamFile::label(std::string_view what, Index first, Index end) {
-  skip_space();
-  const std::size_t place = at_;
-  Index value = 0;
-  number(what, value);
+  const Index value = scanner().integer(what);
+  const std::size_t place = std::exchange(at_, scanner_.place());
   return checked(value, place, what, first, end);
 }
 
@@ -249,7 +246,7 @@ Points FoamFile::text_points(Index count, TextPlaces& places) {
   places.tokens.reserve(3 * std::size_t(count));
   for (Index i = 0; i < count; ++i) {
     expect('(', "the points before");
-    for (int c = 0; c < 3; ++c) places.tokens.push_back(number("a coordinate", points(i, c)));
+    for (int c = 0; c < 3; ++c) places.tokens.push_back(coordinate(points(i, c)));
     expect(')', "three coordinates");
   }
   return points;

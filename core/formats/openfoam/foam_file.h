@@ -7,6 +7,7 @@
 
 #include "core/formats/coordinate_places.h"
 #include "core/formats/face_cells.h"
+#include "core/formats/text_scanner.h"
 
 namespace cadmorph {
 
@@ -15,7 +16,7 @@ namespace cadmorph {
 class FoamFile {
  public:
   /// Reads the file and its header. Throws IoError.
-  explicit FoamFile(const std::filesystem::path& path);
+  explicit FoamFile(const std::filesystem::path& path) : FoamFile(path, read_source(path)) {}
 
   bool is_binary() const { return is_binary_; }
   const std::string& class_name() const { return class_; }
@@ -42,13 +43,15 @@ class FoamFile {
   [[noreturn]] void fail(const std::string& why) const { fail_at(at_, why); }
 
  private:
+  FoamFile(const std::filesystem::path& path, SourceBytes file);
   void read_header();
   void read_architecture(const std::string& text);
   bool skip_space();
   void skip_comment();
   bool is_at_number() const;
-  template <class Number>
-  TextToken number(std::string_view what, Number& value);
+  /// At a number: of a text all threads read ahead.
+  TextScanner& scanner();
+  TextToken coordinate(double& value);
   Index checked(Index value, std::size_t place, std::string_view what, Index first,
                 Index end) const;
   /// The number of items before a list, each of at least `least_bytes`; -1: it is not there.
@@ -68,6 +71,7 @@ class FoamFile {
   FileBytes contents_;
   std::string_view bytes_;  ///< of contents_
   SourceFile source_;
+  TextScanner scanner_;  ///< of the numbers of a text
   std::size_t at_ = 0;
   std::string class_;
   bool is_binary_ = false;
