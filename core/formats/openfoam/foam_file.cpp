@@ -164,15 +164,15 @@ Index FoamFile::label(std::string_view what, Index first, Index end) {
   return checked(value, place, what, first, end);
 }
 
-Index FoamFile::list_count(std::string_view what, std::size_t least_bytes) {
+Index FoamFile::list_count(std::string_view name, std::size_t least_bytes) {
   skip_space();
   if (!is_at_number()) return -1;
   const std::size_t place = at_;
-  const std::string name = "the number of " + std::string(what);
   const Index count = label(name, 0, kNoLimit);
   const std::size_t rest = bytes_.size() - at_;
   if (std::size_t(count) > rest / least_bytes)
-    fail_at(place, name + " is " + std::to_string(count) + ", but only " + std::to_string(rest) +
+    fail_at(place, std::string(name) + " is " + std::to_string(count) + ", but only " +
+                       std::to_string(rest) +
                        " bytes follow: the file is cut off or the number wrong");
   return count;
 }
@@ -253,7 +253,7 @@ Points FoamFile::text_points(Index count, TextPlaces& places) {
 }
 
 Points FoamFile::points(CoordinatePlaces& places) {
-  const Index count = list_count("points", is_binary_ ? 3 * scalar_bytes_ : 7);
+  const Index count = list_count("the number of points", is_binary_ ? 3 * scalar_bytes_ : 7);
   if (count < 0) fail_expected("the number of points");
   if (!is_binary_) {
     expect('(', "the number of points");
@@ -280,18 +280,20 @@ Points FoamFile::points(CoordinatePlaces& places) {
 FaceList FoamFile::faces(Index nodes) {
   if (class_ == "faceCompactList") return compact_faces(nodes);
   FaceList faces;
-  const Index count = list_count("faces", 5);
+  const Index count = list_count("the number of faces", 5);
   if (count < 0) fail_expected("the number of faces");
+  constexpr Index kUsual = 4;  // nodes of a face
   faces.offsets.reserve(std::size_t(count) + 1);
+  faces.nodes.reserve(std::size_t(kUsual * count));
   expect('(', "the number of faces");
   for (Index f = 0; f < count; ++f) {
     if (is_binary_) {
       faces.add_face(labels("nodes of a face", nodes, 0, nodes));
     } else {
-      const Index size = list_count("nodes of a face", 2);
+      const Index size = list_count("the number of nodes of a face", 2);
       expect('(', "the number of nodes of a face");
       for (Index i = 0; i < size; ++i) faces.nodes.push_back(label("node", 0, nodes));
-      expect(')', std::to_string(size) + " nodes of a face");
+      if (!take(')')) fail_expected("')' after " + std::to_string(size) + " nodes of a face");
       faces.offsets.push_back(std::ssize(faces.nodes));
     }
     if (faces.face(f).size() < 3) fail("face " + std::to_string(f) + " has fewer than 3 nodes");

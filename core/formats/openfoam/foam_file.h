@@ -54,8 +54,8 @@ class FoamFile {
   TextToken coordinate(double& value);
   Index checked(Index value, std::size_t place, std::string_view what, Index first,
                 Index end) const;
-  /// The number of items before a list, each of at least `least_bytes`; -1: it is not there.
-  Index list_count(std::string_view what, std::size_t least_bytes);
+  /// The number `name` before a list of items, each of at least `least_bytes`; -1: it is not there.
+  Index list_count(std::string_view name, std::size_t least_bytes);
   /// Begins a list of binary items: the place of the first. The one after the last is next.
   std::size_t binary_items(std::string_view what, Index count, std::size_t size);
   void skip_binary_list(const std::string& type);
