@@ -129,6 +129,7 @@ struct SurfaceMorph::Impl {
   SurfaceMorphOptions options;
   Points start;  // the nodes' positions, in the mesh's unit
   SurfaceMesh surface;
+  double tolerance = 0;  // of planes and images, millimetres
   Association association;
   std::vector<GroupConstraint> constraints;  // of the nodes, by their groups
   std::vector<FreePatch> patches;
@@ -229,7 +230,7 @@ bool SurfaceMorph::Impl::slides(const FreePatch& patch) const {
 void SurfaceMorph::Impl::find_forms() {
   for (FreePatch& patch : patches)
     if (!patch.is_planar && slides(patch))
-      patch.form = std::make_shared<OwnSurface>(surface, patch.facets, plane_tolerance(surface));
+      patch.form = std::make_shared<OwnSurface>(surface, patch.facets, tolerance);
 }
 
 void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
@@ -324,7 +325,7 @@ std::vector<ImagePair> SurfaceMorph::Impl::image_faces(const ModelPair& pair,
     std::erase_if(sheet.border, [&](int n) { return std::ranges::binary_search(nodes.rows, n); });
     sheets.push_back(std::move(sheet));
   }
-  return find_image_pairs(surface, moved, sheets, plane_tolerance(surface));
+  return find_image_pairs(surface, moved, sheets, tolerance);
 }
 
 // They move alike, whatever their parameters say.
@@ -336,7 +337,7 @@ void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<I
     for (std::size_t i = 0; i < found.inner; ++i) {
       const int to = found.to[i];
       const Vector3d motion = found.place(surface, moved, i) - moved.row(to).transpose();
-      if (motion.norm() <= kRounding * plane_tolerance(surface)) continue;
+      if (motion.norm() <= kRounding * tolerance) continue;
       const FaceFoot foot = project_on_face(
           pair.variant, variant, placed.feet.row(to).transpose() + motion, placed.uv.row(to));
       placed.feet.row(to) = foot.point;
@@ -441,8 +442,8 @@ void SurfaceMorph::Impl::settle_images(const std::vector<ImagePair>& images, Poi
   for (const ImagePair& pair : images)
     for (std::size_t i = 0; i < pair.to.size(); ++i) {
       const Vector3d place = pair.place(surface, moved, i);
-      if (pair.to[i] != pair.from[i] && (place - moved.row(pair.to[i]).transpose()).norm() <=
-                                            kSameMotion * plane_tolerance(surface))
+      if (pair.to[i] != pair.from[i] &&
+          (place - moved.row(pair.to[i]).transpose()).norm() <= kSameMotion * tolerance)
         moved.row(pair.to[i]) = place;
     }
 }
@@ -454,7 +455,7 @@ void SurfaceMorph::Impl::settle_junctions(const CadModel& variant, Placement& pl
   constexpr int kMostSteps = 100;
   constexpr double kFarthest =
       4;  // times what the node is off the patch: surfaces meet at 15 degrees
-  const double rounding = kRounding * plane_tolerance(surface) / kSamePlane;
+  const double rounding = kRounding * tolerance / kSamePlane;
   std::map<int, std::vector<const FreePatch*>> patches_of;
   const auto sliding = sliding_patches();
   for (const FreePatch& patch : sliding)
@@ -509,7 +510,7 @@ std::vector<ImagePair> SurfaceMorph::Impl::slide(Points& moved) const {
     border.insert(border.end(), patch.border.begin(), patch.border.end());
     sheets.push_back({patch.inner, std::move(border), patch.facets, patch.is_planar});
   }
-  auto pairs = find_image_pairs(surface, moved, sheets, plane_tolerance(surface));
+  auto pairs = find_image_pairs(surface, moved, sheets, tolerance);
   for (const ImagePair& pair : pairs)
     for (std::size_t i = 0; i < pair.inner; ++i)
       moved.row(pair.to[i]) = pair.place(surface, moved, i);
