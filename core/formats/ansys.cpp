@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/errors.h"
 #include "core/formats/collapsed_cells.h"
 #include "core/formats/deck.h"
 #include "core/formats/formats.h"
@@ -113,6 +114,12 @@ const TypeShape kShapes[] = {
     {CellType::Line, CellType::QuadraticEdge, {189, 289}},
 };
 
+/// What ET says of the elements with its number.
+struct ElementType {
+  int number = 0;
+  const TypeShape* shape = nullptr;  ///< null: left out, or not known
+};
+
 const TypeShape* shape_of(int type) {
   for (const TypeShape& shape : kShapes)
     if (shape.types.contains(type)) return &shape;
@@ -164,10 +171,14 @@ class Reader {
   [[noreturn]] void fail(const std::string& why) const { sources_.fail(here(), why); }
 
   [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
+    fail_expected(here(), what, found);
+  }
+  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
+                                  std::string_view found) const {
     std::string text(trimmed(found).substr(0, 40));
     std::ranges::replace_if(
         text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    fail("expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
   }
 
   void read_command(std::string_view line) {
@@ -198,7 +209,7 @@ class Reader {
     if (!read_integer(fields[1], number) ||
         !read_integer(std::string_view(fields[2]).substr(digit), type) || type < 0 || type > 9999)
       fail_expected("ET, a number and an element type", fields[2]);
-    types_[number] = int(type);
+    types_[number] = {.number = int(type), .shape = shape_of(int(type))};
   }
 
   BlockFormat read_format() {
@@ -209,6 +220,20 @@ class Reader {
     return format;
   }
 
+  /// Some of the lines of nodes.
+  struct NodeBlock {
+    std::size_t begin = 0, end = 0;
+    std::size_t read_to = 0;  ///< before `end`: there the nodes end, or a line can't be read
+    std::vector<Index> numbers;
+    std::vector<double> coordinates;
+    std::vector<TextToken> places;
+    bool has_rotations = false;
+  };
+
+  static bool ends_nodes(std::string_view line) {
+    return line.starts_with('N') || line.starts_with('n') || trimmed(line) == "-1";
+  }
+
   void read_nodes() {
     const BlockFormat format = read_format();
     if (format.real_width == 0 || format.reals < 3)
@@ -217,115 +242,225 @@ class Reader {
     const auto style = std::make_shared<NodeColumns>(first, format.real_width, format.decimals,
                                                      format.exponent_digits);
     NodeRecords records{.file = 0, .style = style};
-    while (true) {
-      if (at_ >= text_.size()) fail("the nodes end too soon: the file is cut off");
-      const std::string_view line = next_line();
-      if (line.starts_with('N') || line.starts_with('n') || trimmed(line) == "-1") break;
-      if (trimmed(line).empty()) continue;
-      read_node(line, format, *style, records);
-    }
+    const auto read = [&](NodeBlock& block) {
+      block.numbers.clear();
+      block.coordinates.clear();
+      block.places.clear();
+      block.has_rotations = false;
+      try {
+        for (block.read_to = block.begin; block.read_to < block.end;) {
+          std::size_t at = block.read_to;
+          const std::string_view line = take_line(text_, at);
+          if (ends_nodes(line)) return;
+          read_node({0, block.read_to}, line, format, *style, block);
+          block.read_to = at;
+        }
+      } catch (const Error&) {
+        return;  // it is read again in its turn, when what went wrong is told
+      }
+    };
+    const auto take = [&](NodeBlock& block) {
+      add_nodes(block, records);
+      at_ = block.read_to;
+      return block.read_to == block.end;
+    };
+    const auto goes_on = [](std::size_t) { return false; };
+    read_blocks<NodeBlock>(text_, at_, text_.size(), goes_on, read, take);
+    if (at_ >= text_.size()) fail("the nodes end too soon: the file is cut off");
+    const std::string_view line = next_line();
+    NodeBlock rest;
+    if (!ends_nodes(line)) read_node(here(), line, format, *style, rest);
     mesh_.records.push_back(std::move(records));
   }
 
-  void read_node(std::string_view line, const BlockFormat& format, const NodeStyle& style,
-                 NodeRecords& records) {
+  void add_nodes(const NodeBlock& block, NodeRecords& records) {
+    const auto append = [](const auto& more, auto& values) {
+      values.insert(values.end(), more.begin(), more.end());
+    };
+    const Index first = std::ssize(mesh_.node_numbers);
+    append(block.numbers, mesh_.node_numbers);
+    append(block.coordinates, mesh_.coordinates);
+    append(block.places, records.places);
+    for (Index row = first; row < std::ssize(mesh_.node_numbers); ++row)
+      records.nodes.push_back(row);
+    has_rotations_ = has_rotations_ || block.has_rotations;
+  }
+
+  void read_node(DeckPlace place, std::string_view line, const BlockFormat& format,
+                 const NodeStyle& style, NodeBlock& block) const {
+    if (trimmed(line).empty()) return;
     Index number = 0;
     const std::string_view field = columns(line, 0, format.integer_width);
     if (!read_integer(field, number) || number < 1 || number > kHighestNumber)
-      fail_expected("the number of a node", field);
+      fail_expected(place, "the number of a node", field);
     Eigen::RowVector3d point;
     const std::string_view bad = style.read(line, point);
-    if (!bad.empty()) fail_expected("a coordinate", bad);
-    if (line.size() > 0xffff) fail("the line is too long");
+    if (!bad.empty()) fail_expected(place, "a coordinate", bad);
+    if (line.size() > 0xffff) sources_.fail(place, "the line is too long");
     const std::size_t end = format.integers * format.integer_width + 3 * format.real_width;
-    has_rotations_ = has_rotations_ || !trimmed(columns(line, end, line.size())).empty();
-    records.places.push_back({.place = line_, .length = line.size()});
-    records.nodes.push_back(std::ssize(mesh_.node_numbers));
-    mesh_.add_node(number, point);
+    block.has_rotations = block.has_rotations || !trimmed(columns(line, end, line.size())).empty();
+    block.places.push_back({.place = place.place, .length = line.size()});
+    block.numbers.push_back(number);
+    block.coordinates.insert(block.coordinates.end(), point.data(), point.data() + 3);
   }
 
   /// Appends the integers of a line of columns.
-  void read_integers(std::string_view line, const BlockFormat& format,
+  void read_integers(DeckPlace place, std::string_view line, const BlockFormat& format,
                      std::vector<Index>& numbers) const {
     for (std::size_t i = 0; i < format.integers; ++i) {
       const std::string_view field = columns(line, i * format.integer_width, format.integer_width);
-      if (trimmed(field).empty()) return;
+      if (field.empty() || trimmed(field).empty()) return;
       Index number = 0;
       if (!read_integer(field, number) || std::abs(number) > kHighestNumber)
-        fail_expected("a number", field);
+        fail_expected(place, "a number", field);
       numbers.push_back(number);
     }
+  }
+
+  /// Some of the lines of elements.
+  struct ElementBlock {
+    std::size_t begin = 0, end = 0;
+    std::size_t read_to = 0;  ///< before `end`: there the elements end, or one can't be read
+    NumberedMesh elements;
+    std::map<std::string, Index> left_out;
+    Index incomplete = 0;
+    std::vector<Index> numbers = {}, nodes = {};  ///< of the element that is being read
+  };
+
+  static constexpr std::size_t kHead = 11;  // numbers before the nodes of an element
+  static constexpr Index kMostNodes = 100;
+
+  /// Whether a line of an element goes on with the one before, as far as can be told from it alone:
+  /// it does not tell the number of its nodes.
+  bool is_continuation(std::size_t at, const BlockFormat& format) const {
+    std::vector<Index> numbers;
+    try {
+      read_integers({0, at}, take_line(text_, at), format, numbers);
+    } catch (const Error&) {
+      return false;
+    }
+    const auto on_line = [&](Index count) {
+      return std::min(kHead + std::size_t(count), std::max(format.integers, kHead));
+    };
+    return numbers.size() > 1 && (numbers.size() < kHead || numbers[8] < 1 ||
+                                  numbers[8] > kMostNodes || on_line(numbers[8]) != numbers.size());
   }
 
   void read_elements(const std::vector<std::string>& fields) {
     const bool is_solid = fields.size() > 2 && fields[2] == "SOLID";
     const BlockFormat format = read_format();
-    std::vector<Index> numbers;
-    while (true) {
-      if (at_ >= text_.size()) fail("the elements end too soon: the file is cut off");
-      const std::string_view line = next_line();
-      if (trimmed(line) == "-1") return;
-      if (trimmed(line).empty()) continue;
-      numbers.clear();
-      read_integers(line, format, numbers);
-      if (is_solid)
-        read_element(numbers, format);
-      else
-        ++left_out_["of an EBLOCK without SOLID"];
-    }
+    const auto read_from = [&](std::size_t begin, ElementBlock& block) {
+      block.elements.clear_elements();
+      block.left_out.clear();
+      block.incomplete = 0;
+      for (block.read_to = begin; block.read_to < block.end;) {
+        std::size_t at = block.read_to;
+        if (!read_element(at, is_solid, format, block)) return;
+        block.read_to = at;
+      }
+    };
+    const auto read = [&](ElementBlock& block) {
+      try {
+        read_from(block.begin, block);
+      } catch (const Error&) {
+        return;  // it is read again in its turn, when what went wrong is told
+      }
+    };
+    const auto take = [&](ElementBlock& block) {
+      // The element before may have ended elsewhere than thought.
+      if (at_ != block.begin) read_from(std::exchange(block.read_to, at_), block);
+      mesh_.reserve_elements(block.elements, blocks_behind(text_, block));
+      mesh_.append_elements(block.elements, 0, block.elements.element_count());
+      for (const auto& [name, count] : block.left_out) left_out_[name] += count;
+      incomplete_ += block.incomplete;
+      at_ = block.read_to;
+      return at_ >= block.end;
+    };
+    const auto goes_on = [&](std::size_t place) { return is_continuation(place, format); };
+    read_blocks<ElementBlock>(text_, at_, text_.size(), goes_on, read, take);
+    ElementBlock rest;
+    if (at_ >= text_.size() || read_element(at_, is_solid, format, rest))
+      fail("the elements end too soon: the file is cut off");
+    next_line();
   }
 
-  /// Material, type, real constants, section, system, birth, body, shape, number of nodes, -,
-  /// number, and up to 8 nodes; the others on the next line.
-  void read_element(std::vector<Index>& numbers, const BlockFormat& format) {
-    constexpr std::size_t kHead = 11, kMostNodes = 100;
-    const DeckPlace place = here();
-    if (numbers.size() < kHead + 1) fail("expected 11 numbers of an element and its nodes");
-    const Index count = numbers[8];
-    if (count < 1 || count > Index(kMostNodes))
-      fail("the number of nodes of an element is " + std::to_string(count));
-    while (numbers.size() < kHead + std::size_t(count)) {
-      if (at_ >= text_.size()) fail("the nodes of an element end too soon");
-      const std::size_t before = numbers.size();
-      read_integers(next_line(), format, numbers);
-      if (numbers.size() == before) fail("the nodes of an element end too soon");
+  /// Reads the element, or the blank line, at a place and goes on behind it; false where the
+  /// elements end. Material, type, real constants, section, system, birth, body, shape, number of
+  /// nodes, -, number, and up to 8 nodes; the others on the next line.
+  bool read_element(std::size_t& at, bool is_solid, const BlockFormat& format,
+                    ElementBlock& block) const {
+    const DeckPlace place{0, at};
+    std::size_t next = at;
+    const std::string_view line = take_line(text_, next);
+    const std::string_view contents = trimmed(line);
+    if (contents == "-1") return false;
+    at = next;
+    if (contents.empty()) return true;
+    std::vector<Index>& numbers = block.numbers;
+    numbers.clear();
+    read_integers(place, line, format, numbers);
+    if (!is_solid) {
+      ++block.left_out["of an EBLOCK without SOLID"];
+      return true;
     }
-    const auto found = types_.find(numbers[1]);
-    if (found == types_.end())
+    if (numbers.size() < kHead + 1)
+      sources_.fail(place, "expected 11 numbers of an element and its nodes");
+    const Index count = numbers[8];
+    if (count < 1 || count > kMostNodes)
+      sources_.fail(place, "the number of nodes of an element is " + std::to_string(count));
+    for (DeckPlace last = place; numbers.size() < kHead + std::size_t(count);) {
+      if (at >= text_.size()) sources_.fail(last, "the nodes of an element end too soon");
+      last.place = at;
+      const std::size_t before = numbers.size();
+      read_integers(last, take_line(text_, at), format, numbers);
+      if (numbers.size() == before) sources_.fail(last, "the nodes of an element end too soon");
+    }
+    add_element(place, count, block);
+    return true;
+  }
+
+  void add_element(DeckPlace place, Index count, ElementBlock& block) const {
+    const std::vector<Index>& numbers = block.numbers;
+    const auto type = types_.find(numbers[1]);
+    if (type == types_.end())
       sources_.fail(place,
                     "element type " + std::to_string(numbers[1]) + " is not defined by ET before");
-    const std::string name = std::to_string(found->second);
-    const TypeShape* const shape = shape_of(found->second);
+    const TypeShape* const shape = type->second.shape;
     if (!shape) {
-      if (!is_left_out(found->second))
+      const std::string name = std::to_string(type->second.number);
+      if (!is_left_out(type->second.number))
         sources_.fail(place, "elements of type " + name + " are not known");
-      ++left_out_[name];
+      ++block.left_out[name];
       return;
     }
-    nodes_.assign(numbers.begin() + kHead, numbers.begin() + std::ptrdiff_t(kHead) + count);
-    add_element(*shape, numbers[10], int(std::clamp<Index>(numbers[0], 0, 1 << 30)), place);
+    const auto first = numbers.begin() + std::ptrdiff_t(kHead);
+    block.nodes.assign(first, first + count);
+    add_cell(*shape, place, block);
   }
 
-  void add_element(const TypeShape& shape, Index number, int material, DeckPlace place) {
+  void add_cell(const TypeShape& shape, DeckPlace place, ElementBlock& block) const {
+    std::vector<Index>& nodes = block.nodes;
+    const Index number = block.numbers[10];
     const std::size_t corners = std::size_t(cell_node_count(shape.linear));
     const std::size_t most = std::size_t(cell_node_count(shape.quadratic));
-    if (corners == 4 && nodes_.size() == 3 && dimension(shape.linear) == 2)
-      nodes_.push_back(nodes_[2]);
-    if (nodes_.size() < corners)
+    if (corners == 4 && nodes.size() == 3 && dimension(shape.linear) == 2)
+      nodes.push_back(nodes[2]);
+    if (nodes.size() < corners)
       sources_.fail(place, "element " + std::to_string(number) + " has " +
-                               std::to_string(nodes_.size()) + " nodes, expected " +
+                               std::to_string(nodes.size()) + " nodes, expected " +
                                std::to_string(corners));
     // What follows the corners of a beam without mid-side node tells its orientation.
-    const bool has_all = nodes_.size() >= most &&
-                         std::find(nodes_.begin(), nodes_.begin() + std::ptrdiff_t(most), 0) ==
-                             nodes_.begin() + std::ptrdiff_t(most);
-    const bool has_some = std::any_of(nodes_.begin() + std::ptrdiff_t(corners), nodes_.end(),
+    const bool has_all =
+        nodes.size() >= most && std::find(nodes.begin(), nodes.begin() + std::ptrdiff_t(most), 0) ==
+                                    nodes.begin() + std::ptrdiff_t(most);
+    const bool has_some = std::any_of(nodes.begin() + std::ptrdiff_t(corners), nodes.end(),
                                       [](Index node) { return node != 0; });
-    if (!has_all && has_some && most > corners) ++incomplete_;
-    nodes_.resize(has_all ? most : corners);
+    if (!has_all && has_some && most > corners) ++block.incomplete;
+    nodes.resize(has_all ? most : corners);
     const CellType full = has_all ? shape.quadratic : shape.linear;
-    const CellType type = reduce_collapsed(full, nodes_);
-    mesh_.add_element(number, type, nodes_, material, place);
+    const CellType type = reduce_collapsed(full, nodes);
+    const int material = int(std::clamp<Index>(block.numbers[0], 0, 1 << 30));
+    block.elements.add_element(number, type, nodes, material, place);
   }
 
   /// CMBLOCK,NAME,NODE|ELEM,count: numbers, negative ones for the end of a range.
@@ -340,7 +475,8 @@ class Reader {
     while (std::ssize(numbers) < count) {
       if (at_ >= text_.size()) fail("the component ends too soon: the file is cut off");
       const std::size_t before = numbers.size();
-      read_integers(next_line(), format, numbers);
+      const std::string_view next = next_line();
+      read_integers(here(), next, format, numbers);
       if (numbers.size() == before) fail("the component " + fields[1] + " ends too soon");
     }
     NumberedSet set{.name = fields[1],
@@ -365,8 +501,7 @@ class Reader {
   std::string_view text_;
   std::size_t at_ = 0, line_ = 0;
   NumberedMesh mesh_;
-  std::map<Index, int> types_;
-  std::vector<Index> nodes_;
+  std::map<Index, ElementType> types_;
   std::map<std::string, Index> left_out_;
   Index incomplete_ = 0;
   bool has_rotations_ = false;

@@ -153,6 +153,54 @@ std::string nastran_of(const Bar& bar) {
   return text + "ENDDATA\nGRID,1,,nothing,is,read\n";
 }
 
+std::string columns_of(std::initializer_list<Index> numbers, int width) {
+  std::string text;
+  for (const Index number : numbers) {
+    const std::string digits = std::to_string(number);
+    text += std::string(std::size_t(width) - digits.size(), ' ') + digits;
+  }
+  return text;
+}
+
+/// Elements over two lines: 15 numbers, and the last four nodes.
+std::string ansys_of(const Bar& bar) {
+  std::string text = "/PREP7\nET,1,185\nNBLOCK,6,SOLID\n(3i9,6e25.17e3)\n";
+  for (Index node = 0; node < bar.node_count(); ++node) {
+    text += columns_of({node + 1, 0, 0}, 9);
+    for (const double value : bar.point(node)) {
+      const std::string number = shortest(value);
+      text += std::string(25 - number.size(), ' ') + number;
+    }
+    text += "\n";
+  }
+  text += "N,R5.3,LOC,       -1,\nEBLOCK,19,SOLID\n(15i9)\n";
+  for (Index c = 0; c < bar.cells; ++c) {
+    const auto n = bar.cell(c);
+    text += columns_of({1, 1, 1, 1, 0, 0, 0, 0, 8, 0, c + 1}, 9);
+    text += columns_of({n[0] + 1, n[1] + 1, n[2] + 1, n[3] + 1}, 9) + "\n";
+    text += columns_of({n[4] + 1, n[5] + 1, n[6] + 1, n[7] + 1}, 9) + "\n";
+  }
+  return text + "       -1\nFINISH\n";
+}
+
+/// Elements in one line, every third in two.
+std::string ls_dyna_of(const Bar& bar) {
+  std::string text = "*KEYWORD\n*NODE\n";
+  for (Index node = 0; node < bar.node_count(); ++node) {
+    text += std::to_string(node + 1) + "," + coordinates(bar.point(node), ",") + "\n";
+    if (node % 501 == 0) text += "$ 1, 2, 3, 4\n\n";
+  }
+  text += "*ELEMENT_SOLID\n";
+  for (Index c = 0; c < bar.cells; ++c) {
+    const auto n = bar.cell(c);
+    text += columns_of({c + 1, 7}, 8);
+    if (c % 3 == 0) text += "\n";
+    for (const Index node : n) text += columns_of({node + 1}, 8);
+    text += "\n";
+  }
+  return text + "*END\n";
+}
+
 /// The text with what stands at `place` overwritten, and the number of its line.
 std::pair<std::string, std::string> damaged(std::string text, std::size_t place) {
   text[place] = 'x';
@@ -178,6 +226,8 @@ TEST_CASE("Large meshes are read and copied as small ones are", "[core][formats]
   require_all("big.msh", binary_gmsh_of(bar, true));
   require_all("bar.inp", abaqus_of(bar));
   require_all("bar.bdf", nastran_of(bar));
+  require_all("bar.cdb", ansys_of(bar));
+  require_all("bar.k", ls_dyna_of(bar));
 }
 
 TEST_CASE("What is wrong late in a large mesh is told by its line", "[core][formats]") {
@@ -197,6 +247,40 @@ TEST_CASE("What is wrong late in a large mesh is told by its line", "[core][form
   require_told("bar.inp", abaqus, abaqus.size() - 3);
   require_told("nodes.inp", abaqus, abaqus.find("*ELEMENT") - 3);
   require_told("bar.bdf", nastran, nastran.find("CHEXA,19000,") + 8);
+  const std::string ansys = ansys_of(bar), ls_dyna = ls_dyna_of(bar);
+  require_told("bar.cdb", ansys, ansys.rfind("FINISH") - 20);
+  require_told("nodes.cdb", ansys, ansys.find("N,R5.3") - 30);
+  require_told("bar.k", ls_dyna, ls_dyna.rfind("*END") - 3);
+  require_told("nodes.k", ls_dyna, ls_dyna.find("*ELEMENT") - 3);
+}
+
+TEST_CASE("Lines that look like the first of an element are none where one goes on",
+          "[core][formats]") {
+  // The number behind eight others of the second line could be that of the nodes.
+  const std::array<Index, 20> nodes{17, 2,  3,  4,  5,  6,  7, 8,  9,  10,
+                                    11, 12, 13, 14, 15, 16, 1, 18, 19, 20};
+  std::string text = "/PREP7\nET,1,186\nNBLOCK,6,SOLID\n(3i9,6e21.13e3)\n";
+  for (Index node = 1; node <= 20; ++node)
+    text += columns_of({node, 0, 0}, 9) + columns_of({node, node % 3, node % 7}, 21) + "\n";
+  text += "N,R5.3,LOC,       -1,\nEBLOCK,19,SOLID\n(19i9)\n";
+  constexpr Index kElements = 5000;
+  for (Index e = 1; e <= kElements; ++e) {
+    text += columns_of({1, 1, 1, 1, 0, 0, 0, 0, 20, 0, e}, 9);
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      text += (i == 8 ? "\n" : "") + columns_of({nodes[i]}, 9);
+    text += "\n";
+  }
+  const FormatFolder folder;
+  const MeshFile file(folder.put("solid186.cdb", text + "       -1\n"));
+  const Mesh& mesh = file.mesh();
+  REQUIRE(mesh.cell_count() == kElements);
+  Index wrong = 0;
+  for (Index c = 0; c < kElements; ++c) {
+    wrong += mesh.types[std::size_t(c)] == CellType::QuadraticHexahedron ? 0 : 1;
+    for (const std::size_t i : {0, 1, 2, 3, 4, 5, 6, 7})
+      wrong += mesh.cell(c)[i] == nodes[i] - 1 ? 0 : 1;
+  }
+  CHECK(wrong == 0);
 }
 
 TEST_CASE("Words and numbers read ahead are those of the text", "[core][formats]") {
