@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/errors.h"
 #include "core/formats/collapsed_cells.h"
 #include "core/formats/deck.h"
 #include "core/formats/formats.h"
@@ -85,11 +86,103 @@ class Reader {
       here_ = {file, at};
       const std::string_view line = take_line(text, at);
       if (line.starts_with('$')) continue;
-      if (line.starts_with('*'))
-        read_keyword(line);
-      else if (data_ != Data::Skip)
-        read_data(line);
+      if (!line.starts_with('*')) {
+        if (data_ != Data::Skip) read_data(line);
+        continue;
+      }
+      read_keyword(line);
+      if (data_ != Data::Nodes && data_ != Data::Elements) continue;
+      const std::size_t keyword = text.find("\n*", at > 0 ? at - 1 : 0);
+      const std::size_t end = keyword == std::string_view::npos ? text.size() : keyword + 1;
+      if (end < at + kTextBlock) continue;
+      read_data_blocks(file, at, end);
+      at = end;
     }
+  }
+
+  /// A line under *NODE.
+  struct NodeLine {
+    DeckPlace place;
+    std::size_t length = 0;
+    bool is_free = false;
+    Index number = 0;
+    Eigen::RowVector3d point;
+  };
+
+  /// What is known of an element, and of the lines that follow it.
+  struct ElementLines {
+    DeckPlace place = {};
+    std::vector<Index> numbers = {};  ///< of the element, its part, and its nodes
+    std::vector<Index> nodes = {};
+    int skipped = 0;  ///< lines
+    bool has_more_thicknesses = false;
+
+    bool is_between() const { return numbers.empty() && skipped == 0; }
+    void clear() {
+      numbers.clear();
+      skipped = 0;
+      has_more_thicknesses = false;
+    }
+  };
+
+  /// Some of the lines under *NODE or *ELEMENT.
+  struct DataBlock {
+    std::size_t begin = 0, end = 0;
+    bool is_whole = false;  ///< all was read, and no element is without its end
+    std::vector<NodeLine> nodes;
+    NumberedMesh elements;
+    ElementLines element = {};
+  };
+
+  /// Lines of data on all threads; those of elements over the borders of blocks, and errors, on
+  /// one.
+  void read_data_blocks(std::size_t file, std::size_t begin, std::size_t end) {
+    const std::string_view text = sources_.text(file);
+    // A line of the number and the part alone: the nodes are on the next.
+    const auto goes_on = [&](std::size_t place) {
+      const std::size_t line_begin = text.rfind('\n', place - 2) + 1;
+      const std::string_view line = text.substr(line_begin, place - line_begin);
+      return data_ == Data::Elements && line.find_last_not_of(" \t\r\n") < 2 * element_width();
+    };
+    const auto read = [&](DataBlock& block) {
+      try {
+        read_block(file, block);
+      } catch (const Error&) {
+        block.is_whole = false;
+      }
+    };
+    const auto take = [&](DataBlock& block) {
+      if (block.is_whole && element_.is_between()) {
+        for (const NodeLine& node : block.nodes) add_node(node);
+        mesh_.reserve_elements(block.elements, blocks_behind(text, block));
+        mesh_.append_elements(block.elements, 0, block.elements.element_count());
+        return true;
+      }
+      for (std::size_t at = block.begin; at < block.end;) {
+        here_ = {file, at};
+        const std::string_view line = take_line(text, at);
+        if (!line.starts_with('$')) read_data(line);
+      }
+      return true;
+    };
+    read_blocks<DataBlock>(text, begin, end, goes_on, read, take);
+  }
+
+  void read_block(std::size_t file, DataBlock& block) const {
+    const std::string_view text = sources_.text(file);
+    block.nodes.clear();
+    block.elements.clear_elements();
+    block.element.clear();
+    for (std::size_t at = block.begin; at < block.end;) {
+      const DeckPlace place{file, at};
+      const std::string_view line = take_line(text, at);
+      if (line.starts_with('$')) continue;
+      if (data_ == Data::Elements)
+        read_element(place, line, block.element, block.elements);
+      else if (!trimmed(line).empty())
+        block.nodes.push_back(node_line(place, line));
+    }
+    block.is_whole = block.element.is_between();
   }
 
   void read_keyword(std::string_view line) {
@@ -136,9 +229,10 @@ class Reader {
       case Data::Skip:
         return;
       case Data::Nodes:
-        return read_node(line);
+        if (!trimmed(line).empty()) add_node(node_line(here_, line));
+        return;
       case Data::Elements:
-        return read_element(line);
+        return read_element(here_, line, element_, mesh_);
       case Data::LeftOut:
         ++*left_out_lines_;
         return;
@@ -156,10 +250,14 @@ class Reader {
   }
 
   [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
+    fail_expected(here_, what, found);
+  }
+  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
+                                  std::string_view found) const {
     std::string text(trimmed(found).substr(0, 40));
     std::ranges::replace_if(
         text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    sources_.fail(here_, "expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
   }
 
   void begin_nodes() {
@@ -170,42 +268,44 @@ class Reader {
     records_.fill(~std::size_t{0});
   }
 
-  NodeRecords& node_records(bool is_free) {
+  NodeRecords& node_records(std::size_t file, bool is_free) {
     std::size_t& block = records_[is_free ? 1 : 0];
-    if (block >= mesh_.records.size() || mesh_.records[block].file != here_.file) {
+    if (block >= mesh_.records.size() || mesh_.records[block].file != file) {
       block = mesh_.records.size();
-      mesh_.records.push_back({.file = here_.file, .style = is_free ? free_style_ : column_style_});
+      mesh_.records.push_back({.file = file, .style = is_free ? free_style_ : column_style_});
     }
     return mesh_.records[block];
   }
 
-  void read_node(std::string_view line) {
-    if (trimmed(line).empty()) return;
-    const bool is_free = line.find(',') != std::string_view::npos;
+  NodeLine node_line(DeckPlace place, std::string_view line) const {
+    NodeLine node{.place = place, .length = line.size(), .point = {}};
+    node.is_free = line.find(',') != std::string_view::npos;
     const std::string_view field =
-        is_free ? line.substr(0, line.find(',')) : line.substr(0, number_width_);
-    Index number = 0;
-    if (!read_integer(field, number) || number < 1 || number > kHighestNumber)
-      fail_expected("the number of a node", field);
-    Eigen::RowVector3d point;
-    const NodeStyle& style = is_free ? *free_style_ : *column_style_;
-    const std::string_view bad = style.read(line, point);
-    if (!bad.empty()) fail_expected("a coordinate", bad);
-    if (line.size() > 0xffff) sources_.fail(here_, "the line is too long");
-    NodeRecords& records = node_records(is_free);
-    records.places.push_back({.place = here_.place, .length = line.size()});
+        node.is_free ? line.substr(0, line.find(',')) : line.substr(0, number_width_);
+    if (!read_integer(field, node.number) || node.number < 1 || node.number > kHighestNumber)
+      fail_expected(place, "the number of a node", field);
+    const NodeStyle& style = node.is_free ? *free_style_ : *column_style_;
+    const std::string_view bad = style.read(line, node.point);
+    if (!bad.empty()) fail_expected(place, "a coordinate", bad);
+    if (line.size() > 0xffff) sources_.fail(place, "the line is too long");
+    return node;
+  }
+
+  void add_node(const NodeLine& node) {
+    NodeRecords& records = node_records(node.place.file, node.is_free);
+    records.places.push_back({.place = node.place.place, .length = node.length});
     records.nodes.push_back(std::ssize(mesh_.node_numbers));
-    mesh_.add_node(number, point);
+    mesh_.add_node(node.number, node.point);
   }
 
   /// Appends the integers of a line; blank ones are 0.
-  void read_integers(std::string_view line, std::size_t width, std::size_t most,
+  void read_integers(DeckPlace place, std::string_view line, std::size_t width, std::size_t most,
                      std::vector<Index>& numbers) const {
     const auto add = [&](std::string_view field) {
       Index number = 0;
       if (!trimmed(field).empty() &&
           (!read_integer(field, number) || std::abs(number) > kHighestNumber))
-        fail_expected("a number", field);
+        fail_expected(place, "a number", field);
       numbers.push_back(number);
     };
     const std::size_t end = numbers.size() + most;
@@ -267,80 +367,86 @@ class Reader {
 
   /// An element takes a line, or one for its number and part and one for its nodes, and what its
   /// options add.
-  void read_element(std::string_view line) {
-    if (skipped_ > 0) {
-      --skipped_;
+  void read_element(DeckPlace place, std::string_view line, ElementLines& element,
+                    NumberedMesh& mesh) const {
+    if (element.skipped > 0) {
+      --element.skipped;
       return;
     }
     if (trimmed(line).empty()) return;
-    const bool has_head = !element_.empty();
-    if (!has_head) element_place_ = here_;
-    read_integers(line, element_width(), 10, element_);
+    std::vector<Index>& numbers = element.numbers;
+    const bool has_head = !numbers.empty();
+    if (!has_head) element.place = place;
+    read_integers(place, line, element_width(), 10, numbers);
     if (!has_head) {
-      if (element_.size() < 2) fail_expected("the numbers of an element and of its part", line);
+      if (numbers.size() < 2)
+        fail_expected(place, "the numbers of an element and of its part", line);
       const bool is_head =
-          kind_ == Kind::Solid && std::all_of(element_.begin() + 2, element_.end(),
-                                              [](Index number) { return number == 0; });
+          kind_ == Kind::Solid &&
+          std::all_of(numbers.begin() + 2, numbers.end(), [](Index number) { return number == 0; });
       if (is_head) {
-        element_.resize(2);
+        numbers.resize(2);
         return;
       }
     }
-    add_element();
-    element_.clear();
+    add_element(place, element, mesh);
+    numbers.clear();
     // Those at mid-side nodes have a line of their own.
-    skipped_ = extra_lines_ + (has_more_thicknesses_ ? 1 : 0);
-    has_more_thicknesses_ = false;
+    element.skipped = extra_lines_ + (element.has_more_thicknesses ? 1 : 0);
+    element.has_more_thicknesses = false;
   }
 
   void end_element() {
-    if (!element_.empty())
-      sources_.fail(element_place_,
-                    "the nodes of element " + std::to_string(element_[0]) + " are missing");
-    skipped_ = 0;
+    if (!element_.numbers.empty())
+      sources_.fail(element_.place,
+                    "the nodes of element " + std::to_string(element_.numbers[0]) + " are missing");
+    element_.skipped = 0;
   }
 
-  void add_element() {
-    const Index number = element_[0], part = element_[1];
-    nodes_.assign(element_.begin() + 2, element_.end());
-    const CellType type = kind_ == Kind::Solid   ? solid_type()
-                          : kind_ == Kind::Shell ? shell_type()
-                                                 : beam_type();
-    if (type == CellType{} || std::ranges::any_of(nodes_, [](Index node) { return node < 1; }))
-      sources_.fail(element_place_, "element " + std::to_string(number) +
-                                        " has too few nodes, or some that are no numbers of nodes");
-    if (part < 0 || part > (1 << 30)) fail_expected("the number of a part", std::to_string(part));
-    mesh_.add_element(number, type, nodes_, int(part), element_place_);
+  void add_element(DeckPlace place, ElementLines& element, NumberedMesh& mesh) const {
+    const Index number = element.numbers[0], part = element.numbers[1];
+    std::vector<Index>& nodes = element.nodes;
+    nodes.assign(element.numbers.begin() + 2, element.numbers.end());
+    const CellType type = kind_ == Kind::Solid   ? solid_type(nodes)
+                          : kind_ == Kind::Shell ? shell_type(element)
+                                                 : beam_type(nodes);
+    if (type == CellType{} || std::ranges::any_of(nodes, [](Index node) { return node < 1; }))
+      sources_.fail(element.place, "element " + std::to_string(number) +
+                                       " has too few nodes, or some that are no numbers of nodes");
+    if (part < 0 || part > (1 << 30))
+      fail_expected(place, "the number of a part", std::to_string(part));
+    mesh.add_element(number, type, nodes, int(part), element.place);
   }
 
-  CellType solid_type() {
-    nodes_.resize(10);
-    if (nodes_[8] != 0 && nodes_[9] != 0) return CellType::QuadraticTetra;
+  static CellType solid_type(std::vector<Index>& nodes) {
+    nodes.resize(10);
+    if (nodes[8] != 0 && nodes[9] != 0) return CellType::QuadraticTetra;
     // A solid of four nodes repeats the last or leaves the others out.
-    nodes_.resize(8);
+    nodes.resize(8);
     for (std::size_t i = 4; i < 8; ++i)
-      if (nodes_[i] == 0) nodes_[i] = nodes_[i - 1];
-    return reduce_collapsed(CellType::Hexahedron, nodes_);
+      if (nodes[i] == 0) nodes[i] = nodes[i - 1];
+    return reduce_collapsed(CellType::Hexahedron, nodes);
   }
 
-  CellType shell_type() {
-    nodes_.resize(8);
-    const bool has_middles = nodes_[4] != 0 && nodes_[5] != 0 && nodes_[6] != 0;
-    if (nodes_[3] == 0) nodes_[3] = nodes_[2];
-    const bool is_triangle = nodes_[3] == nodes_[2];
-    has_more_thicknesses_ = has_middles && has_thickness_;
+  CellType shell_type(ElementLines& element) const {
+    std::vector<Index>& nodes = element.nodes;
+    nodes.resize(8);
+    const bool has_middles = nodes[4] != 0 && nodes[5] != 0 && nodes[6] != 0;
+    if (nodes[3] == 0) nodes[3] = nodes[2];
+    const bool is_triangle = nodes[3] == nodes[2];
+    element.has_more_thicknesses = has_middles && has_thickness_;
     if (has_middles && is_triangle) {
-      nodes_ = {nodes_[0], nodes_[1], nodes_[2],
-                nodes_[4], nodes_[5], nodes_[7] != 0 ? nodes_[7] : nodes_[6]};
+      nodes = {nodes[0], nodes[1], nodes[2],
+               nodes[4], nodes[5], nodes[7] != 0 ? nodes[7] : nodes[6]};
       return CellType::QuadraticTriangle;
     }
-    if (has_middles && nodes_[7] != 0) return CellType::QuadraticQuad;
-    nodes_.resize(4);
-    return reduce_collapsed(CellType::Quad, nodes_);
+    if (has_middles && nodes[7] != 0) return CellType::QuadraticQuad;
+    nodes.resize(4);
+    return reduce_collapsed(CellType::Quad, nodes);
   }
 
-  CellType beam_type() {
-    nodes_.resize(2);
+  static CellType beam_type(std::vector<Index>& nodes) {
+    nodes.resize(2);
     return CellType::Line;
   }
 
@@ -366,7 +472,7 @@ class Reader {
 
   void read_set_head(std::string_view line) {
     std::vector<Index> numbers;
-    read_integers(line, set_width(), 1, numbers);
+    read_integers(here_, line, set_width(), 1, numbers);
     if (numbers.empty()) fail_expected("the number of a set", line);
     if (set_.name.empty()) set_.name = std::to_string(numbers[0]);
     mesh_.sets.push_back(std::move(set_));
@@ -377,7 +483,7 @@ class Reader {
     if (trimmed(line).empty()) return;
     std::vector<Index> numbers;
     const std::size_t most = is_column_ ? 1 : is_segment_ ? 4 : 8;
-    read_integers(line, set_width(), most, numbers);
+    read_integers(here_, line, set_width(), most, numbers);
     std::vector<Index>& all = mesh_.sets.back().numbers;
     if (!is_range_) {
       all.insert(all.end(), numbers.begin(), numbers.end());
@@ -417,7 +523,7 @@ class Reader {
   std::map<std::string, Index> left_out_;
 
   // What is being read.
-  DeckPlace here_, element_place_;
+  DeckPlace here_;
   Width deck_width_ = Width::Standard, width_ = Width::Standard;
   Data data_ = Data::Skip;
   bool has_ended_ = false;
@@ -426,9 +532,9 @@ class Reader {
   std::size_t number_width_ = 8;
   std::array<std::size_t, 2> records_{};  ///< of the keyword: in columns, and free
   Kind kind_ = Kind::None;
-  bool has_thickness_ = false, has_more_thicknesses_ = false;
-  int extra_lines_ = 0, skipped_ = 0;
-  std::vector<Index> element_, nodes_;
+  bool has_thickness_ = false;
+  int extra_lines_ = 0;
+  ElementLines element_;
   Index* left_out_lines_ = nullptr;
   NumberedSet set_;
   bool is_range_ = false, is_column_ = false, is_segment_ = false;

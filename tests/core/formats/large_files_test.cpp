@@ -283,6 +283,29 @@ TEST_CASE("Lines that look like the first of an element are none where one goes 
   CHECK(wrong == 0);
 }
 
+TEST_CASE("Lines that follow elements are no elements where a block begins with them",
+          "[core][formats]") {
+  constexpr Index kElements = 20000;
+  std::string text = "*KEYWORD\n*NODE\n";
+  for (Index node = 1; node <= 2 * kElements + 2; ++node)
+    text += columns_of({node}, 8) + columns_of({node / 2, node % 2, 0}, 16) + "\n";
+  text += "*ELEMENT_SHELL_THICKNESS\n";
+  for (Index e = 1; e <= kElements; ++e) {
+    text += columns_of({e, 1, 2 * e - 1, 2 * e, 2 * e + 2, 2 * e + 1}, 8) + "\n";
+    text += columns_of({1, 1, 2, 3, 4, 5}, 8) + "\n";
+  }
+  const FormatFolder folder;
+  const MeshFile file(folder.put("shells.k", text + "*END\n"));
+  const Mesh& mesh = file.mesh();
+  REQUIRE(mesh.cell_count() == kElements);
+  Index wrong = 0;
+  for (Index c = 0; c < kElements; ++c) {
+    const std::array<Index, 4> expected{2 * c, 2 * c + 1, 2 * c + 3, 2 * c + 2};
+    wrong += std::ranges::equal(mesh.cell(c), expected) ? 0 : 1;
+  }
+  CHECK(wrong == 0);
+}
+
 TEST_CASE("Words and numbers read ahead are those of the text", "[core][formats]") {
   constexpr std::array<std::string_view, 13> kWords{
       "0",      "-0",  "+7", "-12", "1e3", "-2.5", "42", ".5", "123456789012345678901234567890",
