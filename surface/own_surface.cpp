@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <unsupported/Eigen/LevenbergMarquardt>
-#include <unsupported/Eigen/NumericalDiff>
 
 namespace cadmorph {
 namespace {
@@ -58,6 +57,23 @@ struct ConeMisfit : Eigen::DenseFunctor<double> {
     return 0;
   }
 
+  int df(const VectorXd& p, MatrixXd& slope) const {
+    const Vector3d origin(p[0], p[1], 0), axis = Vector3d(p[2], p[3], 1).normalized();
+    const double stretch = std::hypot(1, p[5]);
+    const Matrix3d turn = (Matrix3d::Identity() - axis * axis.transpose()) * axis[2];
+    for (Index i = 0; i < local.rows(); ++i) {
+      const Vector3d x = local.row(i).transpose() - origin;
+      const double along = x.dot(axis), away = (x - along * axis).norm();
+      const Vector3d by_origin = p[5] * axis - (x - along * axis) / away;
+      const Vector3d by_axis = -(along / away + p[5]) * (turn * x);
+      const double misfit = (away - p[4] - p[5] * along) / stretch;
+      slope.row(i) << by_origin[0], by_origin[1], by_axis[0], by_axis[1], -1,
+          -along - misfit * p[5] / stretch;
+      slope.row(i) /= stretch;
+    }
+    return 0;
+  }
+
   Points local;
 };
 
@@ -96,8 +112,7 @@ ConeFit fit_cone(const SurfaceMesh& surface, const std::vector<int>& facets, con
   frame.col(2) = axis_of_normals(surface, facets);
   frame.col(0) = frame.col(2).unitOrthogonal();
   frame.col(1) = frame.col(2).cross(frame.col(0));
-  Eigen::NumericalDiff<ConeMisfit, Eigen::Central> misfit(
-      ConeMisfit(points.rowwise() - mean.transpose(), frame));
+  ConeMisfit misfit(points.rowwise() - mean.transpose(), frame);
   VectorXd p = first_cone(misfit.local);
   Eigen::LevenbergMarquardt<decltype(misfit)> solver(misfit);
   solver.setFtol(std::numeric_limits<double>::epsilon());

@@ -547,6 +547,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
+  impl_->tolerance = plane_tolerance(impl_->surface);
   impl_->patches =
       find_free_patches(impl_->surface, boundary, impl_->association,
                         mark_patches(mesh, boundary, impl_->options.groups, impl_->constraints));

@@ -220,6 +220,10 @@ TEST_CASE("points go to the nearest point of the surface of their facets", "[sur
        [](double s, double t) -> Vector3d {
          return {3 * std::cos(0.5 * s), 3 * std::sin(0.5 * s), 2 * t};
        }},
+      {"cylinder",  // all round
+       [](double s, double t) -> Vector3d {
+         return {3 * std::cos(2 * pi * s), 3 * std::sin(2 * pi * s), 2 * t};
+       }},
       {"cone",
        [](double s, double t) -> Vector3d {
          const double r = 3 - t;
