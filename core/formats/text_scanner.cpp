@@ -15,7 +15,7 @@ bool is_space(char c) { return is_blank(c) || c == '\n' || c == '\r' || c == '\f
 constexpr std::size_t kLongestToken = 0xffff;
 
 // What a thread reads ahead at once, and how many of these: they stay in the cache.
-constexpr std::size_t kAheadBlock = 1 << 18;
+constexpr std::size_t kAheadBlock = 1 << 16;
 constexpr Index kAheadBlocks = 16;
 constexpr Index kNumbersBefore = 1000;  // after which many more are likely
 
@@ -193,9 +193,15 @@ TextToken TextScanner::parse(std::string_view what, Number& value, const auto&..
   return token;
 }
 
+/// Goes behind the word that is next of those read ahead.
+void TextScanner::take_ahead(const Ahead& word) {
+  at_ = ahead_from_ = word.token.place + word.token.length;
+  ++ahead_word_;
+}
+
 Index TextScanner::integer(std::string_view what) {
   if (const Ahead* ahead = next_ahead(); ahead && ahead->kind == Ahead::Kind::Integer) {
-    at_ = ahead->token.place + ahead->token.length;
+    take_ahead(*ahead);
     return ahead->integer;
   }
   Index value = 0;
@@ -217,7 +223,7 @@ double TextScanner::number(std::string_view what) {
 
 TextToken TextScanner::number(std::string_view what, double& value) {
   if (const Ahead* ahead = next_ahead(); ahead && ahead->kind != Ahead::Kind::Other) {
-    at_ = ahead->token.place + ahead->token.length;
+    take_ahead(*ahead);
     value = ahead->kind == Ahead::Kind::Real ? ahead->real : double(ahead->integer);
     return ahead->token;
   }

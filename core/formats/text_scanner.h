@@ -88,6 +88,7 @@ class TextScanner {
   template <class Number>
   TextToken parse(std::string_view what, Number& value, const auto&... base);
   const Ahead* next_ahead();
+  void take_ahead(const Ahead& word);
   void read_ahead();
   void read_words(std::size_t begin, std::size_t end, std::vector<Ahead>& words) const;
   std::size_t block_end(std::size_t place) const;
