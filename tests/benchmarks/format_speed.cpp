@@ -1,6 +1,6 @@
-// format_speed FILE...: for each mesh file, or folder of one, the time to read it, to write it with all nodes moved,
-// and to copy its bytes; the rates, and (reading + writing) / copying. Processor time too: it bears
-// a busy machine.
+// format_speed FILE...: for each mesh file, or folder of one, the time to read it, to write it with
+// all nodes moved, and to copy its bytes; the rates, and (reading + writing) / copying. Processor
+// time too: it bears a busy machine.
 
 #include <sys/resource.h>
 #include <unistd.h>
