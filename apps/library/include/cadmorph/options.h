@@ -14,7 +14,7 @@ enum class Unmatched {
   Auto,   ///< planar patches slide where they touch moved surface, all else stays
   Error,  ///< refuse
   Fix,    ///< stays
-  Slide,  ///< slides in its plane
+  Slide,  ///< slides along its own surface, plane or curved
 };
 
 /// How the volume nodes follow the surface (docs/evaluation.md).
