@@ -268,6 +268,7 @@ std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
   constexpr std::size_t kMostFiles = 0xffff;
   if (files_.size() > kMostFiles) fail(from, "the deck includes too many files");
   SourceBytes included = read_source(path);
+  const std::lock_guard lock(*mutex_);
   files_.push_back({.source = std::move(included.source), .name = name});
   texts_.push_back(std::move(included.bytes));
   open_.push_back(files_.size() - 1);
@@ -275,7 +276,11 @@ std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
 }
 
 void DeckSources::fail(DeckPlace place, const std::string& why) const {
-  TextScanner(texts_[place.file], files_[place.file].source.path).fail_at(place.place, why);
+  std::unique_lock lock(*mutex_);
+  const std::string_view text = texts_[place.file];
+  const fs::path path = files_[place.file].source.path;
+  lock.unlock();
+  TextScanner(text, path).fail_at(place.place, why);
 }
 
 std::string_view take_line(std::string_view text, std::size_t& at) {

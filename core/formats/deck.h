@@ -5,6 +5,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -84,7 +85,10 @@ class DeckSources {
   /// To be called where the reading of an included file ends.
   void leave() { open_.pop_back(); }
 
-  std::string_view text(std::size_t file) const { return texts_[file]; }
+  std::string_view text(std::size_t file) const {
+    const std::lock_guard lock(*mutex_);
+    return texts_[file];
+  }
   bool has_repeats() const { return has_repeats_; }
 
   /// Throws IoError: "can't read the mesh FILE: line N: WHY".
@@ -93,6 +97,8 @@ class DeckSources {
   std::vector<DeckFile> take_files() && { return std::move(files_); }
 
  private:
+  /// Blocks of one file are read while another is included.
+  std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
   std::vector<DeckFile> files_;
   std::vector<FileBytes> texts_;
   std::vector<std::size_t> open_ = {0};
