@@ -169,7 +169,7 @@ struct SurfaceMorph::Impl {
   void move_amid(Points& moved) const;
   std::vector<FreePatch> sliding_patches() const;
   std::vector<ImagePair> slide(Points& moved) const;
-  std::string describe_patches() const;
+  std::string describe_patches(const Points& moved) const;
 };
 
 void SurfaceMorph::Impl::find_feet() {
@@ -518,16 +518,28 @@ std::vector<ImagePair> SurfaceMorph::Impl::slide(Points& moved) const {
 }
 
 // What the patches on no CAD face do; empty where there are none.
-std::string SurfaceMorph::Impl::describe_patches() const {
+std::string SurfaceMorph::Impl::describe_patches(const Points& moved) const {
   const auto follows = [&](const FreePatch& patch) {
     return constraint(patch) == GroupConstraint::Follow;
   };
   const auto slid = sliding_patches().size();
   const auto fixed = patches.size() - slid - std::ranges::count_if(patches, follows);
   if (slid + fixed == 0) return {};
-  return std::to_string(association.unmatched_nodes) +
-         " surface nodes lie on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
-         std::to_string(slid) + " slide along their surface (--unmatched)";
+  const auto is_dragged = [&](const FreePatch& patch) {
+    return !slides(patch) && constraint(patch) == GroupConstraint::None &&
+           std::ranges::any_of(patch.touched, [&](int n) {
+             return (moved.row(n) - surface.points.row(n)).norm() > tolerance;
+           });
+  };
+  const auto dragged = std::ranges::count_if(patches, is_dragged);
+  std::string text = std::to_string(association.unmatched_nodes) +
+                     " surface nodes lie on no CAD face: " + std::to_string(fixed) +
+                     " patches stay fixed, " + std::to_string(slid) +
+                     " slide along their surface (--unmatched)";
+  if (dragged > 0)
+    text += "; what moves touches " + std::to_string(dragged) +
+            " of the fixed ones: --slide NAME or --unmatched slide lets them slide, too";
+  return text;
 }
 
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
@@ -596,7 +608,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);
   auto slid = self.slide(moved);
-  if (std::string text = self.describe_patches(); !text.empty())
+  if (std::string text = self.describe_patches(moved); !text.empty())
     result.warnings.push_back(std::move(text));
   slid.insert(slid.end(), images.begin(), images.end());
   result.paired = nodes_of(slid);
