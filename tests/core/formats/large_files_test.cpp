@@ -115,13 +115,19 @@ std::string binary_gmsh_of(const Bar& bar, bool is_big_endian) {
   return text.text("\n$EndElements\n").bytes();
 }
 
+/// Numbers and coordinates of the nodes between `separator`s, with a comment now and then.
+std::string node_lines(const Bar& bar, const std::string& separator, const std::string& comment) {
+  std::string text;
+  for (Index node = 0; node < bar.node_count(); ++node) {
+    text += std::to_string(node + 1) + separator + coordinates(bar.point(node), separator) + "\n";
+    if (node % 501 == 0) text += comment + " 1, 2, 3, 4\n\n";
+  }
+  return text;
+}
+
 /// Elements in one line, or in two of which the first ends with a comma or, every 1000th, without.
 std::string abaqus_of(const Bar& bar) {
-  std::string text = "*NODE, NSET=all\n";
-  for (Index node = 0; node < bar.node_count(); ++node) {
-    text += std::to_string(node + 1) + ", " + coordinates(bar.point(node), ", ") + "\n";
-    if (node % 501 == 0) text += "** 1, 2, 3, 4\n\n";
-  }
+  std::string text = "*NODE, NSET=all\n" + node_lines(bar, ", ", "**");
   text += "*ELEMENT, TYPE=C3D8, ELSET=bar\n";
   for (Index c = 0; c < bar.cells; ++c) {
     text += std::to_string(c + 1);
@@ -185,11 +191,7 @@ std::string ansys_of(const Bar& bar) {
 
 /// Elements in one line, every third in two.
 std::string ls_dyna_of(const Bar& bar) {
-  std::string text = "*KEYWORD\n*NODE\n";
-  for (Index node = 0; node < bar.node_count(); ++node) {
-    text += std::to_string(node + 1) + "," + coordinates(bar.point(node), ",") + "\n";
-    if (node % 501 == 0) text += "$ 1, 2, 3, 4\n\n";
-  }
+  std::string text = "*KEYWORD\n*NODE\n" + node_lines(bar, ",", "$");
   text += "*ELEMENT_SOLID\n";
   for (Index c = 0; c < bar.cells; ++c) {
     const auto n = bar.cell(c);
