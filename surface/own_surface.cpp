@@ -87,7 +87,7 @@ Vector3d axis_of_normals(const SurfaceMesh& surface, const std::vector<int>& fac
   return Eigen::SelfAdjointEigenSolver<Matrix3d>(off.transpose() * off).eigenvectors().col(0);
 }
 
-double slope_or_0(double square) { return std::sqrt(std::max(square, 0.0)); }
+double root_or_0(double square) { return std::sqrt(std::max(square, 0.0)); }
 
 // x^2 + y^2 = 2 a x + 2 b y + c + e z + f z^2 about an axis along e3.
 VectorXd first_cone(const Points& local) {
@@ -96,8 +96,8 @@ VectorXd first_cone(const Points& local) {
       local.col(2).cwiseAbs2();
   const VectorXd s = m.colPivHouseholderQr().solve(local.leftCols<2>().rowwise().squaredNorm());
   VectorXd p(6);
-  p << s[0], s[1], 0, 0, slope_or_0(s[2] + s[0] * s[0] + s[1] * s[1]),
-      std::copysign(slope_or_0(s[4]), s[3]);
+  p << s[0], s[1], 0, 0, root_or_0(s[2] + s[0] * s[0] + s[1] * s[1]),
+      std::copysign(root_or_0(s[4]), s[3]);
   return p;
 }
 

@@ -453,8 +453,8 @@ void SurfaceMorph::Impl::settle_images(const std::vector<ImagePair>& images, Poi
 // CAD's place counts.
 void SurfaceMorph::Impl::settle_junctions(const CadModel& variant, Placement& placed) const {
   constexpr int kMostSteps = 100;
-  constexpr double kFarthest =
-      4;  // times what the node is off the patch: surfaces meet at 15 degrees
+  // Times what the node is off the patch: surfaces that meet at 15 degrees.
+  constexpr double kFarthest = 4;
   const double rounding = kRounding * tolerance / kSamePlane;
   std::map<int, std::vector<const FreePatch*>> patches_of;
   const auto sliding = sliding_patches();
