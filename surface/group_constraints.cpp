@@ -1,6 +1,5 @@
 #include "surface/group_constraints.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
 #include <set>
@@ -8,6 +7,7 @@
 
 #include "core/errors.h"
 #include "core/kd_tree.h"
+#include "surface/image_pairs.h"
 
 namespace cadmorph {
 namespace {
@@ -207,13 +207,8 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
 void move_rigid_groups(const SurfaceMesh& surface, const std::vector<RigidGroup>& groups,
                        Points& moved) {
   for (const auto& [nodes, part] : groups) {
-    const Eigen::Matrix3Xd from = surface.points(part, Eigen::all).transpose(),
-                           to = moved(part, Eigen::all).transpose();
-    const Eigen::Matrix4d motion = Eigen::umeyama(from, to, false);
-    const Eigen::Matrix3d turn = motion.topLeftCorner<3, 3>();
-    const Vector3d shift = motion.topRightCorner<3, 1>();
-    for (const int n : nodes)
-      moved.row(n) = (turn * surface.points.row(n).transpose() + shift).transpose();
+    const Isometry motion = fit_motion(surface.points(part, Eigen::all), moved(part, Eigen::all));
+    for (const int n : nodes) moved.row(n) = motion(surface.points.row(n));
   }
 }
 

@@ -117,10 +117,8 @@ std::optional<std::vector<int>> images(const SurfaceMesh& surface, const std::ve
 Isometry fit(const Points& from, const Points& to, const Isometry& like) {
   Points turned = from;
   for (Index i = 0; i < from.rows(); ++i) turned.row(i) = like(from.row(i));
-  const Eigen::Matrix4d rest =
-      Eigen::umeyama(turned.transpose().eval(), to.transpose().eval(), false);
-  const Matrix3d turn = rest.topLeftCorner<3, 3>();
-  return {turn * like.linear, turn * like.shift + rest.topRightCorner<3, 1>()};
+  const Isometry rest = fit_motion(turned, to);
+  return {rest.linear * like.linear, rest(like.shift)};
 }
 
 bool fits(const Points& from, const Points& to, const Isometry& map, double tolerance) {
@@ -173,6 +171,12 @@ std::optional<ImagePair> pair_of(const SurfaceMesh& surface, const Points& moved
 }
 
 }  // namespace
+
+Isometry fit_motion(const Points& from, const Points& to) {
+  const Eigen::Matrix4d motion =
+      Eigen::umeyama(from.transpose().eval(), to.transpose().eval(), false);
+  return {motion.topLeftCorner<3, 3>(), motion.topRightCorner<3, 1>()};
+}
 
 Vector3d ImagePair::place(const SurfaceMesh& surface, const Points& moved, std::size_t i) const {
   const Vector3d off = surface.points.row(to[i]).transpose() - before(surface.points.row(from[i]));

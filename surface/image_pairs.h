@@ -25,6 +25,9 @@ struct Isometry {
   Eigen::Vector3d operator()(const Eigen::Vector3d& x) const { return linear * x + shift; }
 };
 
+/// The turn and shift that fit paired points best, N x 3 each (least squares, Umeyama 1991).
+Isometry fit_motion(const Points& from, const Points& to);
+
 /// Two sheets that are images of each other, node by node, before and after: the sides of a mesh
 /// that is one cell thick, of a wedge, of a periodic sector, passage or duct.
 struct ImagePair {
