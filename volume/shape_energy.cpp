@@ -23,18 +23,27 @@ constexpr double kSqrt2 = std::numbers::sqrt2;
 constexpr double kTwoOverSqrt3 = 2.0 * std::numbers::inv_sqrt3;
 constexpr std::size_t kTypes = 256;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-// Weight of the shape of reference.
-constexpr double kKeep = 0.1;
 // A sample whose determinant is below this share of its edges' product counts as flat.
 constexpr double kFlat = 1e-9;
 // Of the largest stiffness: nodes that no energy holds.
 constexpr double kLeastStiffness = 1e-9;
+// Cells that a thread takes at a time.
+constexpr Index kGrain = 256;
 
-// Columns b x c, c x a, a x b: the derivative of the determinant by a, b, c.
-Matrix3d cofactors(const Matrix3d& j) {
-  Matrix3d result;
-  result << j.col(1).cross(j.col(2)), j.col(2).cross(j.col(0)), j.col(0).cross(j.col(1));
+bool is_tetrahedron(CellType type) {
+  return type == CellType::Tetra || type == CellType::QuadraticTetra;
+}
+
+Eigen::Matrix3d lane_of(const SampleLane rows[9], std::size_t lane) {
+  Eigen::Matrix3d result;
+  for (int k = 0; k < 9; ++k) result.data()[k] = rows[k][lane];
   return result;
+}
+
+// Tetrahedra are evaluated in lanes of their own.
+std::vector<Index> tetrahedra_first(const Mesh& mesh, std::vector<Index> cells) {
+  std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
+  return cells;
 }
 
 }  // namespace
@@ -46,11 +55,11 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
   if (known) return known.get();
   auto result = std::make_unique<Samples>();
   const auto add_corner = [&](const std::array<int, 4>& corner, double unit) {
-    result->push_back({corner, {}, false, unit});
+    result->push_back({corner, {}, unit});
   };
   switch (type) {
     case Tetra:
-      result->push_back({{0, 1, 2, 3}, {}, true, kSqrt2});
+      result->push_back({{0, 1, 2, 3}, {}, kSqrt2});
       break;
     case Hexahedron:
     case Voxel: {
@@ -64,7 +73,7 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
         centre.row(o[i]) << r, s, -0.25;
         centre.row(o[i + 4]) << r, s, 0.25;
       }
-      result->push_back({{}, centre, false, 1});
+      result->push_back({{}, centre, 1});
       break;
     }
     case Wedge:  // the normal of (0, 1, 2) points away from (3, 4, 5)
@@ -95,7 +104,7 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
         for (const Index& node : face) {
           slopes.col(2) = weights({&node, 1}) - middle;
           const double sine = std::sin(2 * std::numbers::pi / double(face.size()));
-          result->push_back({{}, slopes, false, 1 / sine});
+          result->push_back({{}, slopes, 1 / sine});
           slopes.col(1) = slopes.col(2);
         }
       });
@@ -107,8 +116,7 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
       const double unit = element.shape == Shape::Prism  ? kTwoOverSqrt3
                           : element.shape == Shape::Cube ? 1
                                                          : kSqrt2;
-      for (const NodeRows& slopes : element.samples)
-        result->push_back({{}, slopes, element.shape == Shape::Simplex, unit});
+      for (const NodeRows& slopes : element.samples) result->push_back({{}, slopes, unit});
       if (element.shape != Shape::Pyramid) break;
       const auto tangent = [&](int i) {  // at the apex, towards a corner
         VectorXd w = VectorXd::Zero(element.nodes);
@@ -120,7 +128,7 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
       for (int i = 0; i < 4; ++i) {
         NodeRows slopes(element.nodes, 3);
         slopes << tangent(i), tangent(i + 3), tangent(i + 2);
-        result->push_back({{}, slopes, false, unit});
+        result->push_back({{}, slopes, unit});
       }
     }
   }
@@ -135,22 +143,69 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
       positions_(std::move(positions)),
       free_(std::move(free)),
       samples_(kTypes),
-      slopes_(mesh, cells, free_) {
-  for (const Index c : cells) {
-    cells_.push_back({c, samples_of(c),
-                      double(orientation[static_cast<std::size_t>(mesh.types[c])]),
-                      std::ssize(shapes_)});
-    for (const Sample& sample : *cells_.back().samples) {
-      const Matrix3d j = edges(sample, mesh.cell(c), reference);
-      const double det = cells_.back().sign * j.determinant();
-      Shape0 shape{Matrix3d::Zero(), 0};
-      if (det > kFlat * j.colwise().norm().prod()) {
-        const Matrix3d inverse = j.inverse();
-        shape = {inverse * inverse.transpose(), 1 / det};
-      }
-      shapes_.push_back(shape);
-    }
+      slopes_(mesh, tetrahedra_first(mesh, cells), free_) {
+  for (const Index c : tetrahedra_first(mesh, cells))
+    cells_.push_back(
+        {c, samples_of(c), double(orientation[static_cast<std::size_t>(mesh.types[c])])});
+  make_chunks();
+  parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) set_references(chunks_[i], reference);
+  });
+}
+
+void ShapeEnergy::make_chunks() {
+  const Index count = std::ssize(cells_);
+  Index references = 0;
+  for (Index first = 0; first < count;) {
+    Chunk chunk{first, first, references, is_tetrahedron(mesh_.types[cells_[first].id])};
+    Index samples = 0;
+    while (chunk.last < std::min(first + kGrain, count) &&
+           is_tetrahedron(mesh_.types[cells_[chunk.last].id]) == chunk.are_tetrahedra)
+      samples += std::ssize(*cells_[chunk.last++].samples);
+    chunks_.push_back(chunk);
+    references += (samples + kSampleLanes - 1) / kSampleLanes;
+    first = chunk.last;
   }
+  references_.resize(references);
+}
+
+// Calls visit(group, lanes, edges) for the samples of a chunk, as many at a time as there are
+// lanes.
+template <class Visit>
+void ShapeEnergy::for_each_group(const Chunk& chunk, const Points& points, Visit&& visit) const {
+  std::array<Lane, kSampleLanes> lanes;
+  alignas(SampleReference) SampleLane edges[9] = {};
+  Index reference = chunk.first_reference;
+  std::size_t count = 0;
+  for (Index i = chunk.first; i < chunk.last; ++i)
+    for (const Sample& sample : *cells_[i].samples) {
+      const Matrix3d j = this->edges(sample, mesh_.cell(cells_[i].id), points);
+      for (int k = 0; k < 9; ++k) edges[k][count] = j.data()[k];
+      lanes[count++] = {i, &sample};
+      if (count < lanes.size()) continue;
+      visit(reference++, std::span(lanes), edges);
+      count = 0;
+    }
+  if (count > 0) visit(reference, std::span(lanes).first(count), edges);
+}
+
+void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
+  for_each_group(chunk, points, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
+    SampleReference& reference = references_[group];
+    for (std::size_t l = 0; l < lanes.size(); ++l) {
+      const Cell& cell = cells_[lanes[l].cell];
+      reference.unit[l] = cell.sign * lanes[l].sample->unit;
+      reference.weight[l] = 1 / double(cell.samples->size());
+      const Matrix3d j = lane_of(edges, l);
+      const double det = cell.sign * j.determinant();
+      if (!(det > kFlat * j.colwise().norm().prod())) continue;
+      const Matrix3d inverse = j.inverse(), metric = inverse * inverse.transpose();
+      reference.inverse_determinant[l] = 1 / det;
+      int k = 0;
+      for (int column = 0; column < 3; ++column)
+        for (int row = column; row < 3; ++row) reference.metric[k++][l] = metric(row, column);
+    }
+  });
 }
 
 Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
@@ -167,110 +222,42 @@ Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
   return j;
 }
 
-// x^(p / 2), p = 2^(Halvings + 1).
-template <int Halvings>
-double ShapeEnergy::power(double x) {
-  for (int i = 0; i < Halvings; ++i) x *= x;
-  return x;
-}
-
-template <int Halvings>
-ShapeEnergy::Terms ShapeEnergy::terms(const Sample& sample, const Shape0& shape, double sign,
-                                      const Matrix3d& j) {
-  const Matrix3d cofactor = cofactors(j);
-  const double det = j.col(0).dot(cofactor.col(0));
-  const double unit = sign * det * sample.unit;
-  if (!(unit > 0)) return {kInfinite, Matrix3d::Zero(), 0};
-  const double scale = 1 / (unit * unit);
-  const Vector3d a = j.col(0), b = j.col(1), c = j.col(2);
-  const double aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
-  Terms result;
-  if (sample.is_simplex) {
-    const Vector3d d = b - a, e = c - b, f = a - c;
-    const double dd = d.squaredNorm(), ee = e.squaredNorm(), ff = f.squaredNorm();
-    const double at_0 = power<Halvings>(aa * bb * cc * scale),
-                 at_a = power<Halvings>(aa * dd * ff * scale),
-                 at_b = power<Halvings>(bb * dd * ee * scale),
-                 at_c = power<Halvings>(cc * ee * ff * scale);
-    result.energy = (at_0 + at_a + at_b + at_c) / 4;
-    const Vector3d of_d = (at_a + at_b) / (4 * dd) * d, of_e = (at_b + at_c) / (4 * ee) * e,
-                   of_f = (at_c + at_a) / (4 * ff) * f;
-    result.by_edges.col(0) = (at_0 + at_a) / (4 * aa) * a - of_d + of_f;
-    result.by_edges.col(1) = (at_0 + at_b) / (4 * bb) * b + of_d - of_e;
-    result.by_edges.col(2) = (at_0 + at_c) / (4 * cc) * c + of_e - of_f;
-  } else {
-    result.energy = power<Halvings>(aa * bb * cc * scale);
-    result.by_edges.col(0) = result.energy / aa * a;
-    result.by_edges.col(1) = result.energy / bb * b;
-    result.by_edges.col(2) = result.energy / cc * c;
-  }
-  double by_det = result.energy;
-  if (const double ratio = sign * det * shape.inverse_determinant; ratio > 0) {
-    const Matrix3d stretched = j * shape.metric;
-    const double norm = stretched.cwiseProduct(j).sum(), third = norm / 3;
-    const double kept = kKeep * std::sqrt(power<Halvings>(third * third * third / (ratio * ratio)));
-    result.energy += kept;
-    // s^(p/4): p/4 (6 / |F|^2 F J0^-T - 2 / det), over the factor p that all terms share.
-    result.by_edges += 1.5 * kept / norm * stretched;
-    by_det += 0.5 * kept;
-  }
-  result.by_edges -= by_det / det * cofactor;
-  result.stiffness = result.energy;
-  return result;
-}
-
-template <int Halvings>
-double ShapeEnergy::evaluate(Index i) {
-  const Cell& cell = cells_[i];
-  const auto nodes = mesh_.cell(cell.id);
-  auto slope = slopes_.of(i);
-  slope.setZero();
-  double energy = 0;
-  for (std::size_t s = 0; s < cell.samples->size(); ++s) {
-    const Sample& sample = (*cell.samples)[s];
-    const Terms t = terms<Halvings>(sample, shapes_[cell.first_shape + s], cell.sign,
-                                    edges(sample, nodes, positions_));
-    energy += t.energy;
-    if (!std::isfinite(energy)) return kInfinite;
-    if (sample.slopes.size() > 0) {
-      slope.noalias() += sample.slopes.lazyProduct(t.by_edges.transpose());
-      continue;
-    }
-    for (int k = 0; k < 3; ++k) slope.row(sample.corner[k + 1]) += t.by_edges.col(k).transpose();
-    slope.row(sample.corner[0]) -= t.by_edges.rowwise().sum().transpose();
-  }
-  slope /= double(cell.samples->size());
-  return energy / double(cell.samples->size());
-}
-
-template <class Work>
-auto ShapeEnergy::with_power(const Work& work) const {
-  switch (halvings_) {
-    case 0:
-      return work.template operator()<0>();
-    case 1:
-      return work.template operator()<1>();
-    case 2:
-      return work.template operator()<2>();
-    case 3:
-      return work.template operator()<3>();
-    case 4:
-      return work.template operator()<4>();
-    case 5:
-      return work.template operator()<5>();
-    default:
-      return work.template operator()<6>();
-  }
+// Calls visit(lane, energy, slopes by the edges, edges) for each sample of a chunk, while all are
+// positive; returns their energy.
+template <class Visit>
+double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
+  double sum = 0;
+  SampleEnergy result;
+  for_each_group(
+      chunk, positions_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
+        evaluate_samples(edges, references_[group], chunk.are_tetrahedra, squarings_, result);
+        for (std::size_t l = 0; l < lanes.size(); ++l) {
+          sum += result.energy[l];
+          visit(lanes[l], result.energy[l], lane_of(result.by_edges, l), lane_of(edges, l));
+        }
+      });
+  return sum;
 }
 
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   free_.move(x, positions_);
-  const Index count = std::ssize(cells_);
-  std::vector<double> energies(count);
-  with_power([&]<int Halvings>() {
-    parallel_for(count, 256, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) energies[i] = evaluate<Halvings>(i);
-    });
+  std::vector<double> energies(chunks_.size());
+  parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c) {
+      for (Index i = chunks_[c].first; i < chunks_[c].last; ++i) slopes_.of(i).setZero();
+      energies[c] = evaluate(chunks_[c],
+                             [&](const Lane& lane, double, const Matrix3d& by_edges, const auto&) {
+                               auto slope = slopes_.of(lane.cell);
+                               const Sample& sample = *lane.sample;
+                               if (sample.slopes.size() > 0) {
+                                 slope.noalias() += sample.slopes.lazyProduct(by_edges.transpose());
+                                 return;
+                               }
+                               for (int k = 0; k < 3; ++k)
+                                 slope.row(sample.corner[k + 1]) += by_edges.col(k).transpose();
+                               slope.row(sample.corner[0]) -= by_edges.rowwise().sum().transpose();
+                             });
+    }
   });
   double sum = 0;
   for (const double energy : energies) sum += energy;
@@ -279,35 +266,28 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
     return kInfinite;
   }
   slopes_.gather(free_, 1 / sum, gradient);
-  return std::log(sum) / (2 << halvings_);
+  return std::log(sum) / (2 << squarings_);
 }
 
-VectorXd ShapeEnergy::stiffness_diagonal() {
+VectorXd ShapeEnergy::stiffness_diagonal() const {
   VectorXd result = VectorXd::Zero(free_.unknowns());
   double sum = 0;
-  for (const Cell& cell : cells_) {
-    const auto nodes = mesh_.cell(cell.id);
-    VectorXd at_node = VectorXd::Zero(std::ssize(nodes));
-    for (std::size_t s = 0; s < cell.samples->size(); ++s) {
-      const Sample& sample = (*cell.samples)[s];
-      const Matrix3d j = edges(sample, nodes, positions_);
-      const double stiffness = with_power([&]<int Halvings>() {
-        return terms<Halvings>(sample, shapes_[cell.first_shape + s], cell.sign, j).stiffness;
-      });
-      const double weight = stiffness / double(cell.samples->size());
-      sum += weight;
+  for (const Chunk& chunk : chunks_)
+    sum += evaluate(chunk, [&](const Lane& lane, double energy, const auto&, const Matrix3d& j) {
+      const auto nodes = mesh_.cell(cells_[lane.cell].id);
+      const auto add = [&](std::size_t n, double squared_slope) {
+        if (free_.contains(nodes[n])) free_.add_diagonal(nodes[n], energy * squared_slope, result);
+      };
+      const Sample& sample = *lane.sample;
       const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
       if (sample.slopes.size() > 0) {
-        at_node += weight * (sample.slopes * inverse).rowwise().squaredNorm();
-        continue;
+        const VectorXd at_node = (sample.slopes * inverse).rowwise().squaredNorm();
+        for (std::size_t n = 0; n < nodes.size(); ++n) add(n, at_node[Index(n)]);
+        return;
       }
-      for (int i = 0; i < 3; ++i)
-        at_node[sample.corner[i + 1]] += weight * inverse.row(i).squaredNorm();
-      at_node[sample.corner[0]] += weight * inverse.colwise().sum().squaredNorm();
-    }
-    for (std::size_t n = 0; n < nodes.size(); ++n)
-      if (free_.contains(nodes[n])) free_.add_diagonal(nodes[n], at_node[n], result);
-  }
+      for (int i = 0; i < 3; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
+      add(sample.corner[0], inverse.colwise().sum().squaredNorm());
+    });
   return result.array().max(kLeastStiffness * result.maxCoeff()) / sum;
 }
 

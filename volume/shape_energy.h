@@ -7,6 +7,7 @@
 #include "core/quality.h"
 #include "volume/cell_slopes.h"
 #include "volume/free_nodes.h"
+#include "volume/sample_energy.h"
 
 namespace cadmorph {
 
@@ -25,15 +26,15 @@ class ShapeEnergy {
   ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions, FreeNodes free,
               const std::vector<Index>& cells, const Orientation& orientation);
 
-  /// Sets the power p to 2^doublings, of 1 to 7.
-  void set_power(int doublings) { halvings_ = doublings - 1; }
+  /// Sets the power p to 2^doublings, of 2 to 7.
+  void set_power(int doublings) { squarings_ = doublings - 1; }
 
   /// Value at the unknowns with its gradient. The same to the last bit for any number of threads;
   /// O(cells).
   double operator()(const Eigen::VectorXd& x, Eigen::VectorXd& gradient);
 
   /// A first guess of the Hessian's diagonal where the nodes are.
-  Eigen::VectorXd stiffness_diagonal();
+  Eigen::VectorXd stiffness_diagonal() const;
 
   const FreeNodes& free_nodes() const { return free_; }
   const Points& positions() const { return positions_; }
@@ -45,49 +46,44 @@ class ShapeEnergy {
   struct Sample {
     std::array<int, 4> corner;  ///< edges from the first of these nodes to the others; or
     NodeRows slopes;            ///< weights of the cell's nodes, where not empty
-    bool is_simplex;            ///< the edges span a tetrahedron: each of its corners counts
     double unit;                ///< one over the determinant in the ideal cell with unit edges
   };
   using Samples = std::vector<Sample>;
 
-  /// The shape of reference of a sample: J0^-1 J0^-T and det(J0)^-1; zero: none to keep.
-  struct Shape0 {
-    Eigen::Matrix3d metric;
-    double inverse_determinant;
-  };
   struct Cell {
     Index id;
     const Samples* samples;
     double sign;
-    Index first_shape;
   };
-  /// What a sample adds, and its derivative by the three edges.
-  struct Terms {
-    double energy;
-    Eigen::Matrix3d by_edges;
-    double stiffness;
+  /// Cells [first, last), whose samples fill lanes from references_[first_reference] on.
+  struct Chunk {
+    Index first, last, first_reference;
+    bool are_tetrahedra;
+  };
+  /// Where a lane's sample is from.
+  struct Lane {
+    Index cell;
+    const Sample* sample;
   };
 
   const Samples* samples_of(Index cell);
   Eigen::Matrix3d edges(const Sample& sample, std::span<const Index> nodes,
                         const Points& points) const;
-  template <int Halvings>
-  static double power(double x);
-  template <int Halvings>
-  static Terms terms(const Sample& sample, const Shape0& shape, double sign,
-                     const Eigen::Matrix3d& j);
-  template <int Halvings>
-  double evaluate(Index cell);
-  template <class Work>
-  auto with_power(const Work& work) const;
+  void make_chunks();
+  void set_references(const Chunk& chunk, const Points& points);
+  template <class Visit>
+  void for_each_group(const Chunk& chunk, const Points& points, Visit&& visit) const;
+  template <class Visit>
+  double evaluate(const Chunk& chunk, Visit&& visit) const;
 
   const Mesh& mesh_;
   Points positions_;
   FreeNodes free_;
-  int halvings_ = 1;
+  int squarings_ = 1;
   std::vector<std::unique_ptr<Samples>> samples_;  ///< of a cell type; then of polyhedra
   std::vector<Cell> cells_;
-  std::vector<Shape0> shapes_;
+  std::vector<Chunk> chunks_;
+  std::vector<SampleReference> references_;
   CellSlopes slopes_;  ///< of the energy
 };
 
