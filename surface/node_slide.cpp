@@ -5,10 +5,12 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "cad/projector.h"
 #include "core/kd_tree.h"
+#include "core/parallel.h"
 #include "surface/surface_mesh.h"
 
 namespace cadmorph {
@@ -83,8 +85,10 @@ std::vector<char> marks_of_bound_nodes(const Association& association, const Bou
   }
   const KdTree tree(positions);
   const double reach = kTwin * variant.diagonal() / association.mesh_unit_mm;
-  for (Index row = 0; row < positions.rows(); ++row)
-    if (tree.within(positions.row(row).data(), reach).size() > 1) is_bound[row] = 1;
+  parallel_for(positions.rows(), 1024, [&](Index begin, Index end) {
+    for (Index row = begin; row < end; ++row)
+      if (tree.within(positions.row(row).data(), reach).size() > 1) is_bound[row] = 1;
+  });
   return is_bound;
 }
 
@@ -144,8 +148,8 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
                           const Points& positions, const RowMatrix& slides) {
   const SurfaceMesh surface = make_surface_mesh(mesh, boundary, association.mesh_unit_mm);
   const Points moved = positions(boundary.nodes, Eigen::all);
-  std::map<int, std::vector<double>> cosines;  // of a CAD face: its facets with its normal
-  for (Index f = 0; f < boundary.facet_count(); ++f)
+  // Of a facet with the normal of its CAD face at a node that slides, if there is one.
+  const auto cosine_of = [&](Index f) -> std::optional<double> {
     for (const int row : surface.facets[f]) {
       const Index node = boundary.nodes[row];
       const auto found = std::ranges::lower_bound(sliding.nodes, node);
@@ -154,10 +158,17 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
         continue;
       const Index i = found - sliding.nodes.begin();
       const Tangents t = sliding.at(i, slides.row(i).transpose()).tangents;
-      cosines[association.facet_face[f]].push_back(
-          area_vector(surface, moved, f).normalized().dot(t.col(0).cross(t.col(1)).normalized()));
-      break;
+      return area_vector(surface, moved, f).normalized().dot(t.col(0).cross(t.col(1)).normalized());
     }
+    return {};
+  };
+  std::vector<std::optional<double>> of_facet(boundary.facet_count());
+  parallel_for(boundary.facet_count(), 1024, [&](Index begin, Index end) {
+    for (Index f = begin; f < end; ++f) of_facet[f] = cosine_of(f);
+  });
+  std::map<int, std::vector<double>> cosines;
+  for (Index f = 0; f < boundary.facet_count(); ++f)
+    if (of_facet[f]) cosines[association.facet_face[f]].push_back(*of_facet[f]);
   Index count = 0;
   for (const auto& [face, of_face] : cosines) {
     const auto up = std::ranges::count_if(of_face, [](double cosine) { return cosine > 0; });

@@ -176,8 +176,11 @@ class BestMesh {
     const auto is_worse = [&](Index a, Index b) {
       return std::pair(values[a], a) < std::pair(values[b], b);
     };
+    if (result.size() > most) {
+      std::ranges::nth_element(result, result.begin() + std::ptrdiff_t(most), is_worse);
+      result.resize(most);
+    }
     std::ranges::sort(result, is_worse);
-    if (result.size() > most) result.resize(most);
     return result;
   }
 

@@ -123,8 +123,8 @@ CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& 
   for (int i = 0; i < 9; ++i) store(weight * slopes[i], result.by_edges[i]);
 }
 
-void evaluate_plain(const SampleLane edges[9], const SampleReference& reference, bool are_tetrahedra,
-                    int squarings, SampleEnergy& result) {
+void evaluate_plain(const SampleLane edges[9], const SampleReference& reference,
+                    bool are_tetrahedra, int squarings, SampleEnergy& result) {
   evaluate(edges, reference, are_tetrahedra, squarings, result);
 }
 
@@ -146,8 +146,8 @@ __attribute__((target("avx512f"))) void evaluate_avx512(const SampleLane edges[9
 
 }  // namespace
 
-void evaluate_samples(const SampleLane edges[9], const SampleReference& reference, bool are_tetrahedra,
-                      int squarings, SampleEnergy& result) {
+void evaluate_samples(const SampleLane edges[9], const SampleReference& reference,
+                      bool are_tetrahedra, int squarings, SampleEnergy& result) {
 #if defined(__x86_64__)
   switch (simd::best()) {
     case simd::InstructionSet::Avx512:

@@ -22,8 +22,9 @@ struct alignas(64) SampleEnergy {
 };
 
 /// The summands of ShapeEnergy with p = 2^(squarings + 1), squarings >= 1. `edges`: x, y, z of the
-/// first edge, then of the others; `are_tetrahedra`: which span one, each of whose corners counts. The same to the last bit on every processor.
-void evaluate_samples(const SampleLane edges[9], const SampleReference& reference, bool are_tetrahedra,
-                      int squarings, SampleEnergy& result);
+/// first edge, then of the others; `are_tetrahedra`: which span one, each of whose corners counts.
+/// The same to the last bit on every processor.
+void evaluate_samples(const SampleLane edges[9], const SampleReference& reference,
+                      bool are_tetrahedra, int squarings, SampleEnergy& result);
 
 }  // namespace cadmorph
