@@ -3,7 +3,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
+
+#include "core/plane_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -78,27 +81,37 @@ Storey next(const Mesh& mesh, const CellNeighbours& neighbours, Index below, con
   return {};
 }
 
-}  // namespace
+// The storey between the cell's one face on the surface and the cell that stands on it, if any.
+Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index cell,
+                    const std::vector<char>& is_surface) {
+  const auto own = std::span(neighbours.neighbour)
+                       .subspan(static_cast<std::size_t>(neighbours.offsets[cell]),
+                                static_cast<std::size_t>(neighbours.offsets[cell + 1] -
+                                                         neighbours.offsets[cell]));
+  if (std::ranges::find(own, -1) == own.end()) return {};
+  const std::vector<Facet> facets = cell_facets(mesh, cell);
+  Storey found;
+  for (std::size_t f = 0; f < facets.size(); ++f) {
+    if (own[f] != -1) continue;
+    Storey one = storey(neighbours, cell, facets, f);
+    if (one.above < 0 || std::ranges::any_of(one.floor, [&](Index n) { return !is_surface[n]; }))
+      continue;
+    if (!found.floor.empty()) return {};
+    found = std::move(one);
+  }
+  return found;
+}
 
-LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                            const std::vector<char>& is_surface, const Points& before,
-                            const Points& after) {
+LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                  const std::vector<char>& is_surface, const Points& before,
+                                  const Points& after) {
   LayerFigures result;
   Index kept = 0, stacked = 0;
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
-    const auto own = std::span(neighbours.neighbour)
-                         .subspan(static_cast<std::size_t>(neighbours.offsets[cell]),
-                                  static_cast<std::size_t>(neighbours.offsets[cell + 1] -
-                                                           neighbours.offsets[cell]));
-    if (std::ranges::count(own, -1) != 1) continue;
-    const std::vector<Facet> facets = cell_facets(mesh, cell);
-    const auto floor = static_cast<std::size_t>(std::ranges::find(own, -1) - own.begin());
-    const Storey first = storey(neighbours, cell, facets, floor);
-    const bool is_on = std::ranges::all_of(first.floor, [&](Index n) { return is_surface[n]; });
-    const bool moves =
-        std::ranges::any_of(first.floor, [&](Index n) { return before.row(n) != after.row(n); });
-    if (!is_on || !moves || first.ceiling.empty()) continue;
+    const Storey first = first_storey(mesh, neighbours, cell, is_surface);
+    if (std::ranges::all_of(first.floor, [&](Index n) { return before.row(n) == after.row(n); }))
+      continue;
     const double height = first.height(before), ratio = first.height(after) / height;
     if (!std::isfinite(ratio)) continue;
     result.least = result.cells == 0 ? ratio : std::min(result.least, ratio);
@@ -118,6 +131,24 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
     result.growth_after /= static_cast<double>(stacked);
   }
   return result;
+}
+
+}  // namespace
+
+LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                            const std::vector<char>& is_surface, const Points& before,
+                            const Points& after) {
+  if (!neighbours.neighbour.empty())
+    return measure_solid_layers(mesh, neighbours, is_surface, before, after);
+  const int axis = flat_axis(mesh, before);
+  if (axis < 0) return {};
+  const Mesh layer = one_layer(mesh, before, axis);
+  Points moved = layer.points;
+  moved.topRows(after.rows()) = after;
+  moved.bottomRows(after.rows()) += after - before;
+  std::vector<char> is_on = is_surface;
+  is_on.insert(is_on.end(), is_surface.begin(), is_surface.end());
+  return measure_solid_layers(layer, find_cell_neighbours(layer), is_on, layer.points, moved);
 }
 
 }  // namespace cadmorph

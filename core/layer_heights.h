@@ -6,7 +6,8 @@
 namespace cadmorph {
 
 /// What a morph did to the cells that stand on parts of the surface that moved: prisms and
-/// hexahedra with one face on it.
+/// hexahedra with one face on it, or in a plane mesh triangles and quads with one edge. A face does
+/// not count where the one opposite to it is outside, too: that of a mesh of one layer.
 struct LayerFigures {
   Index cells = 0;             ///< such first cells; the rest counts only where there are some
   double share_kept = 1;       ///< whose height changed by at most 1 %

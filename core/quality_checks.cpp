@@ -11,6 +11,7 @@
 
 #include "core/cell_topology.h"
 #include "core/parallel.h"
+#include "core/plane_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -192,8 +193,15 @@ double squared_skewness(Corners corners, const FaceShape& face, const Vector3d& 
   return length / std::max(least * least * d.squaredNorm(), reach * (reach / length));
 }
 
-// The cube of the aspect ratio: cubes compare without a root.
-double cubed_aspect_ratio(const CellShape& cell) {
+constexpr double cubed(double x) { return x * x * x; }
+
+// The cube of the aspect ratio: cubes compare without a root. Of one layer of cells only the
+// directions other than `flat_axis` count.
+double cubed_aspect_ratio(const CellShape& cell, int flat_axis) {
+  if (flat_axis >= 0) {
+    const double u = cell.projection[(flat_axis + 1) % 3], v = cell.projection[(flat_axis + 2) % 3];
+    return cubed(std::max(u, v) / std::min(u, v));
+  }
   const double least = cell.projection.minCoeff();
   if (least == 0) return std::numeric_limits<double>::infinity();
   const double by_projection = cell.projection.maxCoeff() / least;
@@ -201,8 +209,6 @@ double cubed_aspect_ratio(const CellShape& cell) {
   const double by_volume = mean_area * mean_area * mean_area / (cell.volume * cell.volume);
   return std::max(by_projection * by_projection * by_projection, by_volume);
 }
-
-constexpr double cubed(double x) { return x * x * x; }
 
 // An angle of two vectors by their products: compares without the angle itself.
 struct Angle {
@@ -255,8 +261,8 @@ struct Part {
     squared_skewness = squared;
     checks.worst_skew_cell = cell;
   }
-  void add_cell(const CellShape& shape, Index cell) {
-    const double aspect = cadmorph::cubed_aspect_ratio(shape);
+  void add_cell(const CellShape& shape, Index cell, int flat_axis) {
+    const double aspect = cadmorph::cubed_aspect_ratio(shape, flat_axis);
     checks.min_volume = std::min(checks.min_volume, shape.volume);
     if (aspect > cubed(kHighAspectRatio)) ++checks.high_aspect;
     if (aspect <= cubed_aspect_ratio) return;
@@ -318,14 +324,15 @@ void check_face(Corners corners, Index other, const Vector3d& from, const Vector
   }
 }
 
-void check_cells(PlacedCells cells, Index begin, Index end, Centres& centres, Part& part) {
+void check_cells(PlacedCells cells, int flat_axis, Index begin, Index end, Centres& centres,
+                 Part& part) {
   std::vector<FaceShape> faces;
   for (Index c = begin; c < end; ++c) {
     if (!cells.is_solid(c)) continue;
     const CellShape shape = is_proper_tetra(cells, c) ? tetra_shape(Tetra(cells, c), cells.sign(c))
                                                       : cell_shape(cells, c, faces);
     centres[c] = shape.centre;
-    part.add_cell(shape, c);
+    part.add_cell(shape, c, flat_axis);
   }
 }
 
@@ -366,18 +373,15 @@ void check_faces(PlacedCells cells, Index begin, Index end, const Centres& centr
   check_tetra_faces(cells, tetras, centres, part);
 }
 
-}  // namespace
-
-QualityChecks check_quality(const Mesh& mesh, const Points& points,
-                            const CellNeighbours& neighbours, const Orientation& orientation) {
-  check_positions(mesh, points);
-  if (neighbours.neighbour.empty()) return {};
+QualityChecks check_solid_cells(const Mesh& mesh, const Points& points,
+                                const CellNeighbours& neighbours, const Orientation& orientation,
+                                int flat_axis) {
   const PlacedCells cells(mesh, points, neighbours, orientation);
   const Index count = mesh.cell_count();
   Centres centres(count);
   std::vector<Part> parts((count + kGrain - 1) / kGrain);
   parallel_for(count, kGrain, [&](Index begin, Index end) {
-    check_cells(cells, begin, end, centres, parts[begin / kGrain]);
+    check_cells(cells, flat_axis, begin, end, centres, parts[begin / kGrain]);
   });
   parallel_for(count, kGrain, [&](Index begin, Index end) {
     check_faces(cells, begin, end, centres, parts[begin / kGrain]);
@@ -385,6 +389,20 @@ QualityChecks check_quality(const Mesh& mesh, const Points& points,
   Part all;
   for (const Part& part : parts) all.merge(part);
   return all.result();
+}
+
+}  // namespace
+
+QualityChecks check_quality(const Mesh& mesh, const Points& points,
+                            const CellNeighbours& neighbours, const Orientation& orientation) {
+  check_positions(mesh, points);
+  if (!neighbours.neighbour.empty())
+    return check_solid_cells(mesh, points, neighbours, orientation, -1);
+  const int axis = flat_axis(mesh, points);
+  if (axis < 0) return {};
+  const Mesh layer = one_layer(mesh, points, axis);
+  return check_solid_cells(layer, layer.points, find_cell_neighbours(layer),
+                           detect_orientation(layer), axis);
 }
 
 }  // namespace cadmorph

@@ -16,8 +16,10 @@ struct QualityChecks {
   Index highly_skew = 0;                  ///< faces above 4
   double max_aspect_ratio = 0;            ///< 1 for a cube
   Index high_aspect = 0;                  ///< cells above 1000
-  double min_volume = 0;                  ///< in the mesh's unit, cubed
+  double min_volume = 0;                  ///< in the mesh's unit, cubed; a plane cell's area
   Index worst_non_orthogonal_cell = -1, worst_skew_cell = -1, worst_aspect_cell = -1;
+
+  bool has_cells() const { return worst_aspect_cell >= 0; }
 
   template <class Archive>
   void serialize(Archive& archive) {
@@ -29,7 +31,8 @@ struct QualityChecks {
 
 /// Measures all solid cells by their corner nodes at positions `points` (N x 3). Cells are
 /// polyhedra with faces split around their centre, as in OpenFOAM; faces without area do not count.
-/// All zero for a mesh without solid cells. Throws InvalidInputError when sizes differ or a
+/// A plane mesh (flat_axis) is measured as one_layer, its aspect ratio in the plane. Nothing is
+/// measured of other meshes without solid cells. Throws InvalidInputError when sizes differ or a
 /// position is not finite. Parallel; O(F).
 QualityChecks check_quality(const Mesh& mesh, const Points& points,
                             const CellNeighbours& neighbours, const Orientation& orientation);

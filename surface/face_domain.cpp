@@ -60,13 +60,17 @@ Vector2d mean_derivatives(const CadModel& model, int face) {
 }
 
 Vector2d wire_parameters(const CadModel& model, int coedge, double t) {
+  return wire_parameters(model, coedge, t, model.edges()[model.coedges()[coedge].edge].tolerance);
+}
+
+Vector2d wire_parameters(const CadModel& model, int coedge, double t, double tolerance) {
   const CadCoedge& c = model.coedges()[coedge];
   const CadEdge& edge = model.edges()[c.edge];
   const Vector2d uv = model.pcurve(coedge, t);
   if (edge.is_degenerate) return uv;
   const Eigen::Vector3d x = model.evaluate_edge(c.edge, t).point;
   const double off = (model.evaluate(c.face, uv).point - x).norm();
-  if (off <= edge.tolerance) return uv;
+  if (off <= tolerance) return uv;
   const FaceFoot foot = project_on_face(model, c.face, x, uv);
   if (foot.distance > kFoot * off) return uv;
   const Vector2d period = model.faces()[c.face].period;

@@ -73,6 +73,9 @@ Eigen::Vector2d mean_derivatives(const CadModel& model, int face);
 /// is further from it than the edge's tolerance.
 Eigen::Vector2d wire_parameters(const CadModel& model, int coedge, double t);
 
+/// The same with the foot wherever the pcurve is further from it than `tolerance`, millimetres.
+Eigen::Vector2d wire_parameters(const CadModel& model, int coedge, double t, double tolerance);
+
 /// Whether a coedge on a degenerate edge is no pole: exporters close the gap between the pcurves of
 /// two edges by one.
 bool fills_gap(const CadModel& model, int coedge);

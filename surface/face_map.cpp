@@ -105,6 +105,23 @@ class ParameterWarp {
     return values_;
   }
 
+  // Displacement of the border's nodes beyond the linear pre-map and `carried`, which the warp
+  // gives them; nothing where one has no image.
+  std::optional<Parameters> border_misfit(const Parameters& carried) const {
+    Parameters result = -carried;
+    for (Index i = 0; i < result.rows(); ++i) {
+      const FaceDomain::Sample& node = motion_.border.nodes()[i];
+      const auto image = image_of(node);
+      if (!image) return std::nullopt;
+      const Vector2d to = wire_parameters(pair_.variant, image->coedge, image->t, 0);
+      result.row(i) += (to - linear(node.uv)).transpose();
+      for (int a = 0; a < 2; ++a)
+        if (const double period = variant_.period[a]; period > 0)
+          result(i, a) -= period * std::round(result(i, a) / period);
+    }
+    return result;
+  }
+
   // u' = offset + stretch u before the displacement.
   Vector2d linear(const Vector2d& uv) const { return offset_ + stretch_.cwiseProduct(uv); }
 
@@ -119,13 +136,9 @@ class ParameterWarp {
         image_.row(static_cast<Index>(i)) = joints.row(samples[i].joint);
         continue;
       }
-      const CadCoedge& coedge = pair_.base.coedges()[samples[i].coedge];
-      const int curve = pair_.base.skeleton().curve_of_edge[coedge.edge];
-      const CurveLocation l = motion_.curve_maps[curve]({coedge.edge, samples[i].t});
-      const int c = find_coedge(pair_.variant, variant_id_, l.edge,
-                                occurrence_of(pair_.base, samples[i].coedge));
-      if (c < 0) return false;
-      image_.row(static_cast<Index>(i)) = wire_parameters(pair_.variant, c, l.t);
+      const auto image = image_of(samples[i]);
+      if (!image) return false;
+      image_.row(static_cast<Index>(i)) = wire_parameters(pair_.variant, image->coedge, image->t);
     }
     for (std::size_t i = 0; i < samples.size();) {
       std::size_t end = i + 1;
@@ -134,6 +147,22 @@ class ParameterWarp {
       i = end;
     }
     return true;
+  }
+
+  struct OnCoedge {
+    int coedge;
+    double t;
+  };
+
+  // Nothing where the variant's face does not use the curve.
+  std::optional<OnCoedge> image_of(const FaceDomain::Sample& sample) const {
+    const int edge = pair_.base.coedges()[sample.coedge].edge;
+    const int curve = pair_.base.skeleton().curve_of_edge[edge];
+    const CurveLocation l = motion_.curve_maps[curve]({edge, sample.t});
+    const int c =
+        find_coedge(pair_.variant, variant_id_, l.edge, occurrence_of(pair_.base, sample.coedge));
+    if (c < 0) return std::nullopt;
+    return OnCoedge{c, l.t};
   }
 
   // A pole maps to the variant's pole nearest to the prediction, by relative parameter along it, in
@@ -422,8 +451,16 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const Fa
   }
   const CadFace& variant = pair.variant.faces()[pair.match.faces[domain.face()]];
   FaceMapResult result;
-  result.uv = steps > 1 && !domain.is_closed() ? domain.interpolate_in_steps(*values, uv, steps)
-                                               : domain.interpolate(*values, uv);
+  const Parameters border = motion.border.uv();
+  Parameters at(uv.rows() + border.rows(), 2);
+  at << uv, border;
+  const Parameters moved = steps > 1 && !domain.is_closed()
+                               ? domain.interpolate_in_steps(*values, at, steps)
+                               : domain.interpolate(*values, at);
+  result.uv = moved.topRows(uv.rows());
+  if (border.rows() > 0)
+    if (const auto misfit = warp.border_misfit(moved.bottomRows(border.rows())))
+      result.uv += motion.border.spread(*misfit, points);
   for (Index i = 0; i < uv.rows(); ++i)
     result.uv.row(i) = wrap(variant, warp.linear(uv.row(i)) + result.uv.row(i).transpose());
   if (uv.rows() == 0) return result;

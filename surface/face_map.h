@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "surface/curve_map.h"
+#include "surface/face_border.h"
 #include "surface/face_domain.h"
 
 namespace cadmorph {
@@ -19,6 +20,7 @@ struct FaceMapResult {
 struct FaceMotion {
   const std::vector<CurveMap>& curve_maps;  ///< by base curve
   Points joints_before, joints_after;       ///< positions of the domain's joints, millimetres
+  const FaceBorder& border;
 };
 
 /// Warps parameters `uv` of the domain's face with the images of its wires and joints, in one or

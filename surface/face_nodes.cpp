@@ -1,11 +1,18 @@
 #include "surface/face_nodes.h"
 
 #include <algorithm>
+#include <limits>
+#include <map>
+#include <optional>
+#include <utility>
 
 namespace cadmorph {
 namespace {
 
 constexpr int kMinSamples = 16, kMaxSamples = 200;
+// Of the distance of samples: cells less high are thin. Between samples a warp misses some
+// thousandths of it.
+constexpr double kThin = 0.1;
 
 int samples_per_curve(const CadModel& base, int face, const std::vector<int>& nodes_on_edge) {
   int most = 0;
@@ -27,10 +34,73 @@ void collect_joints(const Association& association, const std::vector<Joints::On
   }
 }
 
+// The place of a node on the face's wires; none where it lies on a seam, or not on them.
+std::optional<FaceDomain::Sample> on_wires(const CadModel& base, int face,
+                                           const Association& association, int node) {
+  for (const auto& wire : base.faces()[face].wires)
+    for (const int c : wire) {
+      const int id = base.coedges()[c].edge;
+      const CadEdge& edge = base.edges()[id];
+      if (edge.is_seam || edge.is_degenerate) continue;
+      const bool is_vertex = association.dimension[node] == CadDimension::Vertex;
+      const int entity = association.entity[node];
+      if (is_vertex ? edge.start != entity && edge.end != entity : id != entity) continue;
+      const double t = !is_vertex             ? association.uv(node, 0)
+                       : edge.start == entity ? edge.first
+                                              : edge.last;
+      return FaceDomain::Sample{c, t, wire_parameters(base, c, t, 0), 0};
+    }
+  return {};
+}
+
+// Mean distances between the domain's samples, by edge.
+std::map<int, double> spacings(const CadModel& base, const FaceDomain& domain) {
+  std::map<int, double> result;
+  for (const FaceDomain::Sample& sample : domain.samples())
+    if (sample.joint < 0) ++result[base.coedges()[sample.coedge].edge];
+  for (auto& [edge, value] : result) value = base.edges()[edge].length / value;
+  return result;
+}
+
+FaceBorder collect_border(const CadModel& base, const SurfaceMesh& surface,
+                          const Association& association, const FaceNodes& nodes) {
+  const auto is_within = [&](int n) { return association.dimension[n] == CadDimension::Face; };
+  std::map<int, double> heights;  // of border nodes: the nearest node within the face
+  for (const int f : nodes.facets)
+    for (const int n : surface.facets[f]) {
+      if (is_within(n) || association.dimension[n] == CadDimension::None) continue;
+      double& height =
+          heights.try_emplace(n, std::numeric_limits<double>::infinity()).first->second;
+      for (const int other : surface.facets[f])
+        if (is_within(other))
+          height = std::min(height, (surface.points.row(other) - surface.points.row(n)).norm());
+    }
+  const std::map<int, double> spacing = spacings(base, *nodes.domain);
+  double widest = 0;
+  for (const auto& [edge, value] : spacing) widest = std::max(widest, value);
+  if (std::ranges::none_of(heights, [&](const auto& of_node) {
+        const auto [node, height] = of_node;
+        const auto of_edge = spacing.find(association.entity[node]);
+        return association.dimension[node] == CadDimension::Edge && of_edge != spacing.end() &&
+               height < kThin * of_edge->second;
+      }))
+    return {};
+  std::vector<FaceDomain::Sample> samples;
+  std::vector<int> rows;
+  for (const auto& [node, height] : heights)
+    if (const auto sample = on_wires(base, nodes.face, association, node)) {
+      samples.push_back(*sample);
+      rows.push_back(node);
+    }
+  if (rows.empty()) return {};
+  return {base, nodes.face, std::move(samples), surface.points(rows, Eigen::all), widest};
+}
+
 }  // namespace
 
-std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const Association& association,
-                                          const Joints& joints, const Points& feet) {
+std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMesh& surface,
+                                          const Association& association, const Joints& joints,
+                                          const Points& feet) {
   std::vector<FaceNodes> faces(base.faces().size());
   std::vector<int> nodes_on_edge(base.edges().size(), 0);
   for (int n = 0; n < static_cast<int>(association.entity.size()); ++n) {
@@ -49,6 +119,7 @@ std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const Associatio
     if (nodes.rows.empty()) continue;
     nodes.samples_per_curve = samples_per_curve(base, f, nodes_on_edge);
     nodes.domain = std::make_unique<FaceDomain>(base, f, nodes.samples_per_curve, nodes.joint_uv);
+    nodes.border = collect_border(base, surface, association, nodes);
   }
   return faces;
 }

@@ -3,8 +3,10 @@
 #include <memory>
 #include <vector>
 
+#include "surface/face_border.h"
 #include "surface/face_domain.h"
 #include "surface/joints.h"
+#include "surface/surface_mesh.h"
 
 namespace cadmorph {
 
@@ -22,10 +24,12 @@ struct FaceNodes {
 
   int samples_per_curve = 0;           ///< of the domain
   std::unique_ptr<FaceDomain> domain;  ///< null where no node lies on the face
+  FaceBorder border;                   ///< empty but where thin cells stand on it
 };
 
-/// The nodes of all faces, by face. `feet`: of all rows on the base.
-std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const Association& association,
-                                          const Joints& joints, const Points& feet);
+/// The nodes of all faces of `surface`, by face. `feet`: of all rows on the base.
+std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMesh& surface,
+                                          const Association& association, const Joints& joints,
+                                          const Points& feet);
 
 }  // namespace cadmorph

@@ -114,7 +114,8 @@ class CrossingWarps {
     if (sought.empty() || !nodes.domain) return;
     const FaceDomain domain(pair_.base, nodes.face, nodes.samples_per_curve,
                             nodes.joint_uv(known, Eigen::all));
-    const FaceMotion motion{maps_, feet_(known_rows, Eigen::all), placed(known_rows, Eigen::all)};
+    const FaceMotion motion{maps_, feet_(known_rows, Eigen::all), placed(known_rows, Eigen::all),
+                            nodes.border};
     const FaceMapResult mapped = map_face(domain, pair_, motion, nodes.joint_uv(sought, Eigen::all),
                                           feet_(sought_rows, Eigen::all));
     for (std::size_t i = 0; i < sought.size(); ++i)

@@ -286,7 +286,8 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
 // Once corners and edges are placed.
 FaceMotion SurfaceMorph::Impl::motion_of(const FaceNodes& nodes, const std::vector<CurveMap>& maps,
                                          const Placement& placed) const {
-  return {maps, feet(nodes.joints, Eigen::all), placed.feet(nodes.joints, Eigen::all)};
+  return {maps, feet(nodes.joints, Eigen::all), placed.feet(nodes.joints, Eigen::all),
+          nodes.border};
 }
 
 // All faces are placed before any is judged: a facet may have nodes of several.
@@ -570,7 +571,8 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->check_policy();
   impl_->find_feet();
   impl_->joints = find_joints(*impl_->base, impl_->surface, impl_->association);
-  impl_->faces = collect_face_nodes(*impl_->base, impl_->association, impl_->joints, impl_->feet);
+  impl_->faces = collect_face_nodes(*impl_->base, impl_->surface, impl_->association, impl_->joints,
+                                    impl_->feet);
 }
 
 SurfaceMorph::~SurfaceMorph() = default;

@@ -23,6 +23,7 @@ Json to_json(const CadFigures& cad) {
 }
 
 Json to_json(const QualityChecks& checks) {
+  if (!checks.has_cells()) return nullptr;
   return {{"max_non_orthogonality_deg", json_number(checks.max_non_orthogonality_deg)},
           {"mean_non_orthogonality_deg", json_number(checks.mean_non_orthogonality_deg)},
           {"faces_above_70_deg", checks.severely_non_orthogonal},

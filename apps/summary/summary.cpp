@@ -294,17 +294,18 @@ std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& afte
   const auto counts = [](const char* name, Index a, Index b) {
     return Row{name, with_commas(a), with_commas(b)};
   };
-  const QualityChecks &a = before.checks, &b = after.checks;
-  return {
+  std::vector<Row> rows = {
       row("Scaled Jacobian, min", "%.4f", before.min_scaled_jacobian, after.min_scaled_jacobian),
       row("Scaled Jacobian, mean", "%.4f", before.mean_scaled_jacobian, after.mean_scaled_jacobian),
       counts("Inverted elements (corner Jacobians)", before.inverted, after.inverted),
-      counts("Invalid elements (exact test)", before.invalid, after.invalid),
-      row("Non-orthogonality, max (deg)", "%.1f", a.max_non_orthogonality_deg,
-          b.max_non_orthogonality_deg),
-      row("Skewness, max", "%.2f", a.max_skewness, b.max_skewness),
-      row("Aspect ratio, max", "%.1f", a.max_aspect_ratio, b.max_aspect_ratio),
-  };
+      counts("Invalid elements (exact test)", before.invalid, after.invalid)};
+  const QualityChecks &a = before.checks, &b = after.checks;
+  if (!a.has_cells()) return rows;
+  rows.push_back(row("Non-orthogonality, max (deg)", "%.1f", a.max_non_orthogonality_deg,
+                     b.max_non_orthogonality_deg));
+  rows.push_back(row("Skewness, max", "%.2f", a.max_skewness, b.max_skewness));
+  rows.push_back(row("Aspect ratio, max", "%.1f", a.max_aspect_ratio, b.max_aspect_ratio));
+  return rows;
 }
 
 std::vector<Row> layer_rows(const LayerFigures& layers) {
@@ -400,7 +401,7 @@ std::string quality_text(const std::filesystem::path& mesh, Index nodes,
        quality.inverted ? cell(quality.inverted_cells.front()) : ""},
       {"Invalid elements (exact test)", with_commas(validity.invalid),
        validity.invalid ? cell(validity.invalid_cells.front()) : ""}};
-  if (validity.cells > 0) {
+  if (checks.has_cells()) {
     rows.push_back({"Non-orthogonality, max (deg)",
                     format("%.1f", checks.max_non_orthogonality_deg),
                     cell(checks.worst_non_orthogonal_cell),

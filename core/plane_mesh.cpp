@@ -1,0 +1,78 @@
+#include "core/plane_mesh.h"
+
+#include <algorithm>
+#include <vector>
+
+namespace cadmorph {
+namespace {
+
+constexpr double kFlat = 1e-12;
+
+// Corners of a shell cell in their order round it.
+std::vector<Index> loop(const Mesh& mesh, Index cell) {
+  const auto nodes = mesh.cell(cell);
+  const Index count = corner_count(mesh.types[cell], std::ssize(nodes));
+  std::vector<Index> result(nodes.begin(), nodes.begin() + count);
+  if (mesh.types[cell] == CellType::Pixel) std::swap(result[2], result[3]);
+  return result;
+}
+
+double doubled_area(const std::vector<Index>& nodes, const Points& points, int flat_axis) {
+  const int u = (flat_axis + 1) % 3, v = (flat_axis + 2) % 3;
+  double sum = 0;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const Index a = nodes[i], b = nodes[(i + 1) % nodes.size()];
+    sum += (points(a, u) - points(nodes[0], u)) * (points(b, v) - points(nodes[0], v)) -
+           (points(b, u) - points(nodes[0], u)) * (points(a, v) - points(nodes[0], v));
+  }
+  return sum;
+}
+
+// The face and its copy `off` nodes on, and a quad along each side.
+std::vector<std::vector<Index>> prism_faces(const std::vector<Index>& nodes, Index off) {
+  std::vector<std::vector<Index>> faces{{nodes.rbegin(), nodes.rend()}, nodes};
+  for (Index& node : faces[1]) node += off;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const Index a = nodes[i], b = nodes[(i + 1) % nodes.size()];
+    faces.push_back({a, b, b + off, a + off});
+  }
+  return faces;
+}
+
+}  // namespace
+
+int flat_axis(const Mesh& mesh, const Points& points) {
+  if (dimension(mesh) != 2) return -1;
+  const Eigen::RowVector3d extent = points.colwise().maxCoeff() - points.colwise().minCoeff();
+  int axis = 0;
+  return extent.minCoeff(&axis) <= kFlat * extent.maxCoeff() ? axis : -1;
+}
+
+Mesh one_layer(const Mesh& mesh, const Points& points, int flat_axis) {
+  const Index n = mesh.node_count();
+  double area = 0;
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (dimension(mesh.types[c]) == 2) area += doubled_area(loop(mesh, c), points, flat_axis);
+  Mesh layer;
+  layer.points.resize(2 * n, 3);
+  layer.points << points, points;
+  layer.points.col(flat_axis).tail(n).array() += area < 0 ? -1 : 1;
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (dimension(mesh.types[c]) != 2) {
+      add_cell(layer, mesh.types[c], mesh.cell(c));
+      continue;
+    }
+    std::vector<Index> nodes = loop(mesh, c);
+    if (nodes.size() > 4) {
+      add_polyhedron(layer, prism_faces(nodes, n));
+      continue;
+    }
+    const bool is_triangle = nodes.size() == 3;
+    if (is_triangle) std::swap(nodes[1], nodes[2]);  // a wedge's first face looks inwards
+    for (std::size_t i = 0, corners = nodes.size(); i < corners; ++i) nodes.push_back(nodes[i] + n);
+    add_cell(layer, is_triangle ? CellType::Wedge : CellType::Hexahedron, nodes);
+  }
+  return layer;
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "core/mesh.h"
+
+namespace cadmorph {
+
+/// Returns the axis (0, 1 or 2) along which a mesh of shell cells has no extent, to 1e-12 of its
+/// size at `points` (N x 3); -1 where there is none, or where the mesh has solid cells.
+int flat_axis(const Mesh& mesh, const Points& points);
+
+/// A plane mesh as one layer of solid cells 1 thick, as finite-volume programs take it: wedges,
+/// hexahedra and polyhedra in the place of its triangles, quads and polygons (corners alone), its
+/// other cells as they are. Node n of N lies at `points` (N x 3), node N + n off the plane. Volumes
+/// are positive where the mesh's cells turn the way that most of its area does.
+Mesh one_layer(const Mesh& mesh, const Points& points, int flat_axis);
+
+}  // namespace cadmorph

@@ -1,0 +1,110 @@
+#include "core/plane_mesh.h"
+
+#include <catch2/catch.hpp>
+#include <vector>
+
+#include "core/layer_heights.h"
+#include "core/quality_checks.h"
+#include "sample_meshes.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+
+// A row of cells of width 1 along u whose sides are shifted along v by `shifts`, in the plane that
+// is left of `axis` and at a height off the origin; clockwise or not.
+Mesh strip(const std::vector<double>& shifts, int axis, bool is_clockwise, CellType type) {
+  const Index sides = std::ssize(shifts);
+  Mesh mesh;
+  mesh.points.setConstant(2 * sides, 3, 0.3);
+  for (Index i = 0; i < sides; ++i)
+    for (int j = 0; j < 2; ++j) {
+      mesh.points(2 * i + j, (axis + 1) % 3) = double(i);
+      mesh.points(2 * i + j, (axis + 2) % 3) = j + shifts[i];
+    }
+  for (Index i = 0; i + 1 < sides; ++i) {
+    std::vector<Index> nodes{2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1};
+    if (is_clockwise) std::ranges::reverse(nodes);
+    add_cell(mesh, type, nodes);
+  }
+  return mesh;
+}
+
+QualityChecks check(const Mesh& mesh) {
+  return check_quality(mesh, mesh.points, find_cell_neighbours(mesh), detect_orientation(mesh));
+}
+
+}  // namespace
+
+TEST_CASE("A plane mesh has the figures of one layer of cells", "[core][checks]") {
+  const int axis = GENERATE(0, 1, 2);
+  const bool is_clockwise = GENERATE(false, true);
+  const CellType type = GENERATE(CellType::Quad, CellType::Polygon);
+  // As the stack of hexahedra in quality_checks_test.cpp.
+  const QualityChecks checks = check(strip({0, 0, 2}, axis, is_clockwise, type));
+  CHECK(checks.max_non_orthogonality_deg == Approx(45));
+  CHECK(checks.max_skewness == Approx(2));
+  CHECK(checks.worst_skew_cell == 1);
+  CHECK(checks.min_volume == Approx(1));
+}
+
+TEST_CASE("The aspect ratio of a plane cell is that of its sides", "[core][checks]") {
+  Mesh mesh = strip({0, 0, 0}, 2, false, CellType::Quad);
+  mesh.points.col(0) *= 250;
+  const QualityChecks checks = check(mesh);
+  CHECK(checks.max_aspect_ratio == Approx(250));
+  CHECK(checks.min_volume == Approx(250));
+}
+
+TEST_CASE("Triangles and pentagons in a plane are measured by their areas", "[core][checks]") {
+  Mesh mesh;
+  mesh.points.resize(6, 3);
+  mesh.points << 0, 0, 0, 2, 0, 0, 2, 1, 0, 1, 2, 0, 0, 1, 0, 3, 0.5, 0;
+  add_cell(mesh, CellType::Polygon, std::vector<Index>{0, 1, 2, 3, 4});
+  add_cell(mesh, CellType::Triangle, std::vector<Index>{1, 5, 2});
+  add_cell(mesh, CellType::Line, std::vector<Index>{1, 5});
+  REQUIRE(check(mesh).has_cells());
+  CHECK(check(mesh).min_volume == Approx(0.5));
+}
+
+TEST_CASE("Nothing is measured of shells that leave the plane", "[core][checks]") {
+  Mesh mesh = strip({0, 0, 0}, 2, false, CellType::Quad);
+  mesh.points(5, 2) += 1e-3;
+  CHECK(flat_axis(mesh, mesh.points) == -1);
+  CHECK_FALSE(check(mesh).has_cells());
+}
+
+TEST_CASE("Heights of the first cells in a plane, and in a mesh one cell thick",
+          "[core][checks][layers]") {
+  // Columns of two cells on a floor that rises by a tenth; the upper cells stay.
+  Mesh plane;
+  constexpr Index kColumns = 4;
+  for (Index i = 0; i <= kColumns; ++i)
+    for (const double y : {0.0, 0.2, 1.0}) {
+      plane.points.conservativeResize(plane.points.rows() + 1, 3);
+      plane.points.bottomRows(1) << double(i), y, 0;
+    }
+  for (Index i = 0; i < kColumns; ++i)
+    for (Index k = 0; k < 2; ++k) {
+      const Index a = 3 * i + k;
+      add_cell(plane, CellType::Quad, std::vector<Index>{a, a + 3, a + 4, a + 1});
+    }
+  const auto check_layers = [](const Mesh& mesh) {
+    Points after = mesh.points;
+    for (Index n = 0; n < after.rows(); ++n)
+      if (after(n, 1) == 0) after(n, 1) = 0.1;
+    const LayerFigures layers =
+        measure_layers(mesh, find_cell_neighbours(mesh), std::vector<char>(mesh.node_count(), 1),
+                       mesh.points, after);
+    CHECK(layers.cells == kColumns - 2);  // those at the ends stand on two sides
+    CHECK(layers.least == Approx(0.5));
+    CHECK(layers.most == Approx(0.5));
+    CHECK(layers.growth_before == Approx(4));
+    CHECK(layers.growth_after == Approx(8));
+  };
+  check_layers(plane);
+  check_layers(one_layer(plane, plane.points, 2));
+}
+
+}  // namespace cadmorph
