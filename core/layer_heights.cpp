@@ -14,6 +14,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kKept = 0.01;
+// Of its floor's shortest edge: a cell that is higher is none of a layer.
+constexpr double kFlat = 1.5;
 
 std::vector<Index> corners(const Facet& facet) {
   const Index count = corner_count(facet.type, std::ssize(facet.nodes));
@@ -81,9 +83,26 @@ Storey next(const Mesh& mesh, const CellNeighbours& neighbours, Index below, con
   return {};
 }
 
-// The storey between the cell's one face on the surface and the cell that stands on it, if any.
+// Whether a cell is a layer's: less high than its floor is wide. On a symmetry plane that layers
+// end at, cells stand as high as they are apart along the body.
+bool is_flat(const Storey& one, const Points& points) {
+  const double height = one.height(points);
+  for (std::size_t i = 0; i < one.floor.size(); ++i) {
+    const Index next = one.floor[(i + 1) % one.floor.size()];
+    if (height > kFlat * (points.row(next) - points.row(one.floor[i])).norm()) return false;
+  }
+  return true;
+}
+
+bool moves(const Storey& one, const Points& before, const Points& after) {
+  return std::ranges::any_of(one.floor, [&](Index n) { return before.row(n) != after.row(n); });
+}
+
+// The storey between the cell's one face on the part of the surface that moves and the cell that
+// stands on it, if any.
 Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index cell,
-                    const std::vector<char>& is_surface) {
+                    const std::vector<char>& is_surface, const Points& before,
+                    const Points& after) {
   const auto own = std::span(neighbours.neighbour)
                        .subspan(static_cast<std::size_t>(neighbours.offsets[cell]),
                                 static_cast<std::size_t>(neighbours.offsets[cell + 1] -
@@ -94,7 +113,8 @@ Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index ce
   for (std::size_t f = 0; f < facets.size(); ++f) {
     if (own[f] != -1) continue;
     Storey one = storey(neighbours, cell, facets, f);
-    if (one.above < 0 || std::ranges::any_of(one.floor, [&](Index n) { return !is_surface[n]; }))
+    if (one.above < 0 || std::ranges::any_of(one.floor, [&](Index n) { return !is_surface[n]; }) ||
+        !moves(one, before, after) || !is_flat(one, before))
       continue;
     if (!found.floor.empty()) return {};
     found = std::move(one);
@@ -109,9 +129,8 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   Index kept = 0, stacked = 0;
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
-    const Storey first = first_storey(mesh, neighbours, cell, is_surface);
-    if (std::ranges::all_of(first.floor, [&](Index n) { return before.row(n) == after.row(n); }))
-      continue;
+    const Storey first = first_storey(mesh, neighbours, cell, is_surface, before, after);
+    if (first.floor.empty()) continue;
     const double height = first.height(before), ratio = first.height(after) / height;
     if (!std::isfinite(ratio)) continue;
     result.least = result.cells == 0 ? ratio : std::min(result.least, ratio);

@@ -17,8 +17,8 @@ struct LayerFigures {
 };
 
 /// Compares heights (between the middles of a cell's two faces, along the lower one's normal) at
-/// `before` and `after`, N x 3. `is_surface`: one a node. Cells count where a node of their face on
-/// the surface moved. O(cells).
+/// `before` and `after`, N x 3. `is_surface`: one a node. Cells count where a node of their face
+/// on the surface moved and they are at most 1.5 times as high as its shortest edge. O(cells).
 LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const std::vector<char>& is_surface, const Points& before,
                             const Points& after);

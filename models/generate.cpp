@@ -49,6 +49,8 @@ struct Family {
   std::string name;
   std::function<TopoDS_Shape(double)> make;
   std::vector<ModelMesh> meshes;
+  std::vector<std::string> changes = {};  ///< names of single ones
+  std::function<TopoDS_Shape(const std::string&)> make_changed = {};
 };
 
 struct Request {
@@ -103,22 +105,25 @@ void write_steps(const fs::path& folder, const Family& family,
   std::vector<int> steps(step_count + 1);
   std::iota(steps.begin(), steps.end(), 0);
   steps.insert(steps.end(), further_steps.begin(), further_steps.end());
-  EntityCounts base;
-  for (const int step : steps) {
-    const fs::path path = step_path(folder, step);
-    const TopoDS_Shape made = family.make(static_cast<double>(step) / step_count);
+  std::vector<std::pair<fs::path, TopoDS_Shape>> shapes;
+  for (const int step : steps)
+    shapes.emplace_back(step_path(folder, step),
+                        family.make(static_cast<double>(step) / step_count));
+  for (const std::string& change : family.changes)
+    shapes.emplace_back(folder / (change + ".step"), family.make_changed(change));
+  const EntityCounts base = count_entities(shapes.front().second);
+  for (const auto& [path, made] : shapes) {
     check_valid(made, path.string());
     write_step(path, made, family.name);
     const TopoDS_Shape read = read_step(path);
     check_valid(read, path.string() + ", read back,");
     const EntityCounts counts = count_entities(read);
-    if (step == 0) base = counts;
     if (counts != base) {
       throw TopologyError(path.string() + " has " + counts_text(counts) + ", the base " +
                           counts_text(base));
     }
   }
-  std::printf("%s: base and %zu steps, each %s\n", folder.c_str(), steps.size() - 1,
+  std::printf("%s: base and %zu variants, each %s\n", folder.c_str(), shapes.size() - 1,
               counts_text(base).c_str());
 }
 
@@ -190,7 +195,9 @@ std::vector<Family> all_families() {
            make_wing,
            {{"layers.vtu", make_wing_layers, not_on_cad},
             {"poly.vtu", [](const fs::path& base) { return join_stars(make_wing_layers(base)); },
-             not_on_cad}}}};
+             not_on_cad}},
+           wing_changes(),
+           make_wing_changed}};
 }
 
 bool is_wanted(const Request& request, const std::string& name) {

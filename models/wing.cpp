@@ -10,6 +10,7 @@
 #include <TopoDS_Wire.hxx>
 #include <cmath>
 #include <gp_Ax1.hxx>
+#include <map>
 #include <numbers>
 
 namespace cadmorph::models {
@@ -74,15 +75,36 @@ TopoDS_Wire section(const WingParameters& wing, double at) {
                                  BRepBuilderAPI_MakeEdge(points->Value(count), points->Value(1)));
 }
 
+const std::map<std::string, double WingParameters::*> changes = {
+    {"sweep", &WingParameters::sweep},
+    {"dihedral", &WingParameters::dihedral},
+    {"twist", &WingParameters::tip_twist_deg},
+    {"thickness", &WingParameters::thickness},
+    {"camber", &WingParameters::camber}};
+
+TopoDS_Shape loft(const WingParameters& wing) {
+  BRepOffsetAPI_ThruSections sections(true, true);
+  sections.CheckCompatibility(false);
+  sections.AddWire(section(wing, 0));
+  sections.AddWire(section(wing, 1));
+  return sections.Shape();
+}
+
 }  // namespace
 
-TopoDS_Shape make_wing(double change) {
-  const WingParameters wing = wing_parameters(change);
-  BRepOffsetAPI_ThruSections loft(true, true);
-  loft.CheckCompatibility(false);
-  loft.AddWire(section(wing, 0));
-  loft.AddWire(section(wing, 1));
-  return loft.Shape();
+TopoDS_Shape make_wing(double change) { return loft(wing_parameters(change)); }
+
+std::vector<std::string> wing_changes() {
+  std::vector<std::string> names;
+  for (const auto& [name, parameter] : changes) names.push_back(name);
+  return names;
+}
+
+TopoDS_Shape make_wing_changed(const std::string& what) {
+  const auto parameter = changes.at(what);
+  WingParameters wing = wing_parameters(0);
+  wing.*parameter = wing_parameters(1).*parameter;
+  return loft(wing);
 }
 
 }  // namespace cadmorph::models
