@@ -90,7 +90,7 @@ TEST_CASE("Heights of the first cells in a plane, and in a mesh one cell thick",
       const Index a = 3 * i + k;
       add_cell(plane, CellType::Quad, std::vector<Index>{a, a + 3, a + 4, a + 1});
     }
-  const auto check_layers = [](const Mesh& mesh) {
+  const auto check_layers = [&](const Mesh& mesh) {
     Points after = mesh.points;
     for (Index n = 0; n < after.rows(); ++n)
       if (after(n, 1) == 0) after(n, 1) = 0.1;
