@@ -27,6 +27,10 @@ using Eigen::VectorXd;
 constexpr double kEnough = 0.3;
 constexpr double kWorthAdding = 0.15;
 
+// Another round is not worth its solve for nodes so few, in parts of the centres, that miss no more
+// than this: the correction takes them.
+constexpr double kFew = 0.01, kEnoughOfFew = 0.5;
+
 constexpr Index kFirst = 500;  // centres to start from
 constexpr Index kMost = 8000;  // then the correction takes the rest
 
@@ -53,6 +57,13 @@ constexpr double kGrain = 1e-3;
 
 // Part of the largest value that the rounding of the sums may come to.
 constexpr double kRounding = 1e-9;
+
+bool is_enough(const VectorXd& missed, Index centres) {
+  const double most = missed.maxCoeff();
+  if (most <= kEnough) return true;
+  const auto over = (missed.array() > kEnough).count();
+  return most <= kEnoughOfFew && static_cast<double>(over) <= kFew * static_cast<double>(centres);
+}
 
 MatrixXd select(const MatrixXd& from, const std::vector<Index>& rows) {
   MatrixXd result(static_cast<Index>(rows.size()), from.cols());
@@ -261,7 +272,7 @@ AdaptiveSolution AdaptiveSolver::solve(const MatrixXd& values) const {
   const MatrixXd targets = select(values, s.order.rows);
   std::vector<Index> centres = s.first_centres();
   std::optional<Impl::Attempt> best = s.attempt(centres, targets);
-  for (int round = 1; best && best->missed.maxCoeff() > kEnough; ++round) {
+  for (int round = 1; best && !is_enough(best->missed, std::ssize(centres)); ++round) {
     if (s.options.progress) s.options.progress("solving", 1 - std::pow(0.7, round));
     const std::vector<Index> more = s.worst(best->missed, centres);
     if (more.empty()) break;

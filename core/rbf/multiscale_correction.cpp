@@ -20,6 +20,9 @@ constexpr int kMaxIterations = 400;
 constexpr double kActive = 0.01;
 constexpr double kSolved = 0.3;
 
+// Of a level's matrix, kept for all iterations where it takes no more.
+constexpr double kMostBytes = 256e6;
+
 Points select(const Eigen::Ref<const MatrixXd>& points, const std::vector<Index>& rows) {
   Points result(static_cast<Index>(rows.size()), 3);
   for (Index i = 0; i < result.rows(); ++i) result.row(i) = points.row(rows[i]);
@@ -82,7 +85,7 @@ void MultiscaleCorrection::add_levels(const Points& points, const std::vector<do
     if (rows.empty()) continue;
     const Points centres = select(points, rows);
     CompactSum sum(centres, support);
-    const CompactMatrix matrix(sum);
+    const CompactMatrix matrix(sum, kMostBytes);
     MatrixXd rhs(centres.rows(), residual.cols());
     Eigen::VectorXd goal(centres.rows());
     for (Index i = 0; i < rhs.rows(); ++i) {
