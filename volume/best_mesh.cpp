@@ -233,8 +233,9 @@ class BestMesh {
   void minimise(ShapeEnergy& energy, VectorXd& x, RaiseAttempt& attempt) {
     const double one = double(attempt.cells), before = work_;
     const auto counted = [&](const VectorXd& at, VectorXd& slope) {
-      work_ += one;
-      return energy(at, slope);
+      const double value = energy(at, slope);
+      work_ += std::isfinite(value) ? one : one / 2;  // it ends at the first cell that is not valid
+      return value;
     };
     const int iterations = lost_half_ ? kIterationsLost : kIterations;
     const int most = std::min(iterations, int(work_left() / one / 2) + 1);

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -242,8 +243,9 @@ double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   free_.move(x, positions_);
   std::vector<double> energies(chunks_.size());
+  std::atomic<bool> is_infinite = false;  // then nobody needs the rest
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
-    for (Index c = begin; c < end; ++c) {
+    for (Index c = begin; c < end && !is_infinite; ++c) {
       for (Index i = chunks_[c].first; i < chunks_[c].last; ++i) slopes_.of(i).setZero();
       energies[c] = evaluate(chunks_[c],
                              [&](const Lane& lane, double, const Matrix3d& by_edges, const auto&) {
@@ -257,6 +259,7 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
                                  slope.row(sample.corner[k + 1]) += by_edges.col(k).transpose();
                                slope.row(sample.corner[0]) -= by_edges.rowwise().sum().transpose();
                              });
+      if (!std::isfinite(energies[c])) is_infinite = true;
     }
   });
   double sum = 0;
