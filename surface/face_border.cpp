@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "core/errors.h"
 #include "core/rbf/multiscale_correction.h"
 
 namespace cadmorph {
@@ -30,9 +31,14 @@ Parameters FaceBorder::spread(const Parameters& misfit, const Points& to) const 
   const Eigen::MatrixXd lengths = (misfit * scale_.asDiagonal())(order_.rows, Eigen::all);
   const double most = lengths.rowwise().norm().maxCoeff();
   if (!(most > 0)) return Parameters::Zero(to.rows(), 2);
-  const MultiscaleCorrection correction(points_, order_.separation, lengths / most,
-                                        Eigen::VectorXd::Constant(lengths.rows(), kLeft), spacing_);
-  return most * correction.evaluate(to) * scale_.cwiseInverse().asDiagonal();
+  try {
+    const MultiscaleCorrection correction(points_, order_.separation, lengths / most,
+                                          Eigen::VectorXd::Constant(lengths.rows(), kLeft),
+                                          spacing_);
+    return most * correction.evaluate(to) * scale_.cwiseInverse().asDiagonal();
+  } catch (const SolverError&) {  // nodes at one place that part, on the two sides of a slit
+    return Parameters::Zero(to.rows(), 2);
+  }
 }
 
 }  // namespace cadmorph

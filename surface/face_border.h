@@ -25,7 +25,8 @@ class FaceBorder {
   Parameters uv() const;
 
   /// Carries what a warp misses at the nodes to points of the face (millimetres): smooth, zero
-  /// beyond some spacings from the wires. Linear in `misfit`; a row a node and a point.
+  /// beyond some spacings from the wires. Linear in `misfit`; a row a node and a point. Zero where
+  /// nodes at one place are asked to part.
   Parameters spread(const Parameters& misfit, const Points& to) const;
 
  private:
