@@ -6,9 +6,11 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/parallel_pipeline.h>
 #include <oneapi/tbb/task_arena.h>
+#include <oneapi/tbb/task_group.h>
 
 #include <algorithm>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "core/blas.h"
@@ -115,6 +117,40 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
         context);
     taking.acquire();
   });
+}
+
+struct BackgroundLoop::Impl {
+  std::function<void(Index)> body;
+  Order begin, end;
+  tbb::task_group_context context{tbb::task_group_context::isolated};  // see parallel_for
+  tbb::task_group tasks{context};
+};
+
+BackgroundLoop::BackgroundLoop() : impl_(std::make_unique<Impl>()) {}
+
+BackgroundLoop::~BackgroundLoop() {
+  impl_->tasks.cancel();
+  try {
+    impl_->tasks.wait();
+  } catch (...) {  // nobody waits for the items
+  }
+}
+
+void BackgroundLoop::start(Index count, std::function<void(Index)> body) {
+  Impl& impl = *impl_;
+  impl.body = std::move(body);
+  impl.begin.release();
+  for (Index item = 0; item < count; ++item)
+    impl.tasks.run([&impl, item] {
+      impl.begin.acquire();
+      impl.body(item);
+      impl.end.release();
+    });
+}
+
+void BackgroundLoop::wait() {
+  impl_->tasks.wait();
+  impl_->end.acquire();
 }
 
 }  // namespace cadmorph

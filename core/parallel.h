@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include "core/types.h"
 
@@ -25,5 +26,24 @@ void parallel_for(Index count, Index grain,
 void parallel_pipeline(Index slots, const std::function<bool(Index slot)>& read,
                        const std::function<void(Index slot)>& work,
                        const std::function<void(Index slot)>& take);
+
+/// A loop over items, one a task, that the other threads run while the caller does something else.
+class BackgroundLoop {
+ public:
+  BackgroundLoop();
+  ~BackgroundLoop();  ///< waits; items that have not begun are left out
+  BackgroundLoop(const BackgroundLoop&) = delete;
+  BackgroundLoop& operator=(const BackgroundLoop&) = delete;
+
+  /// Starts body(0), ..., body(count - 1). The loop before must have been waited for.
+  void start(Index count, std::function<void(Index item)> body);
+  /// Helps until all items are done. Rethrows exceptions of the body. To be called where start was,
+  /// with no lock held: other tasks may be run, too.
+  void wait();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace cadmorph

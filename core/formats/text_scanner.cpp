@@ -4,15 +4,13 @@
 #include <charconv>
 
 #include "core/formats/mesh_format.h"
-#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
-bool is_space(char c) { return is_blank(c) || c == '\n' || c == '\r' || c == '\f' || c == '\v'; }
 
-constexpr std::size_t kLongestToken = 0xffff;
+constexpr std::size_t kLongestToken = 0xffff, kLongestAhead = 0x7fff;
 
 // What a thread reads ahead at once, and how many of these: they stay in the cache.
 constexpr std::size_t kAheadBlock = 1 << 16;
@@ -92,18 +90,19 @@ std::string_view TextScanner::word(std::string_view what) {
   return text_.substr(begin, at_ - begin);
 }
 
-/// The next word, if it was read ahead; after many numbers reads ahead.
-const TextScanner::Ahead* TextScanner::next_ahead() {
-  if (numbers_read_ >= kNumbersBefore && at_ >= ahead_end_) read_ahead();
-  for (; ahead_block_ < ahead_.size(); ++ahead_block_, ahead_word_ = 0) {
-    const std::vector<Ahead>& words = ahead_[ahead_block_];
-    for (; ahead_word_ < words.size(); ++ahead_word_) {
-      const TextToken token = words[ahead_word_].token;
-      if (at_ <= token.place) return at_ >= ahead_from_ ? &words[ahead_word_] : nullptr;
-      ahead_from_ = token.place + token.length;
-    }
+/// After many numbers reads ahead.
+const TextScanner::Ahead* TextScanner::find_ahead() {
+  if (at_ >= part_.end && (numbers_read_ < kNumbersBefore || !read_ahead())) return nullptr;
+  while (true) {
+    while (ahead_ != ahead_last_ && ahead_->place < at_) ++ahead_;
+    if (ahead_ != ahead_last_) break;
+    if (ahead_block_ == part_.blocks.size()) return nullptr;
+    const std::vector<Ahead>& block = part_.blocks[ahead_block_++];
+    ahead_ = block.data();
+    ahead_last_ = ahead_ + block.size();
   }
-  return nullptr;
+  const std::string_view between = text_.substr(at_, ahead_->place - at_);
+  return std::ranges::all_of(between, is_space) ? ahead_ : nullptr;
 }
 
 /// Where a block that reaches to `place` ends, outside of words and comments;
@@ -116,34 +115,47 @@ std::size_t TextScanner::block_end(std::size_t place) const {
   return near.size() == text_.size() ? text_.size() : std::string_view::npos;
 }
 
-void TextScanner::read_ahead() {
-  ahead_.resize(std::size_t(kAheadBlocks));
-  std::array<std::size_t, std::size_t(kAheadBlocks) + 1> starts{at_};
-  for (std::size_t block = 1; block < starts.size(); ++block) {
-    const std::size_t end = block_end(at_ + block * kAheadBlock);
-    starts[block] = end != std::string_view::npos ? end : starts[block - 1];
+/// Goes on to the part of the text that was read ahead, and has the one after it read. False where
+/// none begins here.
+bool TextScanner::read_ahead() {
+  if (!reading_) reading_ = std::make_unique<BackgroundLoop>();
+  reading_->wait();
+  if (at_ < next_part_.begin || at_ >= next_part_.end) {
+    start_reading(at_, next_part_);
+    reading_->wait();
   }
-  parallel_for(kAheadBlocks, 1, [&](Index first, Index last) {
-    for (Index i = first; i < last; ++i) {
-      const auto block = std::size_t(i);
-      ahead_[block].clear();
-      read_words(starts[block], starts[block + 1], ahead_[block]);
-    }
-  });
-  ahead_block_ = ahead_word_ = 0;
-  ahead_from_ = at_;
-  ahead_end_ = starts.back();
-  if (ahead_end_ == at_) numbers_read_ = 0;
+  std::swap(part_, next_part_);
+  ahead_ = ahead_last_ = nullptr;
+  ahead_block_ = 0;
+  start_reading(part_.end, next_part_);
+  if (at_ >= part_.end) numbers_read_ = 0;
+  return at_ < part_.end;
 }
 
-void TextScanner::read_words(std::size_t begin, std::size_t end, std::vector<Ahead>& words) const {
+void TextScanner::start_reading(std::size_t begin, AheadPart& part) {
+  std::vector<std::size_t> ends;
+  part.begin = part.end = begin;
+  for (Index block = 1; block <= kAheadBlocks; ++block) {
+    const std::size_t end = block_end(begin + std::size_t(block) * kAheadBlock);
+    if (end != std::string_view::npos && end > part.end) ends.push_back(part.end = end);
+  }
+  part.blocks.resize(ends.size());
+  reading_->start(std::ssize(ends), [this, &part, ends](Index i) {
+    const auto block = std::size_t(i);
+    part.blocks[block].clear();
+    read_numbers(block == 0 ? part.begin : ends[block - 1], ends[block], part.blocks[block]);
+  });
+}
+
+void TextScanner::read_numbers(std::size_t begin, std::size_t end,
+                               std::vector<Ahead>& numbers) const {
   const char* const text = text_.data();
   const char* const text_end = text + text_.size();
   const auto ends = [&](const char* at) {
     return at == text_end || ends_word(*at) || *at == comment_;
   };
   for (std::size_t at = begin; at < end;) {
-    if (is_space(text[at])) {
+    if (ends_word(text[at])) {
       ++at;
       continue;
     }
@@ -151,27 +163,28 @@ void TextScanner::read_words(std::size_t begin, std::size_t end, std::vector<Ahe
       at = std::min(text_.find('\n', at), end);
       continue;
     }
-    Ahead word;
+    Ahead number;
+    number.place = at;
     std::int64_t integer = 0;
     double real = 0;
     std::size_t length = read_short_integer(text + at, text_end, integer);
-    if (length > 0 && ends(text + at + length)) {
-      word.integer = integer;
-      word.kind = Ahead::Kind::Integer;
+    bool is_number = length > 0 && ends(text + at + length);
+    if (is_number) {
+      number.integer = integer;
     } else {
       const char* const first = text + at + (text[at] == '+' ? 1 : 0);
       const auto [last, error] = std::from_chars(first, text_end, real);
       length = std::size_t(last - (text + at));
-      if (error == std::errc() && ends(last) && length <= kLongestToken) {
-        word.real = real;
-        word.kind = Ahead::Kind::Real;
-      } else {
-        const bool is_separator = ends_word(text[at]);
-        for (length = 1; !is_separator && at + length < end && !ends(text + at + length);) ++length;
-      }
+      is_number = error == std::errc() && ends(last) && length <= kLongestAhead;
+      number.is_real = 1;
+      number.real = real;
     }
-    word.token = {.place = at, .length = std::min(length, kLongestToken)};
-    words.push_back(word);
+    if (is_number) {
+      number.length = length;
+      numbers.push_back(number);
+    } else {
+      for (length = 1; at + length < end && !ends(text + at + length);) ++length;
+    }
     at += length;
   }
 }
@@ -193,17 +206,11 @@ TextToken TextScanner::parse(std::string_view what, Number& value, const auto&..
   return token;
 }
 
-/// Goes behind the word that is next of those read ahead.
-void TextScanner::take_ahead(const Ahead& word) {
-  at_ = ahead_from_ = word.token.place + word.token.length;
-  ++ahead_word_;
+TextToken TextScanner::parse_number(std::string_view what, double& value) {
+  return parse(what, value);
 }
 
-Index TextScanner::integer(std::string_view what) {
-  if (const Ahead* ahead = next_ahead(); ahead && ahead->kind == Ahead::Kind::Integer) {
-    take_ahead(*ahead);
-    return ahead->integer;
-  }
+Index TextScanner::parse_integer(std::string_view what) {
   Index value = 0;
   parse(what, value);
   return value;
@@ -213,21 +220,6 @@ Index TextScanner::hexadecimal(std::string_view what) {
   Index value = 0;
   parse(what, value, 16);
   return value;
-}
-
-double TextScanner::number(std::string_view what) {
-  double value = 0;
-  number(what, value);
-  return value;
-}
-
-TextToken TextScanner::number(std::string_view what, double& value) {
-  if (const Ahead* ahead = next_ahead(); ahead && ahead->kind != Ahead::Kind::Other) {
-    take_ahead(*ahead);
-    value = ahead->kind == Ahead::Kind::Real ? ahead->real : double(ahead->integer);
-    return ahead->token;
-  }
-  return parse(what, value);
 }
 
 Index TextScanner::count(std::string_view what, std::size_t least_bytes) {

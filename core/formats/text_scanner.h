@@ -3,10 +3,12 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "core/parallel.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -18,7 +20,7 @@ struct TextToken {
 };
 
 /// Reads words and numbers out of a text; an error names file and line. Where numbers follow
-/// numbers all threads read ahead, some MB at a time.
+/// numbers the other threads read ahead, a MB at a time.
 class TextScanner {
  public:
   /// `text` must outlive it. `comment`, if not 0, begins a comment that runs to the line's end.
@@ -28,7 +30,7 @@ class TextScanner {
 
   std::size_t place() const { return at_; }
   void go_to(std::size_t place) {
-    if (place < ahead_from_ || place > ahead_end_) numbers_read_ = 0;
+    if (place < part_.begin || place > part_.end) numbers_read_ = 0;
     at_ = place;
   }
   /// Goes on behind something that is no number; what was read ahead stays of use.
@@ -52,11 +54,26 @@ class TextScanner {
   /// The next characters up to white space. Throws IoError at the end of the text.
   std::string_view word(std::string_view what);
   /// The next word as a number. Throw IoError when it is none: "line 7: expected WHAT, found 'x'".
-  Index integer(std::string_view what);
+  Index integer(std::string_view what) {
+    const Ahead* const ahead = next_ahead();
+    if (!ahead || ahead->is_real) return parse_integer(what);
+    take(*ahead);
+    return ahead->integer;
+  }
   Index hexadecimal(std::string_view what);
-  double number(std::string_view what);
+  double number(std::string_view what) {
+    double value = 0;
+    number(what, value);
+    return value;
+  }
   /// The same, and where it stands.
-  TextToken number(std::string_view what, double& value);
+  TextToken number(std::string_view what, double& value) {
+    const Ahead* const ahead = next_ahead();
+    if (!ahead) return parse_number(what, value);
+    take(*ahead);
+    value = ahead->is_real ? ahead->real : double(ahead->integer);
+    return {.place = ahead->place, .length = ahead->length};
+  }
 
   /// A number of items that follow and take at least `least_bytes` each: throws IoError when it is
   /// negative, or more than the rest of the text can hold.
@@ -74,25 +91,46 @@ class TextScanner {
   [[noreturn]] void fail_expected(std::string_view what) const;
 
  private:
-  /// A word that was read ahead.
+  /// A number that was read ahead.
   struct Ahead {
-    enum class Kind : std::uint8_t { Integer, Real, Other };  ///< Other: not told yet
-    TextToken token;
+    std::uint64_t place : 48 = 0;
+    std::uint64_t length : 15 = 0;
+    std::uint64_t is_real : 1 = 0;
     union {
       std::int64_t integer = 0;
       double real;
     };
-    Kind kind = Kind::Other;
+  };
+
+  /// Some of the text, and its numbers.
+  struct AheadPart {
+    std::size_t begin = 0, end = 0;
+    std::vector<std::vector<Ahead>> blocks;  ///< in the order of the text
   };
 
   template <class Number>
   TextToken parse(std::string_view what, Number& value, const auto&... base);
-  const Ahead* next_ahead();
-  void take_ahead(const Ahead& word);
-  void read_ahead();
-  void read_words(std::size_t begin, std::size_t end, std::vector<Ahead>& words) const;
+  TextToken parse_number(std::string_view what, double& value);
+  Index parse_integer(std::string_view what);
+
+  /// The number that is next, if it was read ahead.
+  const Ahead* next_ahead() {
+    const bool is_here =
+        ahead_ != ahead_last_ &&
+        (ahead_->place == at_ || (ahead_->place == at_ + 1 && is_space(text_[at_])));
+    return is_here ? ahead_ : find_ahead();
+  }
+  const Ahead* find_ahead();
+  void take(const Ahead& number) {
+    at_ = number.place + number.length;
+    ++ahead_;
+  }
+  bool read_ahead();
+  void start_reading(std::size_t begin, AheadPart& part);
+  void read_numbers(std::size_t begin, std::size_t end, std::vector<Ahead>& numbers) const;
   std::size_t block_end(std::size_t place) const;
 
+  static bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
   bool ends_word(char c) const { return ends_word_[static_cast<unsigned char>(c)]; }
 
   std::string_view text_;
@@ -101,10 +139,11 @@ class TextScanner {
   std::array<bool, 256> ends_word_{};
   std::size_t at_ = 0;
 
-  std::vector<std::vector<Ahead>> ahead_;         ///< in the order of the text
-  std::size_t ahead_block_ = 0, ahead_word_ = 0;  ///< the next of them
-  std::size_t ahead_from_ = 0, ahead_end_ = 0;    ///< no word begins between here and the next
-  Index numbers_read_ = 0;                        ///< one after the other
+  const Ahead *ahead_ = nullptr, *ahead_last_ = nullptr;  ///< the next of a block, and its end
+  std::size_t ahead_block_ = 0;                           ///< the one after that block
+  AheadPart part_, next_part_;  ///< the one that is taken, and the one that is being read
+  Index numbers_read_ = 0;      ///< one after the other
+  std::unique_ptr<BackgroundLoop> reading_;
 };
 
 }  // namespace cadmorph
