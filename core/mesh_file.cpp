@@ -151,10 +151,11 @@ CoordinateRounding MeshFile::write(const fs::path& path, const Points& points,
       !extra.cell_integers.empty())
     throw InvalidInputError("a file of " + impl_->format +
                             " can't hold extra arrays: " + path.string());
-  const CoordinateRounding rounding =
-      measure_rounding(mesh, points, copier.readable(mesh.points, points));
-  check_rounding(rounding, path);
-  copier.write(path, mesh.points, points);
+  CoordinateRounding rounding;
+  copier.write_accepted(path, mesh.points, points, [&](const Points& readable) {
+    rounding = measure_rounding(mesh, points, readable);
+    check_rounding(rounding, path);
+  });
   return rounding;
 }
 

@@ -107,24 +107,32 @@ void write_record(const Edit& edit, std::string_view record, const Points& befor
   edit.records->style->write(record, wanted.point, wanted.is_changed, least, text);
 }
 
-/// The records that change, in the style of their file.
+/// The records that change, in the style of their file; `readable` becomes what a reader finds.
 class ChangedRecords : public ReplacedText {
  public:
-  ChangedRecords(std::vector<Edit> edits, const Points& before, const Points& after)
+  ChangedRecords(std::vector<Edit> edits, const Points& before, const Points& after,
+                 Points& readable)
       : edits_(std::move(edits)),
         before_(before),
         after_(after),
+        readable_(readable),
         least_(kRounding * size_of(before)) {}
 
   Index count() const override { return std::ssize(edits_); }
   TextToken place(Index part) const override { return edits_[std::size_t(part)].place; }
   void write(Index part, std::string_view old_text, std::string& text) const override {
-    write_record(edits_[std::size_t(part)], old_text, before_, after_, least_, text);
+    const Edit& edit = edits_[std::size_t(part)];
+    const std::size_t begin = text.size();
+    write_record(edit, old_text, before_, after_, least_, text);
+    Eigen::RowVector3d point;
+    edit.records->style->read(std::string_view(text).substr(begin), point);
+    readable_.row(edit.node) = to_mesh(*edit.records, point);
   }
 
  private:
   std::vector<Edit> edits_;
   const Points &before_, &after_;
+  Points& readable_;
   double least_;
 };
 
@@ -145,18 +153,23 @@ class DeckCopier : public MeshCopier {
       : files_(std::move(files)), records_(std::move(records)) {}
 
   void write(const fs::path& target, const Points& before, const Points& after) const override {
+    write_accepted(target, before, after, [](const Points&) {});
+  }
+
+  void write_accepted(const fs::path& target, const Points& before, const Points& after,
+                      const std::function<void(const Points&)>& accept) const override {
     check_target(target);
     std::set<fs::path> written;
+    Points readable = after;
     try {
-      for (std::size_t file = files_.size(); file-- > 0;) {
-        const fs::path path = file == 0 ? target : target_of(target, file);
-        if (file > 0) {
-          if (path.empty() || fs::exists(path)) continue;
-          fs::create_directories(path.parent_path());
-          written.insert(path);
-        }
-        write_file(file, path, before, after);
+      for (std::size_t file = files_.size(); file-- > 1;) {
+        const fs::path path = target_of(target, file);
+        if (path.empty() || fs::exists(path)) continue;
+        create_folder_of(path, written);
+        written.insert(path);
+        write_file(file, path, before, after, readable, [] {});
       }
+      write_file(0, target, before, after, readable, [&] { accept(readable); });
     } catch (const fs::filesystem_error& error) {
       remove(written);
       fail_writing(target, error.code().message() + ": " + error.path1().string());
@@ -188,33 +201,6 @@ class DeckCopier : public MeshCopier {
     }
   }
 
-  Points readable(const Points& before, const Points& after) const override {
-    Points result = after;
-    const double least = kRounding * size_of(before);
-    for (std::size_t file = 0; file < files_.size(); ++file) {
-      const std::vector<Edit> edits = edits_of(records_, file, before, after);
-      if (edits.empty()) continue;
-      const std::uint64_t begin_of_all = edits.front().place.place;
-      const TextToken last = edits.back().place;
-      const FileBytes bytes = read_part_again(files_[file].source, begin_of_all,
-                                              std::size_t(last.place + last.length - begin_of_all));
-      parallel_for(std::ssize(edits), 1 << 13, [&](Index begin, Index end) {
-        std::string text;
-        for (Index i = begin; i < end; ++i) {
-          const Edit& edit = edits[std::size_t(i)];
-          text.clear();
-          const auto record =
-              std::string_view(bytes).substr(edit.place.place - begin_of_all, edit.place.length);
-          write_record(edit, record, before, after, least, text);
-          Eigen::RowVector3d point;
-          edit.records->style->read(text, point);
-          result.row(edit.node) = to_mesh(*edit.records, point);
-        }
-      });
-    }
-    return result;
-  }
-
  private:
   bool holds_nodes(std::size_t file) const {
     return std::ranges::any_of(
@@ -228,17 +214,28 @@ class DeckCopier : public MeshCopier {
     return is_same_file(path, files_[file].source.path) ? fs::path() : path;
   }
 
-  void write_file(std::size_t file, const fs::path& path, const Points& before,
-                  const Points& after) const {
+  void write_file(std::size_t file, const fs::path& path, const Points& before, const Points& after,
+                  Points& readable, const std::function<void()>& accept) const {
     const SourceFile& source = files_[file].source;
     std::vector<Edit> edits = edits_of(records_, file, before, after);
-    if (edits.empty()) return write_unchanged(source, path);
-    write_replaced(source, ChangedRecords(std::move(edits), before, after), path);
+    if (!edits.empty())
+      return write_replaced(source, ChangedRecords(std::move(edits), before, after, readable), path,
+                            accept);
+    accept();
+    write_unchanged(source, path);
   }
 
+  /// Adds the folders that it creates to `written`.
+  static void create_folder_of(const fs::path& path, std::set<fs::path>& written) {
+    for (fs::path folder = path.parent_path(); !fs::exists(folder); folder = folder.parent_path())
+      written.insert(folder);
+    fs::create_directories(path.parent_path());
+  }
+
+  /// What is in a folder before it.
   static void remove(const std::set<fs::path>& written) {
     std::error_code error;
-    for (const fs::path& path : written) fs::remove(path, error);
+    for (const fs::path& path : written | std::views::reverse) fs::remove(path, error);
   }
 
   std::vector<DeckFile> files_;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -28,8 +29,17 @@ class MeshCopier {
   virtual void check_target(const std::filesystem::path& /*target*/) const {}
 
   /// The coordinates that a reader of such a copy will find, where the file has too few digits for
-  /// some of `after`; empty where it holds them all.
+  /// some of `after`; empty where it holds them all, and where write_accepted finds them itself.
   virtual Points readable(const Points& /*before*/, const Points& /*after*/) const { return {}; }
+
+  /// Writes a copy as `write` does. Before it appears `accept` is given what a reader will find, as
+  /// of readable; where it throws, nothing is left behind.
+  virtual void write_accepted(const std::filesystem::path& target, const Points& before,
+                              const Points& after,
+                              const std::function<void(const Points&)>& accept) const {
+    accept(readable(before, after));
+    write(target, before, after);
+  }
 
   /// Whether a copy can carry extra arrays: write_arrays then takes the place of write.
   virtual bool takes_arrays() const { return false; }

@@ -68,8 +68,8 @@ std::string read_through_zlib(const fs::path& path, std::size_t size) {
 
 constexpr std::size_t kWhole = std::numeric_limits<std::size_t>::max();
 
-/// Up to `size` bytes of a file, from `place` on.
-FileBytes read_plain(const fs::path& path, Index place = 0, std::size_t size = kWhole) {
+/// The bytes of a file.
+FileBytes read_plain(const fs::path& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) fail_reading(path, std::strerror(errno));
   const std::unique_ptr<const int, void (*)(const int*)> closer(&file,
@@ -77,14 +77,13 @@ FileBytes read_plain(const fs::path& path, Index place = 0, std::size_t size = k
   struct stat status {};
   if (fstat(file, &status) != 0) fail_reading(path, std::strerror(errno));
   if (S_ISDIR(status.st_mode)) fail_reading(path, "it is a folder");
-  const Index rest = std::max<Index>(Index(status.st_size) - place, 0);
-  FileBytes bytes(std::min(size, std::size_t(rest)));
+  FileBytes bytes{std::size_t(status.st_size)};
   std::atomic<Index> end =
       std::ssize(std::string_view(bytes));  // nearer when the file gets shorter
   constexpr Index kPiece = 1 << 23;
   parallel_for(end, kPiece, [&](Index at, Index piece_end) {
     while (at < piece_end) {
-      const ssize_t got = pread(file, bytes.data() + at, std::size_t(piece_end - at), place + at);
+      const ssize_t got = pread(file, bytes.data() + at, std::size_t(piece_end - at), at);
       if (got < 0 && errno == EINTR) continue;
       if (got < 0) fail_reading(path, std::strerror(errno));
       at += got;
@@ -196,19 +195,6 @@ FileBytes read_again(const SourceFile& source) {
   return std::move(again.bytes);
 }
 
-FileBytes read_part_again(const SourceFile& source, std::uint64_t place, std::size_t size) {
-  FileBytes part;
-  if (source.is_compressed) {
-    const FileBytes all = read_again(source);
-    part = FileBytes(size);
-    std::ranges::copy(std::string_view(all).substr(place, size), part.data());
-  } else {
-    part = read_plain(source.path, Index(place), size);
-  }
-  if (part.size() < size) fail_changed(source.path);
-  return part;
-}
-
 std::string read_start(const fs::path& path, std::size_t size) {
   std::error_code error;
   const auto status = fs::status(path, error);
@@ -251,7 +237,8 @@ void ReplacedText::append(std::uint64_t at, std::string_view bytes, std::string&
   copy.append(bytes, from);
 }
 
-void write_replaced(const SourceFile& source, const Replacement& parts, const fs::path& target) {
+void write_replaced(const SourceFile& source, const Replacement& parts, const fs::path& target,
+                    const std::function<void()>& accept) {
   constexpr std::size_t kPiece = 1 << 20;
   struct Piece {
     std::uint64_t at = 0;  ///< in the file
@@ -284,6 +271,7 @@ void write_replaced(const SourceFile& source, const Replacement& parts, const fs
   const auto write = [&](Index slot) { writer.put(pieces[std::size_t(slot)].copy); };
   parallel_pipeline(std::ssize(pieces), read, replace, write);
   if (hasher.hash() != source.hash) fail_changed(source.path);
+  accept();
   writer.commit();
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -49,10 +50,6 @@ SourceBytes read_source(const std::filesystem::path& path);
 /// Reads it again. Throws IoError when it has changed since.
 FileBytes read_again(const SourceFile& source);
 
-/// Reads `size` bytes from `place` on of the (uncompressed) file again. Throws IoError when it has
-/// become shorter: that it has changed otherwise is not noticed.
-FileBytes read_part_again(const SourceFile& source, std::uint64_t place, std::size_t size);
-
 /// The first `size` bytes of a file, uncompressed. Throws as read_source.
 std::string read_start(const std::filesystem::path& path, std::size_t size);
 
@@ -87,10 +84,12 @@ class ReplacedText : public Replacement {
   Index first_part_from(std::uint64_t place) const;
 };
 
-/// Writes a copy in which those parts are replaced. Throws IoError, leaving nothing behind, also
-/// when the file has changed since. Memory: some ten MB, whatever the file.
-void write_replaced(const SourceFile& source, const Replacement& parts,
-                    const std::filesystem::path& target);
+/// Writes a copy in which those parts are replaced. Calls `accept` before it appears; leaves
+/// nothing behind where that throws. Throws IoError, leaving nothing behind, also when the file has
+/// changed since. Memory: some ten MB, whatever the file.
+void write_replaced(
+    const SourceFile& source, const Replacement& parts, const std::filesystem::path& target,
+    const std::function<void()>& accept = [] {});
 
 /// Writes a copy with the same bytes. Throws IoError, also when the file has changed since.
 void write_unchanged(const SourceFile& source, const std::filesystem::path& target);

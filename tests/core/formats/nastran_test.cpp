@@ -180,6 +180,20 @@ TEST_CASE("Files that a Nastran deck includes are copied with it", "[core][forma
   CHECK(nodes.ends_with("0.              0.\r\n*                     2.\r\n"));
 }
 
+TEST_CASE("A Nastran deck whose columns are too narrow leaves nothing behind", "[core][formats]") {
+  const FormatFolder folder;
+  fs::create_directories(folder / "in/grids");
+  folder.put("in/grids/nodes.inc",
+             "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,0.,0.,1.\n");
+  const MeshFile file(folder.put(
+      "in/main.bdf", "BEGIN BULK\nINCLUDE 'grids/nodes.inc'\nCTETRA,1,1,1,2,3,4\nENDDATA\n"));
+  fs::create_directories(folder / "out");
+  const Points far = file.mesh().points.array() + 1e14 / 3;  // sixteen columns hold one decimal
+  REQUIRE_THROWS_WITH(file.write(folder / "out/main.bdf", far),
+                      Catch::Contains("too few digits: node"));
+  CHECK(fs::is_empty(folder / "out"));
+}
+
 TEST_CASE("Bad Nastran decks are refused by line", "[core][formats]") {
   const FormatFolder folder;
   const auto refused = [&](const std::string& old_text, const std::string& new_text,
