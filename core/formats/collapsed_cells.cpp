@@ -1,6 +1,7 @@
 #include "core/formats/collapsed_cells.h"
 
 #include <algorithm>
+#include <array>
 #include <initializer_list>
 #include <span>
 
@@ -55,10 +56,11 @@ CellType reduce_collapsed(CellType type, std::vector<Index>& nodes) {
   for (const Collapse& collapse : collapses) {
     const bool has_form = !is_quadratic || collapse.nodes.size() > collapse.corners;
     if (!has_form || !is_collapsed(collapse, nodes)) continue;
-    std::vector<Index> kept;
+    std::array<Index, 20> kept;
+    std::size_t count = 0;
     for (const int i : collapse.nodes)
-      if (is_quadratic || kept.size() < collapse.corners) kept.push_back(nodes[std::size_t(i)]);
-    nodes = std::move(kept);
+      if (is_quadratic || count < collapse.corners) kept[count++] = nodes[std::size_t(i)];
+    nodes.assign(kept.begin(), kept.begin() + count);
     return is_quadratic ? collapse.quadratic : collapse.linear;
   }
   return type;

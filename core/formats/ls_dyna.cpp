@@ -303,9 +303,8 @@ class Reader {
                      std::vector<Index>& numbers) const {
     const auto add = [&](std::string_view field) {
       Index number = 0;
-      if (!trimmed(field).empty() &&
-          (!read_integer(field, number) || std::abs(number) > kHighestNumber))
-        fail_expected(place, "a number", field);
+      const bool is_number = read_integer(field, number) && std::abs(number) <= kHighestNumber;
+      if (!is_number && !trimmed(field).empty()) fail_expected(place, "a number", field);
       numbers.push_back(number);
     };
     const std::size_t end = numbers.size() + most;

@@ -13,13 +13,9 @@ namespace {
 
 constexpr Index kNoLimit = std::numeric_limits<std::int64_t>::max();
 
-bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
-
 constexpr std::string_view kPunctuation = "(){}[];\"/";  // and the slash of comments
 
 bool is_punctuation(char c) { return c != '/' && kPunctuation.find(c) != std::string_view::npos; }
-
-bool ends_number(char c) { return is_space(c) || kPunctuation.find(c) != std::string_view::npos; }
 
 }  // namespace
 
@@ -71,16 +67,12 @@ void FoamFile::read_architecture(const std::string& text) {
   scalar_bytes_ = bytes("scalar=", 8);
 }
 
-bool FoamFile::skip_space() {
-  while (at_ < bytes_.size()) {
-    if (is_space(bytes_[at_]))
-      ++at_;
-    else if (bytes_[at_] == '/')
-      skip_comment();
-    else
-      return true;
+bool FoamFile::skip_comments() {
+  while (at_ < bytes_.size() && bytes_[at_] == '/') {
+    skip_comment();
+    skip_blanks();
   }
-  return false;
+  return at_ < bytes_.size();
 }
 
 void FoamFile::skip_comment() {
@@ -90,12 +82,6 @@ void FoamFile::skip_comment() {
   const std::size_t end = text.find(kind == '/' ? "\n" : "*/", at_ + 2);
   if (end == std::string_view::npos && kind == '*') fail("the comment '/*' has no end");
   at_ = std::min(text.size(), end == std::string_view::npos ? end : end + (kind == '/' ? 1 : 2));
-}
-
-bool FoamFile::take(char punctuation) {
-  if (!skip_space() || bytes_[at_] != punctuation) return false;
-  ++at_;
-  return true;
 }
 
 void FoamFile::expect(char punctuation, std::string_view after_what) {
@@ -149,9 +135,8 @@ TextToken FoamFile::coordinate(double& value) {
   return token;
 }
 
-Index FoamFile::checked(Index value, std::size_t place, std::string_view what, Index first,
-                        Index end) const {
-  if (value >= first && value < end) return value;
+void FoamFile::fail_range(Index value, std::size_t place, std::string_view what, Index first,
+                          Index end) const {
   const std::string range =
       end == kNoLimit ? "less than " + std::to_string(first)
                       : "not in [" + std::to_string(first) + ", " + std::to_string(end - 1) + "]";
@@ -161,7 +146,8 @@ Index FoamFile::checked(Index value, std::size_t place, std::string_view what, I
 Index FoamFile::label(std::string_view what, Index first, Index end) {
   const Index value = scanner().integer(what);
   const std::size_t place = std::exchange(at_, scanner_.place());
-  return checked(value, place, what, first, end);
+  if (value < first || value >= end) fail_range(value, place, what, first, end);
+  return value;
 }
 
 Index FoamFile::list_count(std::string_view name, std::size_t least_bytes) {
@@ -346,7 +332,9 @@ void FoamFile::skip_value() {
       ++at_;
       if (depth == 0) return;
     } else if (is_at_number()) {
-      while (at_ < bytes_.size() && !ends_number(bytes_[at_])) ++at_;
+      while (at_ < bytes_.size() && !is_space(bytes_[at_]) &&
+             kPunctuation.find(bytes_[at_]) == std::string_view::npos)
+        ++at_;
     } else {
       const std::string value = word("a value");
       if (is_binary_ && value.starts_with("List<")) skip_binary_list(value);

@@ -23,7 +23,11 @@ class FoamFile {
   const SourceFile& source() const { return source_; }
 
   /// Skips white space and comments, and `punctuation` if it follows.
-  bool take(char punctuation);
+  bool take(char punctuation) {
+    if (!skip_space() || bytes_[at_] != punctuation) return false;
+    ++at_;
+    return true;
+  }
   void expect(char punctuation, std::string_view after_what);
   /// A word, or what stands in quotation marks.
   std::string word(std::string_view what);
@@ -46,14 +50,23 @@ class FoamFile {
   FoamFile(const std::filesystem::path& path, SourceBytes file);
   void read_header();
   void read_architecture(const std::string& text);
-  bool skip_space();
+  static bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+  void skip_blanks() {
+    while (at_ < bytes_.size() && is_space(bytes_[at_])) ++at_;
+  }
+  /// White space and comments; false at the end of the file.
+  bool skip_space() {
+    skip_blanks();
+    return at_ < bytes_.size() && (bytes_[at_] != '/' || skip_comments());
+  }
+  bool skip_comments();
   void skip_comment();
   bool is_at_number() const;
   /// At a number: of a text all threads read ahead.
   TextScanner& scanner();
   TextToken coordinate(double& value);
-  Index checked(Index value, std::size_t place, std::string_view what, Index first,
-                Index end) const;
+  [[noreturn]] void fail_range(Index value, std::size_t place, std::string_view what, Index first,
+                               Index end) const;
   /// The number `name` before a list of items, each of at least `least_bytes`; -1: it is not there.
   Index list_count(std::string_view name, std::size_t least_bytes);
   /// Begins a list of binary items: the place of the first. The one after the last is next.
