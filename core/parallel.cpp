@@ -105,8 +105,8 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
       items[slot].acquire();
       taking.acquire();
       take(slot);
-      taking.release();
       items[slot].release();
+      taking.release();
     };
     reading.release();
     tbb::parallel_pipeline(
@@ -115,6 +115,7 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
             tbb::make_filter<Index, Index>(tbb::filter_mode::parallel, second) &
             tbb::make_filter<Index, void>(tbb::filter_mode::serial_in_order, third),
         context);
+    reading.acquire();
     taking.acquire();
   });
 }
