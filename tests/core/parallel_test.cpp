@@ -25,4 +25,36 @@ TEST_CASE("A loop runs all its chunks although the loop around it has failed", "
   if (has_begun) CHECK(done == 1000);  // on one thread it never is
 }
 
+TEST_CASE("A loop in the background runs all its items and tells what went wrong", "[core]") {
+  std::atomic<int> done = 0;
+  BackgroundLoop loop;
+  for (int round = 1; round <= 3; ++round) {
+    loop.start(1000, [&](Index item) { done += int(item); });
+    loop.wait();
+    CHECK(done == round * 999 * 500);
+  }
+  loop.start(10, [](Index item) {
+    if (item == 5) throw std::runtime_error("failed");
+  });
+  CHECK_THROWS_AS(loop.wait(), std::runtime_error);
+  loop.start(1, [&](Index) { done = 0; });
+  loop.wait();
+  CHECK(done == 0);
+}
+
+TEST_CASE("A loop in the background that nobody waits for has ended with its owner", "[core]") {
+  std::atomic<bool> is_over = false;
+  std::atomic<int> late = 0;
+  {
+    BackgroundLoop loop;
+    loop.start(100, [&](Index) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      if (is_over) ++late;
+    });
+  }
+  is_over = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  CHECK(late == 0);
+}
+
 }  // namespace cadmorph
