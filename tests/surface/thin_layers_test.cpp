@@ -74,6 +74,13 @@ Mesh layers_around(const Geom_BSplineCurve& section) {
   return mesh;
 }
 
+LayerFigures layers_of_valid_morph(const MorphCase& c, const CadModel& variant) {
+  const Points after = morph(c, variant).points;
+  CHECK(measure_quality(c.mesh, after, detect_orientation(c.mesh)).inverted == 0);
+  return measure_layers(c.mesh, find_cell_neighbours(c.mesh),
+                        std::vector<char>(c.mesh.node_count(), 1), c.mesh.points, after);
+}
+
 }  // namespace
 
 TEST_CASE("Layers far thinner than the nodes of a body are apart keep their heights when it turns",
@@ -81,11 +88,7 @@ TEST_CASE("Layers far thinner than the nodes of a body are apart keep their heig
   const auto base = body(1, 0);
   const MorphCase c = mesh_case(air_around(base), layers_around(*base));
   const double degrees = GENERATE(3, 10);
-  const Points after = morph(c, air_around(body(1, degrees))).points;
-  CHECK(measure_quality(c.mesh, after, detect_orientation(c.mesh)).inverted == 0);
-  const LayerFigures layers =
-      measure_layers(c.mesh, find_cell_neighbours(c.mesh),
-                     std::vector<char>(c.mesh.node_count(), 1), c.mesh.points, after);
+  const LayerFigures layers = layers_of_valid_morph(c, air_around(body(1, degrees)));
   CHECK(layers.cells == kAround);
   CHECK(layers.share_kept >= 0.99);
   CHECK(layers.least > 0.95);
@@ -96,11 +99,7 @@ TEST_CASE("Layers far thinner than the nodes of a body are apart follow its thic
           "[surface]") {
   const auto base = body(1, 0);
   const MorphCase c = mesh_case(air_around(base), layers_around(*base));
-  const Points after = morph(c, air_around(body(1.3, 0))).points;
-  CHECK(measure_quality(c.mesh, after, detect_orientation(c.mesh)).inverted == 0);
-  const LayerFigures layers =
-      measure_layers(c.mesh, find_cell_neighbours(c.mesh),
-                     std::vector<char>(c.mesh.node_count(), 1), c.mesh.points, after);
+  const LayerFigures layers = layers_of_valid_morph(c, air_around(body(1.3, 0)));
   CHECK(layers.least > 0.75);
   CHECK(layers.most < 1.35);
 }
