@@ -30,7 +30,7 @@ struct QualityReport {
 /// Orientation of each cell type in a mesh: +1 when VTK's node order gives positive volumes for
 /// most cells of the type, -1 when the mesh uses the mirrored order (some tools write wedges so).
 /// Indexed by the CellType's number. To be taken once from the base mesh and used for all its
-/// morphs.
+/// morphs. Of a mesh of more than a hundred thousand cells some, spread evenly, decide.
 using Orientation = std::vector<int>;
 Orientation detect_orientation(const Mesh& mesh);
 

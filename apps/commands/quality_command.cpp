@@ -44,8 +44,7 @@ ExitCode run_quality(const QualityCommand& command) {
   const bool is_poor = command.min_scaled_jacobian && quality.min < *command.min_scaled_jacobian;
   const bool is_good = quality.inverted == 0 && validity.invalid == 0 && !is_poor;
   const ExitCode code = is_good ? ExitCode::Done : ExitCode::Quality;
-  hand_over(command.json, false,
-            quality_text(command.mesh, mesh.node_count(), quality, validity, checks),
+  hand_over(command.json, false, quality_text(command.mesh, mesh, quality, validity, checks),
             quality_json(command.mesh, mesh.node_count(), quality, validity, checks,
                          static_cast<int>(code)));
   if (!command.picture.empty())

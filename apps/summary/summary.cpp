@@ -390,12 +390,12 @@ std::string diagnosis_text(const Diagnosis& diagnosis) {
   return text;
 }
 
-std::string quality_text(const std::filesystem::path& mesh, Index nodes,
+std::string quality_text(const std::filesystem::path& file, const Mesh& mesh,
                          const QualityReport& quality, const ValidityReport& validity,
                          const QualityChecks& checks) {
   const auto cell = [](Index c) { return c < 0 ? std::string() : "cell " + std::to_string(c); };
-  std::string text = labelled("Mesh", mesh.string());
-  text += labelled("Nodes", with_commas(nodes));
+  std::string text = labelled("Mesh", file.string());
+  text += labelled("Nodes", with_commas(mesh.node_count()));
   text += labelled("Cells", with_commas(static_cast<Index>(quality.values.size())) + ", " +
                                 with_commas(quality.cells) + " of them measured");
   std::vector<Row> rows = {
@@ -418,7 +418,9 @@ std::string quality_text(const std::filesystem::path& mesh, Index nodes,
     rows.push_back({"Aspect ratio, max", format("%.1f", checks.max_aspect_ratio),
                     cell(checks.worst_aspect_cell),
                     with_commas(checks.high_aspect) + " cells > 1000"});
-    rows.push_back({"Smallest volume (mesh unit cubed)", format("%.3e", checks.min_volume)});
+    rows.push_back({dimension(mesh) == 3 ? "Smallest volume (mesh unit cubed)"
+                                         : "Smallest area (mesh unit squared)",
+                    format("%.3e", checks.min_volume)});
   }
   return text.append("\n").append(align(rows));
 }

@@ -34,7 +34,7 @@ std::string bad_cells_text(const PipelineReport& report);
 std::string diagnosis_text(const Diagnosis& diagnosis);
 
 /// The figures of `cadmorph quality`.
-std::string quality_text(const std::filesystem::path& mesh, Index nodes,
+std::string quality_text(const std::filesystem::path& file, const Mesh& mesh,
                          const QualityReport& quality, const ValidityReport& validity,
                          const QualityChecks& checks);
 
