@@ -6,91 +6,12 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <utility>
 
 #include "core/cell_topology.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
-
-using Edge = std::pair<int, int>;
-
-// Those with a mid node first, in the order of these nodes.
-constexpr Edge kTriangle[] = {{0, 1}, {1, 2}, {2, 0}};
-constexpr Edge kPixel[] = {{0, 1}, {1, 3}, {3, 2}, {2, 0}};
-constexpr Edge kQuad[] = {{0, 1}, {1, 2}, {2, 3}, {3, 0}};
-constexpr Edge kQuadraticLinearQuad[] = {{0, 1}, {2, 3}, {1, 2}, {3, 0}};
-constexpr Edge kTetra[] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
-constexpr Edge kVoxel[] = {{0, 1}, {1, 3}, {3, 2}, {2, 0}, {4, 5}, {5, 7},
-                           {7, 6}, {6, 4}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
-constexpr Edge kHexahedron[] = {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {4, 5}, {5, 6},
-                                {6, 7}, {7, 4}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
-constexpr Edge kWedge[] = {{0, 1}, {1, 2}, {2, 0}, {3, 4}, {4, 5}, {5, 3}, {0, 3}, {1, 4}, {2, 5}};
-constexpr Edge kPyramid[] = {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 4}, {1, 4}, {2, 4}, {3, 4}};
-constexpr Edge kLine[] = {{0, 1}};
-
-struct EdgeTable {
-  std::span<const Edge> edges;
-  std::size_t mid_nodes;  ///< of the first edges; they follow the corners
-};
-
-EdgeTable linear(std::span<const Edge> edges) { return {edges, 0}; }
-EdgeTable quadratic(std::span<const Edge> edges) { return {edges, edges.size()}; }
-
-EdgeTable edge_table(CellType type) {
-  switch (type) {
-    case CellType::Line:
-      return linear(kLine);
-    case CellType::Triangle:
-      return linear(kTriangle);
-    case CellType::Pixel:
-      return linear(kPixel);
-    case CellType::Quad:
-      return linear(kQuad);
-    case CellType::Tetra:
-      return linear(kTetra);
-    case CellType::Voxel:
-      return linear(kVoxel);
-    case CellType::Hexahedron:
-      return linear(kHexahedron);
-    case CellType::Wedge:
-      return linear(kWedge);
-    case CellType::Pyramid:
-      return linear(kPyramid);
-    case CellType::QuadraticEdge:
-      return quadratic(kLine);
-    case CellType::QuadraticTriangle:
-    case CellType::BiquadraticTriangle:
-      return quadratic(kTriangle);
-    case CellType::QuadraticQuad:
-    case CellType::BiquadraticQuad:
-      return quadratic(kQuad);
-    case CellType::QuadraticLinearQuad:
-      return {kQuadraticLinearQuad, 2};
-    case CellType::QuadraticTetra:
-      return quadratic(kTetra);
-    case CellType::QuadraticHexahedron:
-    case CellType::TriquadraticHexahedron:
-    case CellType::BiquadraticQuadraticHexahedron:
-      return quadratic(kHexahedron);
-    case CellType::QuadraticWedge:
-    case CellType::BiquadraticQuadraticWedge:
-      return quadratic(kWedge);
-    case CellType::QuadraticLinearWedge:
-      return {kWedge, 6};
-    case CellType::QuadraticPyramid:
-      return quadratic(kPyramid);
-    default:
-      return {};
-  }
-}
-
-int table_corners(std::span<const Edge> edges) {
-  int corners = 0;
-  for (const auto& [a, b] : edges) corners = std::max({corners, a + 1, b + 1});
-  return corners;
-}
 
 class EdgeLengths {
  public:
@@ -156,13 +77,13 @@ void add_polyhedron(const Mesh& mesh, Index c, EdgeLengths& lengths) {
   }
 }
 
-void add_cell(std::span<const Index> nodes, const EdgeTable& table, EdgeLengths& lengths) {
-  const int corners = table_corners(table.edges);
-  for (std::size_t e = 0; e < table.edges.size(); ++e) {
-    const auto& [a, b] = table.edges[e];
-    if (e < table.mid_nodes) {
-      lengths.add(nodes[a], nodes[corners + e]);
-      lengths.add(nodes[corners + e], nodes[b]);
+void add_edges(std::span<const Index> nodes, const CellInfo& info, EdgeLengths& lengths) {
+  std::size_t mid = std::size_t(info.corners);
+  const std::size_t last_mid = mid + std::size_t(info.mid_nodes);
+  for (const auto& [a, b] : info.edges) {
+    if (mid < last_mid) {
+      lengths.add(nodes[a], nodes[mid]);
+      lengths.add(nodes[mid++], nodes[b]);
     } else {
       lengths.add(nodes[a], nodes[b]);
     }
@@ -196,7 +117,7 @@ void add_cell(const Mesh& mesh, Index c, EdgeLengths& lengths) {
   else if (mesh.types[c] == CellType::PolyLine)
     lengths.add_line(mesh.cell(c));
   else
-    add_cell(mesh.cell(c), edge_table(mesh.types[c]), lengths);
+    add_edges(mesh.cell(c), info_of(mesh.types[c]), lengths);
   add_centres(mesh, c, lengths);
 }
 

@@ -2,12 +2,9 @@
 
 #include <vector>
 
-#include "core/mesh.h"
+#include "core/cell_topology.h"
 
 namespace cadmorph {
-
-/// Reference cells.
-enum class Shape { Simplex, Cube, Prism, Pyramid, Triangle, Quad };
 
 /// The isoparametric map of a quadratic cell type.
 struct Element {

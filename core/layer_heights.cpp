@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/cell_topology.h"
 #include "core/plane_mesh.h"
 
 namespace cadmorph {
@@ -46,16 +47,8 @@ struct Storey {
 };
 
 bool can_stand(CellType type) {
-  switch (type) {
-    case CellType::Hexahedron:
-    case CellType::Voxel:
-    case CellType::Wedge:
-    case CellType::QuadraticHexahedron:
-    case CellType::QuadraticWedge:
-      return true;
-    default:
-      return false;
-  }
+  const Shape shape = info_of(type).shape;
+  return shape == Shape::Cube || shape == Shape::Prism;
 }
 
 Storey storey(const CellNeighbours& neighbours, Index cell, const std::vector<Facet>& facets,

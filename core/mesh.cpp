@@ -12,140 +12,6 @@ namespace {
 
 using enum CellType;
 
-constexpr LocalFace kTetra[] = {{Triangle, 3, {0, 1, 3}},
-                                {Triangle, 3, {1, 2, 3}},
-                                {Triangle, 3, {2, 0, 3}},
-                                {Triangle, 3, {0, 2, 1}}};
-constexpr LocalFace kVoxel[] = {{Quad, 4, {0, 4, 6, 2}}, {Quad, 4, {1, 3, 7, 5}},
-                                {Quad, 4, {0, 1, 5, 4}}, {Quad, 4, {2, 6, 7, 3}},
-                                {Quad, 4, {0, 2, 3, 1}}, {Quad, 4, {4, 5, 7, 6}}};
-constexpr LocalFace kHexahedron[] = {{Quad, 4, {0, 4, 7, 3}}, {Quad, 4, {1, 2, 6, 5}},
-                                     {Quad, 4, {0, 1, 5, 4}}, {Quad, 4, {3, 7, 6, 2}},
-                                     {Quad, 4, {0, 3, 2, 1}}, {Quad, 4, {4, 5, 6, 7}}};
-constexpr LocalFace kWedge[] = {{Triangle, 3, {0, 1, 2}},
-                                {Triangle, 3, {3, 5, 4}},
-                                {Quad, 4, {0, 3, 4, 1}},
-                                {Quad, 4, {1, 4, 5, 2}},
-                                {Quad, 4, {2, 5, 3, 0}}};
-constexpr LocalFace kPyramid[] = {{Quad, 4, {0, 3, 2, 1}},
-                                  {Triangle, 3, {0, 1, 4}},
-                                  {Triangle, 3, {1, 2, 4}},
-                                  {Triangle, 3, {2, 3, 4}},
-                                  {Triangle, 3, {3, 0, 4}}};
-constexpr LocalFace kQuadraticTetra[] = {{QuadraticTriangle, 6, {0, 1, 3, 4, 8, 7}},
-                                         {QuadraticTriangle, 6, {1, 2, 3, 5, 9, 8}},
-                                         {QuadraticTriangle, 6, {2, 0, 3, 6, 7, 9}},
-                                         {QuadraticTriangle, 6, {0, 2, 1, 6, 5, 4}}};
-constexpr LocalFace kQuadraticHexahedron[] = {{QuadraticQuad, 8, {0, 4, 7, 3, 16, 15, 19, 11}},
-                                              {QuadraticQuad, 8, {1, 2, 6, 5, 9, 18, 13, 17}},
-                                              {QuadraticQuad, 8, {0, 1, 5, 4, 8, 17, 12, 16}},
-                                              {QuadraticQuad, 8, {3, 7, 6, 2, 19, 14, 18, 10}},
-                                              {QuadraticQuad, 8, {0, 3, 2, 1, 11, 10, 9, 8}},
-                                              {QuadraticQuad, 8, {4, 5, 6, 7, 12, 13, 14, 15}}};
-constexpr LocalFace kTriquadraticHexahedron[] = {
-    {BiquadraticQuad, 9, {0, 4, 7, 3, 16, 15, 19, 11, 20}},
-    {BiquadraticQuad, 9, {1, 2, 6, 5, 9, 18, 13, 17, 21}},
-    {BiquadraticQuad, 9, {0, 1, 5, 4, 8, 17, 12, 16, 22}},
-    {BiquadraticQuad, 9, {3, 7, 6, 2, 19, 14, 18, 10, 23}},
-    {BiquadraticQuad, 9, {0, 3, 2, 1, 11, 10, 9, 8, 24}},
-    {BiquadraticQuad, 9, {4, 5, 6, 7, 12, 13, 14, 15, 25}}};
-constexpr LocalFace kBiquadraticQuadraticHexahedron[] = {
-    {BiquadraticQuad, 9, {0, 4, 7, 3, 16, 15, 19, 11, 20}},
-    {BiquadraticQuad, 9, {1, 2, 6, 5, 9, 18, 13, 17, 21}},
-    {BiquadraticQuad, 9, {0, 1, 5, 4, 8, 17, 12, 16, 22}},
-    {BiquadraticQuad, 9, {3, 7, 6, 2, 19, 14, 18, 10, 23}},
-    {QuadraticQuad, 8, {0, 3, 2, 1, 11, 10, 9, 8}},
-    {QuadraticQuad, 8, {4, 5, 6, 7, 12, 13, 14, 15}}};
-constexpr LocalFace kQuadraticWedge[] = {{QuadraticTriangle, 6, {0, 1, 2, 6, 7, 8}},
-                                         {QuadraticTriangle, 6, {3, 5, 4, 11, 10, 9}},
-                                         {QuadraticQuad, 8, {0, 3, 4, 1, 12, 9, 13, 6}},
-                                         {QuadraticQuad, 8, {1, 4, 5, 2, 13, 10, 14, 7}},
-                                         {QuadraticQuad, 8, {2, 5, 3, 0, 14, 11, 12, 8}}};
-// The curved edges of a QuadraticLinearQuad are its first and third.
-constexpr LocalFace kQuadraticLinearWedge[] = {{QuadraticTriangle, 6, {0, 1, 2, 6, 7, 8}},
-                                               {QuadraticTriangle, 6, {3, 5, 4, 11, 10, 9}},
-                                               {QuadraticLinearQuad, 6, {3, 4, 1, 0, 9, 6}},
-                                               {QuadraticLinearQuad, 6, {4, 5, 2, 1, 10, 7}},
-                                               {QuadraticLinearQuad, 6, {5, 3, 0, 2, 11, 8}}};
-constexpr LocalFace kBiquadraticQuadraticWedge[] = {
-    {QuadraticTriangle, 6, {0, 1, 2, 6, 7, 8}},
-    {QuadraticTriangle, 6, {3, 5, 4, 11, 10, 9}},
-    {BiquadraticQuad, 9, {0, 3, 4, 1, 12, 9, 13, 6, 15}},
-    {BiquadraticQuad, 9, {1, 4, 5, 2, 13, 10, 14, 7, 16}},
-    {BiquadraticQuad, 9, {2, 5, 3, 0, 14, 11, 12, 8, 17}}};
-constexpr LocalFace kQuadraticPyramid[] = {{QuadraticQuad, 8, {0, 3, 2, 1, 8, 7, 6, 5}},
-                                           {QuadraticTriangle, 6, {0, 1, 4, 5, 10, 9}},
-                                           {QuadraticTriangle, 6, {1, 2, 4, 6, 11, 10}},
-                                           {QuadraticTriangle, 6, {2, 3, 4, 7, 12, 11}},
-                                           {QuadraticTriangle, 6, {3, 0, 4, 8, 9, 12}}};
-
-struct TypeInfo {
-  int dimension = -1;
-  int nodes = 0;
-  std::span<const LocalFace> faces;
-};
-
-TypeInfo type_info(CellType type) {
-  switch (type) {
-    case Vertex:
-      return {0, 1, {}};
-    case PolyVertex:
-      return {0, -1, {}};
-    case Line:
-      return {1, 2, {}};
-    case PolyLine:
-      return {1, -1, {}};
-    case QuadraticEdge:
-      return {1, 3, {}};
-    case Triangle:
-      return {2, 3, {}};
-    case Polygon:
-      return {2, -1, {}};
-    case Pixel:
-    case Quad:
-      return {2, 4, {}};
-    case QuadraticTriangle:
-      return {2, 6, {}};
-    case BiquadraticTriangle:
-      return {2, 7, {}};
-    case QuadraticLinearQuad:
-      return {2, 6, {}};
-    case QuadraticQuad:
-      return {2, 8, {}};
-    case BiquadraticQuad:
-      return {2, 9, {}};
-    case Tetra:
-      return {3, 4, kTetra};
-    case Voxel:
-      return {3, 8, kVoxel};
-    case Hexahedron:
-      return {3, 8, kHexahedron};
-    case Wedge:
-      return {3, 6, kWedge};
-    case Pyramid:
-      return {3, 5, kPyramid};
-    case QuadraticTetra:
-      return {3, 10, kQuadraticTetra};
-    case QuadraticHexahedron:
-      return {3, 20, kQuadraticHexahedron};
-    case TriquadraticHexahedron:
-      return {3, 27, kTriquadraticHexahedron};
-    case BiquadraticQuadraticHexahedron:
-      return {3, 24, kBiquadraticQuadraticHexahedron};
-    case QuadraticWedge:
-      return {3, 15, kQuadraticWedge};
-    case QuadraticLinearWedge:
-      return {3, 12, kQuadraticLinearWedge};
-    case BiquadraticQuadraticWedge:
-      return {3, 18, kBiquadraticQuadraticWedge};
-    case QuadraticPyramid:
-      return {3, 13, kQuadraticPyramid};
-    case Polyhedron:
-      return {3, -1, {}};
-  }
-  return {};
-}
-
 CellType polygon_type(std::size_t nodes) {
   return nodes == 3 ? Triangle : nodes == 4 ? Quad : Polygon;
 }
@@ -193,7 +59,7 @@ void check_polyhedron(const Mesh& mesh, Index c, std::vector<Index>& last_cell) 
 }
 
 void check_cell(const Mesh& mesh, Index c) {
-  const TypeInfo info = type_info(mesh.types[c]);
+  const CellInfo& info = info_of(mesh.types[c]);
   const Index nodes = static_cast<Index>(mesh.cell(c).size());
   if (info.dimension < 0)
     fail(cell_name(c) + " is of VTK type " + std::to_string(static_cast<int>(mesh.types[c])) +
@@ -206,12 +72,6 @@ void check_cell(const Mesh& mesh, Index c) {
 }
 
 }  // namespace
-
-int cell_node_count(CellType type) { return type_info(type).nodes; }
-
-std::span<const LocalFace> local_faces(CellType type) { return type_info(type).faces; }
-
-int dimension(CellType type) { return type_info(type).dimension; }
 
 int dimension(const Mesh& mesh) {
   int highest = -1;
@@ -240,20 +100,8 @@ std::vector<Facet> cell_facets(const Mesh& mesh, Index c) {
 }
 
 int corner_count(CellType type, Index node_count) {
-  switch (type) {
-    case Triangle:
-    case QuadraticTriangle:
-    case BiquadraticTriangle:
-      return 3;
-    case Quad:
-    case Pixel:
-    case QuadraticQuad:
-    case BiquadraticQuad:
-    case QuadraticLinearQuad:
-      return 4;
-    default:
-      return static_cast<int>(node_count);
-  }
+  const int corners = info_of(type).corners;
+  return corners > 0 ? corners : static_cast<int>(node_count);
 }
 
 void reserve_cells(Mesh& mesh, Index cells, Index nodes) {

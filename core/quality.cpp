@@ -76,9 +76,7 @@ void measure_tetra(CellMeasure& m, const CellPoints& p, double sign) {
 }
 
 void measure_hexahedron(CellMeasure& m, const std::array<Vec, 8>& x, double sign) {
-  constexpr int kCorners[8][4] = {{0, 1, 3, 4}, {1, 2, 0, 5}, {2, 3, 1, 6}, {3, 0, 2, 7},
-                                  {4, 7, 5, 0}, {5, 4, 6, 1}, {6, 5, 7, 2}, {7, 6, 4, 3}};
-  for (const auto& k : kCorners)
+  for (const LocalCorner& k : kHexahedronCorners)
     add_corner(m, x[k[1]] - x[k[0]], x[k[2]] - x[k[0]], x[k[3]] - x[k[0]], 1, sign);
   const Vec a = x[1] + x[2] + x[5] + x[6] - x[0] - x[3] - x[4] - x[7];
   const Vec b = x[2] + x[3] + x[6] + x[7] - x[0] - x[1] - x[4] - x[5];
@@ -86,13 +84,11 @@ void measure_hexahedron(CellMeasure& m, const std::array<Vec, 8>& x, double sign
   m.add_value(sign * determinant(a, b, c), a.norm() * b.norm() * c.norm());
 }
 
-// VTK's wedge has the normal of (0, 1, 2) point away from (3, 4, 5).
-void measure_wedge(CellMeasure& m, const CellPoints& p, double sign) {
-  constexpr int kCorners[6][4] = {{0, 2, 1, 3}, {1, 0, 2, 4}, {2, 1, 0, 5},
-                                  {3, 4, 5, 0}, {4, 5, 3, 1}, {5, 3, 4, 2}};
-  for (const auto& k : kCorners) {
+void measure_corners(CellMeasure& m, const CellPoints& p, std::span<const LocalCorner> corners,
+                     double ideal, double sign) {
+  for (const LocalCorner& k : corners) {
     const Vec x = p[k[0]];
-    add_corner(m, p[k[1]] - x, p[k[2]] - x, p[k[3]] - x, 1 / kTwoOverSqrt3, sign);
+    add_corner(m, p[k[1]] - x, p[k[2]] - x, p[k[3]] - x, ideal, sign);
   }
 }
 
@@ -100,17 +96,6 @@ void measure_wedge(CellMeasure& m, const CellPoints& p, double sign) {
 void add_apex(CellMeasure& m, const std::array<Vec, 4>& edges, double sign) {
   for (int i = 0; i < 4; ++i)
     add_corner(m, edges[i], edges[(i + 3) % 4], edges[(i + 2) % 4], 1 / kSqrt2, sign);
-}
-
-void measure_pyramid(CellMeasure& m, const CellPoints& p, double sign) {
-  const Vec apex = p[4];
-  std::array<Vec, 4> edges;
-  for (int i = 0; i < 4; ++i) {
-    const Vec x = p[i];
-    edges[i] = x - apex;
-    add_corner(m, p[(i + 1) % 4] - x, p[(i + 3) % 4] - x, apex - x, 1 / kSqrt2, sign);
-  }
-  add_apex(m, edges, sign);
 }
 
 Vec mean(const Points& points, std::span<const Index> nodes) {
@@ -256,13 +241,13 @@ CellMeasure measure_cell(const Mesh& mesh, const Points& points, Index c, double
       measure_hexahedron(m, gather<8>(p, {0, 1, 2, 3, 4, 5, 6, 7}), sign);
       break;
     case Voxel:
-      measure_hexahedron(m, gather<8>(p, {0, 1, 3, 2, 4, 5, 7, 6}), sign);
+      measure_hexahedron(m, gather<8>(p, kVoxelOrder), sign);
       break;
     case Wedge:
-      measure_wedge(m, p, sign);
+      measure_corners(m, p, kWedgeCorners, 1 / kTwoOverSqrt3, sign);
       break;
     case Pyramid:
-      measure_pyramid(m, p, sign);
+      measure_corners(m, p, kPyramidCorners, 1 / kSqrt2, sign);
       break;
     case Polyhedron:
       measure_polyhedron(m, mesh, points, c, sign);

@@ -12,6 +12,7 @@
 #include "core/cell_topology.h"
 #include "core/isoparametric.h"
 #include "core/parallel.h"
+#include "core/reference_cell.h"
 
 namespace cadmorph {
 namespace {
@@ -55,8 +56,8 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
   auto& known = samples_[static_cast<std::size_t>(type)];
   if (known) return known.get();
   auto result = std::make_unique<Samples>();
-  const auto add_corner = [&](const std::array<int, 4>& corner, double unit) {
-    result->push_back({corner, {}, unit});
+  const auto add_corners = [&](std::span<const LocalCorner> corners, double unit) {
+    for (const LocalCorner& k : corners) result->push_back({{k[0], k[1], k[2], k[3]}, {}, unit});
   };
   switch (type) {
     case Tetra:
@@ -64,30 +65,20 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
       break;
     case Hexahedron:
     case Voxel: {
-      using Order = std::array<int, 8>;
-      const Order o = type == Voxel ? Order{0, 1, 3, 2, 4, 5, 7, 6} : Order{0, 1, 2, 3, 4, 5, 6, 7};
+      const auto at = [&](int i) { return type == Voxel ? kVoxelOrder[std::size_t(i)] : i; };
+      for (const LocalCorner& k : kHexahedronCorners)
+        result->push_back({{at(k[0]), at(k[1]), at(k[2]), at(k[3])}, {}, 1});
       NodeRows centre(8, 3);
-      for (int i = 0; i < 4; ++i) {
-        add_corner({o[i], o[(i + 1) % 4], o[(i + 3) % 4], o[i + 4]}, 1);
-        add_corner({o[i + 4], o[(i + 3) % 4 + 4], o[(i + 1) % 4 + 4], o[i]}, 1);
-        const double r = i == 1 || i == 2 ? 0.25 : -0.25, s = i > 1 ? 0.25 : -0.25;
-        centre.row(o[i]) << r, s, -0.25;
-        centre.row(o[i + 4]) << r, s, 0.25;
-      }
+      const std::vector<Vector3d> nodes = reference_nodes(type);
+      for (Index n = 0; n < 8; ++n) centre.row(n) = (nodes[n].transpose().array() - 0.5) / 2;
       result->push_back({{}, centre, 1});
       break;
     }
-    case Wedge:  // the normal of (0, 1, 2) points away from (3, 4, 5)
-      for (int i = 0; i < 3; ++i) {
-        add_corner({i, (i + 2) % 3, (i + 1) % 3, i + 3}, kTwoOverSqrt3);
-        add_corner({i + 3, (i + 1) % 3 + 3, (i + 2) % 3 + 3, i}, kTwoOverSqrt3);
-      }
+    case Wedge:
+      add_corners(kWedgeCorners, kTwoOverSqrt3);
       break;
     case Pyramid:
-      for (int i = 0; i < 4; ++i) {
-        add_corner({i, (i + 1) % 4, (i + 3) % 4, 4}, kSqrt2);
-        add_corner({4, i, (i + 3) % 4, (i + 2) % 4}, kSqrt2);
-      }
+      add_corners(kPyramidCorners, kSqrt2);
       break;
     case Polyhedron: {
       const auto nodes = mesh_.cell(cell);
