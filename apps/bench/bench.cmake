@@ -22,3 +22,4 @@ target_link_libraries(cadmorph-bench PRIVATE cadmorph::pipeline CLI11::CLI11)
 target_compile_definitions(cadmorph-bench PRIVATE
   CADMORPH_NETLIB_LAPACK="${CADMORPH_NETLIB_LAPACK}" CADMORPH_NETLIB_BLAS="${CADMORPH_NETLIB_BLAS}")
 cadmorph_warnings(cadmorph-bench)
+cadmorph_precompile(cadmorph-bench)
