@@ -73,18 +73,19 @@ constexpr LocalFace curved_face(LocalFace face, Edges curved, int corners, int c
   const auto add = [&](int node) {
     if (node >= 0) face.nodes[std::size_t(face.count++)] = static_cast<std::uint8_t>(node);
   };
-  if (mid(0) < 0) std::rotate(face.nodes.begin(), face.nodes.begin() + 1, face.nodes.begin() + count);
+  if (mid(0) < 0)
+    std::rotate(face.nodes.begin(), face.nodes.begin() + 1, face.nodes.begin() + count);
   for (int i = 0; i < count; ++i) add(mid(i));
-  face.type = count == 3                ? QuadraticTriangle
-              : face.count < 2 * count  ? QuadraticLinearQuad
-              : centre < 0              ? QuadraticQuad
-                                        : BiquadraticQuad;
+  face.type = count == 3               ? QuadraticTriangle
+              : face.count < 2 * count ? QuadraticLinearQuad
+              : centre < 0             ? QuadraticQuad
+                                       : BiquadraticQuad;
   add(centre);
   return face;
 }
 
-/// Faces of a cell with nodes in the middle of these edges and of the faces from `first_centred` on,
-/// as many as `centred`.
+/// Faces of a cell with nodes in the middle of these edges and of the faces from `first_centred`
+/// on, as many as `centred`.
 template <std::size_t N>
 constexpr Faces<N> curved_faces(Faces<N> faces, Edges curved, int corners,
                                 std::size_t first_centred = 0, std::size_t centred = 0) {
@@ -112,7 +113,9 @@ constexpr std::size_t kTypes = static_cast<std::size_t>(Polyhedron) + 1;
 
 constexpr std::array<CellInfo, kTypes> make_table() {
   std::array<CellInfo, kTypes> table;
-  const auto row = [&](CellType type) -> CellInfo& { return table[static_cast<std::size_t>(type)]; };
+  const auto row = [&](CellType type) -> CellInfo& {
+    return table[static_cast<std::size_t>(type)];
+  };
   row(Vertex) = {0, 1};
   row(PolyVertex) = {0, -1};
   row(PolyLine) = {1, -1};

@@ -40,4 +40,16 @@ void CellSlopes::gather(const FreeNodes& free, double factor, Eigen::VectorXd& g
   });
 }
 
+Eigen::VectorXd CellSlopes::gather_diagonal(const FreeNodes& free) const {
+  Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(free.unknowns());
+  parallel_for(free.count(), 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      double sum = 0;
+      for (Index k = node_first_[i]; k < node_first_[i + 1]; ++k) sum += rows_(rows_of_node_[k], 0);
+      free.add_diagonal(free.node(i), sum, diagonal);
+    }
+  });
+  return diagonal;
+}
+
 }  // namespace cadmorph

@@ -20,6 +20,10 @@ class CellSlopes {
   /// Sets the gradient by the unknowns of `free` to `factor` times the sums.
   void gather(const FreeNodes& free, double factor, Eigen::VectorXd& gradient) const;
 
+  /// Where the first column holds stiffnesses at the nodes of each cell instead: the diagonal by
+  /// the unknowns of `free`.
+  Eigen::VectorXd gather_diagonal(const FreeNodes& free) const;
+
  private:
   Points rows_;
   std::vector<Index> first_;                      ///< row of each cell

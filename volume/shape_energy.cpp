@@ -42,12 +42,6 @@ Eigen::Matrix3d lane_of(const SampleLane rows[9], std::size_t lane) {
   return result;
 }
 
-// Tetrahedra are evaluated in lanes of their own.
-std::vector<Index> tetrahedra_first(const Mesh& mesh, std::vector<Index> cells) {
-  std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
-  return cells;
-}
-
 }  // namespace
 
 const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
@@ -129,14 +123,13 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
 }
 
 ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions,
-                         FreeNodes free, const std::vector<Index>& cells,
-                         const Orientation& orientation)
-    : mesh_(mesh),
-      positions_(std::move(positions)),
-      free_(std::move(free)),
-      samples_(kTypes),
-      slopes_(mesh, tetrahedra_first(mesh, cells), free_) {
-  for (const Index c : tetrahedra_first(mesh, cells))
+                         FreeNodes free, std::vector<Index> cells, const Orientation& orientation)
+    : mesh_(mesh), positions_(std::move(positions)), free_(std::move(free)), samples_(kTypes) {
+  // Tetrahedra are evaluated in lanes of their own.
+  std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
+  slopes_.emplace(mesh, cells, free_);
+  cells_.reserve(cells.size());
+  for (const Index c : cells)
     cells_.push_back(
         {c, samples_of(c), double(orientation[static_cast<std::size_t>(mesh.types[c])])});
   make_chunks();
@@ -237,10 +230,10 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   std::atomic<bool> is_infinite = false;  // then nobody needs the rest
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
     for (Index c = begin; c < end && !is_infinite; ++c) {
-      for (Index i = chunks_[c].first; i < chunks_[c].last; ++i) slopes_.of(i).setZero();
+      for (Index i = chunks_[c].first; i < chunks_[c].last; ++i) slopes_->of(i).setZero();
       energies[c] = evaluate(chunks_[c],
                              [&](const Lane& lane, double, const Matrix3d& by_edges, const auto&) {
-                               auto slope = slopes_.of(lane.cell);
+                               auto slope = slopes_->of(lane.cell);
                                const Sample& sample = *lane.sample;
                                if (sample.slopes.size() > 0) {
                                  slope.noalias() += sample.slopes.lazyProduct(by_edges.transpose());
@@ -259,29 +252,33 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
     gradient.setZero(x.size());
     return kInfinite;
   }
-  slopes_.gather(free_, 1 / sum, gradient);
+  slopes_->gather(free_, 1 / sum, gradient);
   return std::log(sum) / (2 << squarings_);
 }
 
-VectorXd ShapeEnergy::stiffness_diagonal() const {
-  VectorXd result = VectorXd::Zero(free_.unknowns());
+VectorXd ShapeEnergy::stiffness_diagonal() {
+  std::vector<double> energies(chunks_.size());
+  parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c) {
+      for (Index i = chunks_[c].first; i < chunks_[c].last; ++i) slopes_->of(i).setZero();
+      energies[c] = evaluate(
+          chunks_[c], [&](const Lane& lane, double energy, const auto&, const Matrix3d& j) {
+            auto stiffness = slopes_->of(lane.cell).col(0);
+            const Sample& sample = *lane.sample;
+            const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
+            if (sample.slopes.size() > 0) {
+              stiffness += energy * (sample.slopes * inverse).rowwise().squaredNorm();
+              return;
+            }
+            for (int i = 0; i < 3; ++i)
+              stiffness[sample.corner[i + 1]] += energy * inverse.row(i).squaredNorm();
+            stiffness[sample.corner[0]] += energy * inverse.colwise().sum().squaredNorm();
+          });
+    }
+  });
   double sum = 0;
-  for (const Chunk& chunk : chunks_)
-    sum += evaluate(chunk, [&](const Lane& lane, double energy, const auto&, const Matrix3d& j) {
-      const auto nodes = mesh_.cell(cells_[lane.cell].id);
-      const auto add = [&](std::size_t n, double squared_slope) {
-        if (free_.contains(nodes[n])) free_.add_diagonal(nodes[n], energy * squared_slope, result);
-      };
-      const Sample& sample = *lane.sample;
-      const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
-      if (sample.slopes.size() > 0) {
-        const VectorXd at_node = (sample.slopes * inverse).rowwise().squaredNorm();
-        for (std::size_t n = 0; n < nodes.size(); ++n) add(n, at_node[Index(n)]);
-        return;
-      }
-      for (int i = 0; i < 3; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
-      add(sample.corner[0], inverse.colwise().sum().squaredNorm());
-    });
+  for (const double energy : energies) sum += energy;
+  const VectorXd result = slopes_->gather_diagonal(free_);
   return result.array().max(kLeastStiffness * result.maxCoeff()) / sum;
 }
 

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "core/quality.h"
@@ -24,7 +25,7 @@ class ShapeEnergy {
   /// Of solid `cells`, at `positions` (N x 3) to start with. `reference` (N x 3): samples that are
   /// not positive there have no shape to keep.
   ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions, FreeNodes free,
-              const std::vector<Index>& cells, const Orientation& orientation);
+              std::vector<Index> cells, const Orientation& orientation);
 
   /// Sets the power p to 2^doublings, of 2 to 7.
   void set_power(int doublings) { squarings_ = doublings - 1; }
@@ -34,7 +35,7 @@ class ShapeEnergy {
   double operator()(const Eigen::VectorXd& x, Eigen::VectorXd& gradient);
 
   /// A first guess of the Hessian's diagonal where the nodes are.
-  Eigen::VectorXd stiffness_diagonal() const;
+  Eigen::VectorXd stiffness_diagonal();
 
   const FreeNodes& free_nodes() const { return free_; }
   const Points& positions() const { return positions_; }
@@ -84,7 +85,7 @@ class ShapeEnergy {
   std::vector<Cell> cells_;
   std::vector<Chunk> chunks_;
   std::vector<SampleReference> references_;
-  CellSlopes slopes_;  ///< of the energy
+  std::optional<CellSlopes> slopes_;  ///< of the energy
 };
 
 }  // namespace cadmorph
