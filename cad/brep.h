@@ -29,6 +29,7 @@ struct CadEdge {
   double length;
   bool is_degenerate;        ///< a point: a pole or an apex
   bool is_seam;              ///< closes the parametrisation of its only face
+  bool is_free_form;         ///< neither a line nor a conic: t is neither a length nor an angle
   std::vector<int> coedges;  ///< its uses in faces
   bool is_physical() const { return !is_degenerate && !is_seam; }
 };

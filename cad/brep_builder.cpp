@@ -2,6 +2,7 @@
 
 #include <BRepLib.hxx>
 #include <BRep_Tool.hxx>
+#include <GeomAdaptor_Curve.hxx>
 #include <GeomAdaptor_Surface.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
@@ -99,6 +100,7 @@ class ModelBuilder {
     if (!e.is_degenerate) {
       e.first = first;
       e.last = last;
+      e.is_free_form = GeomAdaptor_Curve(curve).GetType() > GeomAbs_Parabola;
       e.length = length(curve, first, last);
     }
     model_.edges.push_back(e);

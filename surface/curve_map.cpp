@@ -21,6 +21,7 @@ constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
 constexpr double kApart = 1e-4;      // of the curve's length, at least between joints
+constexpr double kCarried = 0.2;     // straightness of a face parameter that tells places apart
 constexpr double kSameRange = 1e-9;  // of the range of a chain's parameters
 
 std::size_t link_index(const CadCurve& curve, int edge) {
@@ -183,6 +184,12 @@ CurveLocation CurveMap::apply(const Way& way, const CurveLocation& base) const {
       return by_parameter(way, base);
     case Mode::Range:
       return by_range(way, base);
+    case Mode::Face: {
+      const double progress = (*base_progress_)(base);
+      const bool is_closed = base_curve_->is_closed();
+      return variant_progress_->locate(
+          (way.is_reversed ? (is_closed ? 0 : 1) - progress : progress) + way.phase);
+    }
     case Mode::Length: {
       const double fraction = base_.fraction(base);
       return variant_.locate((way.is_reversed ? 1 - fraction : fraction) + way.phase);
@@ -274,6 +281,57 @@ CurveMap::Way CurveMap::best_shift() const {
   return best;
 }
 
+// Joints of a chain are where seams meet the curve, no places of the part, and the parameters of
+// free forms are what the modeller made of them: those of an intersection run unevenly.
+bool CurveMap::has_own_parameters() const {
+  const auto is_natural = [](const CadModel& model, const CadCurve& curve) {
+    return curve.links.size() == 1 && !model.edges()[curve.links.front().edge].is_free_form;
+  };
+  return is_natural(base_.model(), *base_curve_) && is_natural(variant_.model(), *variant_curve_);
+}
+
+// The parameter that runs straightest along the curve, of the faces beside it. Planes have none of
+// their own.
+void CurveMap::find_progress() {
+  double best = kCarried;
+  for (const int face : base_curve_->faces) {
+    const int image = pair_->match.faces[static_cast<std::size_t>(face)];
+    const SurfaceType type = pair_->base.faces()[face].type;
+    if (type == SurfaceType::Plane || type != pair_->variant.faces()[image].type) continue;
+    for (const int parameter : {0, 1}) {
+      auto base = FaceProgress::along(pair_->base, *base_curve_, face, parameter);
+      if (!base || base->straightness() <= best) continue;
+      auto variant = FaceProgress::along(pair_->variant, *variant_curve_, image, parameter);
+      if (!variant || variant->straightness() <= best) continue;
+      best = std::min(base->straightness(), variant->straightness());
+      base_progress_ = std::move(base);
+      variant_progress_ = std::move(variant);
+    }
+  }
+}
+
+// The same by the parameter of a face, unless it agrees with the curve's own.
+CurveMap::Way CurveMap::by_face(const Way& way) {
+  if (has_own_parameters()) return way;
+  find_progress();
+  if (!base_progress_) return way;
+  Way result{Mode::Face, way.is_reversed, 0, 0};
+  if (base_curve_->is_closed()) {
+    const auto base_seam = base_progress_->seam(), variant_seam = variant_progress_->seam();
+    if (!base_seam || !variant_seam) return way;
+    const double at = (*base_progress_)(*base_seam);
+    result.phase = (*variant_progress_)(*variant_seam) - (way.is_reversed ? -at : at);
+  }
+  const auto agrees = [&](const CurveLocation& l) {
+    const CurveLocation a = apply(way, l), b = apply(result, l);
+    const CadModel& model = variant_.model();
+    const double tolerance = std::max(model.edges()[a.edge].tolerance, kSame * model.diagonal());
+    return (model.evaluate_edge(a.edge, a.t).point - model.evaluate_edge(b.edge, b.t).point)
+               .norm() <= tolerance;
+  };
+  return std::ranges::all_of(probes_, agrees) ? way : result;
+}
+
 // A chain cut into other pieces starts where one of them does, on both sides.
 CurveMap::Way CurveMap::best_start() const {
   const double all = range(variant_.model(), *variant_curve_);
@@ -321,7 +379,7 @@ CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
   }
   is_by_least_motion_ = !has_equal_links && !has_equal_range();
   if (is_by_least_motion_) return least_motion_;
-  const Way trusted = has_equal_links ? best_shift() : best_start();
+  const Way trusted = by_face(has_equal_links ? best_shift() : best_start());
   const double change = change_of_form(least_motion_) / variant_.length();
   if (change > kLikeForm) return trusted;
   keeps_form_ = change < kSameForm;
@@ -409,6 +467,7 @@ CurveMap::Way CurveMap::choose() {
   } else {
     way.is_reversed = runs_backward();
     way.mode = has_equal_links ? Mode::Parameter : has_equal_range() ? Mode::Range : Mode::Length;
+    way = by_face(way);
   }
   if (!is_same_under_alignment() || (base_curve_->is_closed() && stays(way))) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};

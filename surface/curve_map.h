@@ -5,6 +5,7 @@
 
 #include "cad/curve_table.h"
 #include "cad/topology_match.h"
+#include "surface/face_progress.h"
 #include "surface/motion_prediction.h"
 
 namespace cadmorph {
@@ -24,10 +25,11 @@ struct CurveJoint {
 };
 
 /// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
-/// sect. 4); by equal length fractions where the chains of edges differ or set_phase() says so; by
-/// nearest points where the curve is the same one under another parametrisation. The sense of the
-/// curve comes from its corners, or where it has none from the faces to its left and right, or from
-/// the prediction where these have no outside.
+/// sect. 4), those of a face beside it where its own tell nothing of the part; by equal length
+/// fractions where the chains of edges differ or set_phase() says so; by nearest points where the
+/// curve is the same one under another parametrisation. The sense of the curve comes from its
+/// corners, or where it has none from the faces to its left and right, or from the prediction where
+/// these have no outside.
 class CurveMap {
  public:
   CurveMap(const ModelPair& pair, int base_curve);
@@ -72,12 +74,12 @@ class CurveMap {
   }
 
  private:
-  enum class Mode { Parameter, Range, Length, Nearest };
+  enum class Mode { Parameter, Range, Face, Length, Nearest };
   struct Way {
     Mode mode = Mode::Parameter;
     bool is_reversed = false;
     std::size_t shift = 0;  // of the links, closed chains by parameter
-    double phase = 0;       // of the fraction, closed curves by range or length
+    double phase = 0;       // of the fraction, closed curves by range, face or length
   };
 
   // Where the map leads, as a length fraction of the variant, and how much farther a joint does.
@@ -96,6 +98,9 @@ class CurveMap {
   Way polished(Way way) const;
   Way choose();
   Way best_shift() const;
+  bool has_own_parameters() const;
+  void find_progress();
+  Way by_face(const Way& way);
   Way choose_closed(bool has_equal_links);
   bool stays(const Way& way) const;
   bool is_reparametrised(const Way& way) const;
@@ -113,6 +118,7 @@ class CurveMap {
   const CadCurve* variant_curve_;
   CurveTable base_;
   CurveTable variant_;
+  std::optional<FaceProgress> base_progress_, variant_progress_;
   std::vector<CurveLocation> probes_;
   std::vector<Eigen::Vector3d> predicted_;  // of the probes
   Way way_, least_motion_;

@@ -10,6 +10,7 @@
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakeRevol.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
+#include <BRepPrimAPI_MakeTorus.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <Eigen/Geometry>
@@ -245,6 +246,62 @@ TEST_CASE("rounded corners follow a twist where the variant's u runs the other w
   const auto result = morph_surface(c, through_step(variant.shape));
   const Points expected = images(surface_points(c.boundary, c.mesh.points), twist);
   CHECK(largest_difference(result.positions, expected) < 1e-6 * c.diagonal);
+}
+
+TEST_CASE("a rib's foot is spread evenly where the shaft's seam crosses it", "[surface][seam]") {
+  // The seam cuts the arcs of the foot, not always at the same place of the rib.
+  const auto ribbed = [](double half, double seam) {
+    const gp_Ax2 from(gp_Pnt(0, 0, 15), gp_Dir(0, 0, 1),
+                      gp_Dir(std::cos(half), -std::sin(half), 0));
+    return BRepAlgoAPI_Fuse(BRepPrimAPI_MakeCylinder(axes(seam), 15, 40).Shape(),
+                            BRepPrimAPI_MakeCylinder(from, 25, 10, 2 * half).Shape())
+        .Shape();
+  };
+  const double half = 0.5, wider = 0.6;
+  const TopoDS_Shape base = ribbed(half, 0.1);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.02));
+  const Points before = surface_points(c.boundary, c.mesh.points);
+  for (const double seam : {0.1, -0.3, 0.4}) {
+    const SurfaceMorphResult result = morph_surface(c, to_model(ribbed(wider, seam)));
+    int on_foot = 0;
+    for (Index i = 0; i < before.rows(); ++i) {
+      const Vector3d x = before.row(i), y = result.positions.row(i);
+      const double angle = std::atan2(x.y(), x.x()), after = std::atan2(y.y(), y.x());
+      if (std::abs(x.head<2>().norm() - 15) > 1e-6 || std::abs(std::abs(x.z() - 20) - 5) > 1e-6 ||
+          std::abs(angle) > half)
+        continue;
+      ++on_foot;
+      CAPTURE(seam, angle);
+      CHECK(std::abs(after - angle * wider / half) < 1e-6);
+    }
+    CHECK(on_foot > 20);
+  }
+}
+
+TEST_CASE(
+    "the rims of a hole keep their angles about it, whatever an intersection's parameters are",
+    "[surface][parameters]") {
+  const auto drilled_ring = [](double tube) {
+    const gp_Ax2 hole(gp_Pnt(19, 6, -20), gp_Dir(0, 0, 1), gp_Dir(1, 0, 0));
+    return BRepAlgoAPI_Cut(BRepPrimAPI_MakeTorus(20, tube).Shape(),
+                           BRepPrimAPI_MakeCylinder(hole, 2.5, 40).Shape())
+        .Shape();
+  };
+  const TopoDS_Shape base = drilled_ring(6);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.02));
+  const Points before = surface_points(c.boundary, c.mesh.points);
+  const CadModel variant = to_model(drilled_ring(7.2));
+  const double tolerance = std::max(largest_tolerance(*c.base), largest_tolerance(variant));
+  const SurfaceMorphResult result = morph_surface(c, variant);
+  int in_hole = 0;
+  for (Index i = 0; i < before.rows(); ++i) {
+    const Vector2d x = before.row(i).head<2>().transpose() - Vector2d(19, 6);
+    if (std::abs(x.norm() - 2.5) > 10 * tolerance) continue;
+    ++in_hole;
+    const Vector2d y = result.positions.row(i).head<2>().transpose() - Vector2d(19, 6);
+    CHECK((y - x).norm() < 10 * tolerance);
+  }
+  CHECK(in_hole > 20);
 }
 
 TEST_CASE("a tilted hole does not turn with the seam of its wall", "[surface][seam]") {
