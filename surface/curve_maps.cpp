@@ -17,6 +17,7 @@ using Eigen::Vector3d;
 
 constexpr double kEqualTurn = 2e-3, kLikeTurn = 0.1, kFollows = 0.1;  // of a turn's angle
 constexpr double kLeastTurn = 0.01;                                   // of a full turn
+constexpr double kSameEnd = 1e-6;                                     // of the diagonal
 constexpr double kAlike = 0.985, kUnlike = 0.866;                     // cosines of 10, 30 degrees
 
 class MovedSeams {
@@ -63,13 +64,38 @@ class MovedSeams {
           turning.push_back(c);
         else if (maps_[c].turn() || maps_[c].is_by_least_motion())
           still.push_back(c);
-      if (turning.empty() || (still.empty() && turns_as_one(turning, kLikeTurn)) ||
-          !moves_needlessly(turning))
-        continue;
+      if (turning.empty()) continue;
+      const bool turns_whole = still.empty() && turns_as_one(turning, kLikeTurn);
+      const bool is_twisted = !turns_whole && !keeps_seam(f);
+      if (!is_twisted || !moves_needlessly(turning)) continue;
       take_least_motion(turning);
       is_any = true;
     }
     return is_any;
+  }
+
+  // Whether the curves at the ends of each seam of a face lead both to those of one of the
+  // variant's.
+  bool keeps_seam(int face) const {
+    const CadModel& variant = pair_.variant;
+    const auto leads_to = [&](int v, int w) {
+      const bool is_apex =
+          std::ranges::none_of(curves_of_face_[face], [&](int c) { return runs_through(c, v); });
+      if (is_apex) return true;
+      if (w < 0) return false;
+      const CadVertex& end = variant.vertices()[w];
+      return (end.point - map_vertex(pair_, maps_, v)).norm() <=
+             std::max(end.tolerance, kSameEnd * variant.diagonal());
+    };
+    const std::vector<int> images = seams(variant, pair_.match.faces[face]);
+    return std::ranges::all_of(seams(base_, face), [&](int seam) {
+      const CadEdge& from = base_.edges()[seam];
+      return std::ranges::any_of(images, [&](int image) {
+        const CadEdge& to = variant.edges()[image];
+        return (leads_to(from.start, to.start) && leads_to(from.end, to.end)) ||
+               (leads_to(from.start, to.end) && leads_to(from.end, to.start));
+      });
+    });
   }
 
   static bool is_straight(const CadFace& face) {
@@ -91,15 +117,11 @@ class MovedSeams {
   // Closed curves of a face that start where a seam of its own ends, ascending.
   std::vector<int> curves_at_seam(int face) const {
     std::vector<int> ends;
-    for (const auto& wire : base_.faces()[face].wires)
-      for (const int coedge : wire) {
-        const CadEdge& edge = base_.edges()[base_.coedges()[coedge].edge];
-        if (!edge.is_seam) continue;
-        for (const int c : curves_of_face_[face])
-          if (base_.skeleton().curves[c].is_closed() &&
-              (runs_through(c, edge.start) || runs_through(c, edge.end)))
-            ends.push_back(c);
-      }
+    for (const int seam : seams(base_, face))
+      for (const int c : curves_of_face_[face])
+        if (base_.skeleton().curves[c].is_closed() && (runs_through(c, base_.edges()[seam].start) ||
+                                                       runs_through(c, base_.edges()[seam].end)))
+          ends.push_back(c);
     std::ranges::sort(ends);
     ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
     return ends;

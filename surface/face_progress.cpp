@@ -6,11 +6,20 @@
 namespace cadmorph {
 namespace {
 
-constexpr int kSamples = 64;     // of a link
+constexpr int kSamples = 32;     // of a link
 constexpr double kGap = 1e-3;    // of the span: pcurves meet at joints within their tolerance
 constexpr double kRound = 1e-6;  // of the period
 
 }  // namespace
+
+std::vector<int> seams(const CadModel& model, int face) {
+  std::vector<int> result;
+  for (const auto& wire : model.faces()[face].wires)
+    for (const int coedge : wire)
+      if (const int edge = model.coedges()[coedge].edge; model.edges()[edge].is_seam)
+        result.push_back(edge);
+  return result;
+}
 
 std::optional<FaceProgress> FaceProgress::along(const CadModel& model, const CadCurve& curve,
                                                 int face, int parameter) {
@@ -115,20 +124,16 @@ double FaceProgress::solve(const Link& link, double value) const {
   return a + (b - a) * (below / (below - above));
 }
 
-bool FaceProgress::is_seam_end(int vertex) const {
-  for (const auto& wire : model_->faces()[face_].wires)
-    for (const int c : wire) {
-      const CadEdge& edge = model_->edges()[model_->coedges()[c].edge];
-      if (edge.is_seam && vertex >= 0 && (edge.start == vertex || edge.end == vertex)) return true;
-    }
-  return false;
-}
-
 std::optional<CurveLocation> FaceProgress::seam() const {
+  const std::vector<int> seam_edges = seams(*model_, face_);
   std::optional<CurveLocation> found;
   for (const Link& link : links_) {
     const CadEdge& edge = model_->edges()[link.edge];
-    if (!is_seam_end(link.first == edge.first ? edge.start : edge.end)) continue;
+    const int vertex = link.first == edge.first ? edge.start : edge.end;
+    const bool is_seam_end = std::ranges::any_of(seam_edges, [&](int seam) {
+      return model_->edges()[seam].start == vertex || model_->edges()[seam].end == vertex;
+    });
+    if (!is_seam_end) continue;
     if (found) return std::nullopt;
     found = CurveLocation{link.edge, link.first};
   }

@@ -7,6 +7,9 @@
 
 namespace cadmorph {
 
+/// Seam edges of a face, each as often as a wire runs along it.
+std::vector<int> seams(const CadModel& model, int face);
+
 /// One parameter of a face, u or v, as a measure of how far along one of the face's curves a place
 /// is: from 0 at the curve's start to 1 at its end, through all its links, without jumps at
 /// periods.
@@ -43,7 +46,6 @@ class FaceProgress {
   bool runs_one_way();
   double at(const Link& link, double t) const;
   double solve(const Link& link, double value) const;
-  bool is_seam_end(int vertex) const;
 
   const CadModel* model_;
   int face_, parameter_;
