@@ -15,8 +15,8 @@ function(cadmorph_library name)
   endif()
 endfunction()
 
-# Headers that most sources include, and those given, are read once, not for each source: that is
-# half of the build's time. Each source includes what it uses all the same.
+# Headers that most sources include, and those given, are read once, not for each source: that saves
+# a quarter of the time to compile. Each source includes what it uses all the same.
 function(cadmorph_precompile target)
   target_precompile_headers(${target} PRIVATE
     <algorithm> <array> <cmath> <filesystem> <functional> <map> <memory> <optional> <ranges> <span> <sstream>
