@@ -29,6 +29,9 @@ struct Marks {
         has_tabs(text.find('\t') != std::string_view::npos),
         has_comments(text.find('$') != std::string_view::npos) {}
 
+  /// Whether every field stands in its columns, and nothing else.
+  bool are_none() const { return !has_commas && !has_tabs && !has_comments; }
+
   bool has_commas, has_tabs, has_comments;
 };
 
@@ -69,8 +72,12 @@ bool is_continuation(std::string_view line) {
 /// The fields of a card, 8 a line (4 of large ones) without its name and marks of continuation.
 class Card {
  public:
-  Card(std::string_view record, const Marks& marks);
-  explicit Card(std::string_view record) : Card(record, Marks(record)) {}
+  Card() = default;
+  explicit Card(std::string_view record);
+
+  void clear();
+  /// Takes the fields of the next line, which has no comment.
+  void append_line(std::string_view line, const Marks& marks);
 
   /// With blanks around; blank where the card has no such field, or is longer than any that is
   /// read.
@@ -79,8 +86,6 @@ class Card {
   }
 
  private:
-  void append_line(std::string_view line, const Marks& marks);
-
   std::array<std::string_view, 24> fields_;
   std::size_t count_ = 0;
   std::forward_list<std::string> lines_;  ///< those whose tabs were replaced
@@ -88,7 +93,9 @@ class Card {
 
 void Card::append_line(std::string_view line, const Marks& marks) {
   const bool has_commas = marks.has_commas && is_free(line);
-  const std::string_view name = name_field(has_commas ? line : line.substr(0, kSmall), marks);
+  const std::string_view name = marks.are_none()
+                                    ? line.substr(0, kSmall)
+                                    : name_field(has_commas ? line : line.substr(0, kSmall), marks);
   const bool is_large = name.find('*') != std::string_view::npos;
   const std::size_t width = is_large ? kLarge : kSmall;
   const std::size_t end = std::min(count_ + (is_large ? 4 : 8), fields_.size());
@@ -106,12 +113,17 @@ void Card::append_line(std::string_view line, const Marks& marks) {
   while (count_ < end) fields_[count_++] = {};  // what the line does not have is blank
 }
 
-Card::Card(std::string_view record, const Marks& marks) {
+Card::Card(std::string_view record) {
+  const Marks marks(record);
   for (std::size_t at = 0; at < record.size();) {
-    const std::string_view full = take_line(record, at);
-    const std::string_view line = marks.has_comments ? without_comment(full) : full;
+    const std::string_view line = without_comment(take_line(record, at));
     if (!is_empty(line)) append_line(line, marks);
   }
+}
+
+void Card::clear() {
+  count_ = 0;
+  if (!lines_.empty()) lines_.clear();
 }
 
 /// GRID, number, system, x, y, z, ...: what moves is written in large fields.
@@ -311,11 +323,12 @@ class Reader {
   struct CardBlock {
     std::size_t begin = 0, end = 0;
     bool has_failed = false;  ///< what follows the card that can't be read is not tried
-    std::vector<Grid> grids;
-    NumberedMesh elements;
+    std::vector<Grid> grids = {};
+    NumberedMesh elements = {};
     Index incomplete = 0;  ///< elements
-    std::vector<OtherCard> others;
-    std::vector<Index> nodes = {};  ///< of the element that is being read
+    std::vector<OtherCard> others = {};
+    Card card = {};                 ///< that is being read
+    std::vector<Index> nodes = {};  ///< of its element
 
     Counts counts() const { return {std::ssize(grids), elements.element_count(), incomplete}; }
     void clear() {
@@ -369,6 +382,7 @@ class Reader {
     const auto finish = [&] {
       if (end > begin)
         read_card({file, begin}, text.substr(begin, end - begin), marks, name, block);
+      block.card.clear();
     };
     for (std::size_t at = block.begin; at < block.end;) {
       const std::size_t place = at;
@@ -382,6 +396,7 @@ class Reader {
         begin = end = at;  // of nothing
         continue;
       }
+      block.card.append_line(line, marks);
       end = place + full.size();
     }
     finish();
@@ -389,10 +404,12 @@ class Reader {
 
   /// The name of a card, and what it is: many of one name follow each other.
   struct CardName {
-    std::string field, name;
+    std::string columns, field, name;
     const ElementCard* element = nullptr;
 
     void set(std::string_view record, const Marks& marks) {
+      if (marks.are_none() && record.substr(0, kSmall) == columns) return;
+      columns = record.substr(0, kSmall);
       std::string_view line = record.substr(0, record.find('\n'));
       if (marks.has_comments) line = without_comment(line);
       std::string_view found = name_field(line, marks);
@@ -413,7 +430,7 @@ class Reader {
     if (!block.has_failed) {
       name.set(record, marks);
       try {
-        if (read_node_or_element(place, record, marks, name, block)) return;
+        if (read_node_or_element(place, record, name, block)) return;
       } catch (const Error&) {
         block.has_failed = true;  // it is read again in its turn, when what went wrong is told
       }
@@ -422,23 +439,22 @@ class Reader {
   }
 
   /// False for a card of another kind. Leaves the block as it is where it throws.
-  bool read_node_or_element(DeckPlace place, std::string_view record, const Marks& marks,
-                            const CardName& name, CardBlock& block) const {
+  bool read_node_or_element(DeckPlace place, std::string_view record, const CardName& name,
+                            CardBlock& block) const {
     if (name.element)
-      read_element(*name.element, place, record, marks, block);
+      read_element(*name.element, place, block);
     else if (name.name == "GRID")
-      read_grid(place, record, marks, block);
+      read_grid(place, record, block);
     else
       return false;
     return true;
   }
 
   void read_other(std::string_view record) {
-    const Marks marks(record);
-    name_.set(record, marks);
+    name_.set(record, Marks(record));
     const std::string& name = name_.name;
-    CardBlock block;
-    if (read_node_or_element(here_, record, marks, name_, block)) {
+    CardBlock block{.card = Card(record)};
+    if (read_node_or_element(here_, record, name_, block)) {
       take_cards(here_.file, block, {}, block.counts());
     } else if (name == "ENDDATA") {
       has_ended_ = true;
@@ -469,9 +485,8 @@ class Reader {
     sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
   }
 
-  void read_grid(DeckPlace place, std::string_view record, const Marks& marks,
-                 CardBlock& block) const {
-    const Card card(record, marks);
+  void read_grid(DeckPlace place, std::string_view record, CardBlock& block) const {
+    const Card& card = block.card;
     if (record.size() > 0xffff) sources_.fail(place, "the card is too long");
     Grid grid{.place = place, .length = record.size(), .point = {}};
     grid.number = number_of(place, card.field(0), "the number of a node", false);
@@ -517,9 +532,8 @@ class Reader {
     sources_.leave();
   }
 
-  void read_element(const ElementCard& element, DeckPlace place, std::string_view record,
-                    const Marks& marks, CardBlock& block) const {
-    const Card card(record, marks);
+  void read_element(const ElementCard& element, DeckPlace place, CardBlock& block) const {
+    const Card& card = block.card;
     const Index number = number_of(place, card.field(0), "the number of an element", false);
     const Index property = element.nodes_at == 2
                                ? number_of(place, card.field(1), "the number of a property", true)

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 
 namespace cadmorph {
@@ -117,6 +119,27 @@ std::string fitted(double value, std::chars_format format, const RealField& fiel
   return {};
 }
 
+/// A field of eight columns, the usual one, at once: digits with blanks around. False for any
+/// other, and where bytes stand in another order.
+bool read_eight_columns(std::string_view field, Index& value) {
+  if (field.size() != 8 || std::endian::native != std::endian::little) return false;
+  constexpr std::uint64_t kEach = 0x0101010101010101, kHigh = 0x80 * kEach;
+  std::uint64_t bytes = 0;  // the first column is the lowest
+  std::memcpy(&bytes, field.data(), 8);
+  const std::uint64_t other = bytes ^ ' ' * kEach;  // 0 where there is a blank
+  if (other == 0) return false;
+  const int before = std::countr_zero(other) / 8 * 8, behind = std::countl_zero(other) / 8 * 8;
+  // Digits in the last columns, zeros before them.
+  std::uint64_t digits = (bytes >> before << before << behind) ^ ('0' * kEach << (before + behind));
+  if ((digits + (0x80 - 10) * kEach) & kHigh || digits & kHigh) return false;
+  digits = digits * 10 + (digits >> 8);  // pairs of digits in every other byte
+  constexpr std::uint64_t kPairs = 0x000000ff000000ff;
+  value = Index(((digits & kPairs) * (100 + (std::uint64_t{1000000} << 32)) +
+                 (digits >> 16 & kPairs) * (1 + (std::uint64_t{10000} << 32))) >>
+                32);
+  return true;
+}
+
 }  // namespace
 
 bool read_real(std::string_view field, double& value) {
@@ -139,6 +162,7 @@ std::string_view columns(std::string_view line, std::size_t first, std::size_t c
 }
 
 bool read_integer(std::string_view field, Index& value) {
+  if (read_eight_columns(field, value)) return true;
   const char* at = field.data();
   const char* const field_end = at + field.size();
   while (at < field_end && is_blank(*at)) ++at;
