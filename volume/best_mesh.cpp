@@ -35,7 +35,7 @@ constexpr double kKept = 0.99;
 // more than half was lost, the second number of passes.
 constexpr double kMostPasses = 20, kMostPassesLost = 80;
 constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
-constexpr int kIterations = 10, kIterationsLost = 30;
+constexpr int kIterations = 10, kIterationsLost = 20;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
 constexpr int kTrials = 3;
 // Attempts of the last power go on while each has the figures rise by this factor.
@@ -239,7 +239,11 @@ class BestMesh {
     };
     const int iterations = lost_half_ ? kIterationsLost : kIterations;
     const int most = std::min(iterations, int(work_left() / one / 2) + 1);
-    minimise_lbfgs(counted, x, energy.stiffness_diagonal(), most);
+    const auto guess = [&](const VectorXd& at) -> const HessianGuess& {
+      work_ += one;
+      return energy.guess_hessian(at);
+    };
+    minimise_lbfgs(counted, x, guess, most);
     VectorXd slope;
     counted(x, slope);
     attempt.passes = (work_ - before) / double(mesh_.cell_count());

@@ -1,5 +1,7 @@
 #include "volume/cell_slopes.h"
 
+#include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "core/parallel.h"
@@ -40,16 +42,23 @@ void CellSlopes::gather(const FreeNodes& free, double factor, Eigen::VectorXd& g
   });
 }
 
-Eigen::VectorXd CellSlopes::gather_diagonal(const FreeNodes& free) const {
-  Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(free.unknowns());
+std::vector<NodeBlocks::Block> CellSlopes::gather_blocks(const FreeNodes& free) const {
+  std::vector<NodeBlocks::Block> result(std::size_t(free.count()));
   parallel_for(free.count(), 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
-      double sum = 0;
-      for (Index k = node_first_[i]; k < node_first_[i + 1]; ++k) sum += rows_(rows_of_node_[k], 0);
-      free.add_diagonal(free.node(i), sum, diagonal);
+      Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+      double stiffness = 0, most = 0;
+      for (Index k = node_first_[i]; k < node_first_[i + 1]; ++k) {
+        const Index row = rows_of_node_[k];
+        hessian += rows_.row(row).transpose() * rows_.row(row);
+        stiffness += stiffness_(row, 0);
+        most = std::max<double>(most, stiffness_(row, 1));
+      }
+      hessian.diagonal().array() += stiffness;
+      result[i] = {hessian, 1 / std::sqrt(most)};
     }
   });
-  return diagonal;
+  return result;
 }
 
 }  // namespace cadmorph

@@ -4,6 +4,7 @@
 
 #include "core/mesh.h"
 #include "volume/free_nodes.h"
+#include "volume/node_blocks.h"
 
 namespace cadmorph {
 
@@ -20,13 +21,18 @@ class CellSlopes {
   /// Sets the gradient by the unknowns of `free` to `factor` times the sums.
   void gather(const FreeNodes& free, double factor, Eigen::VectorXd& gradient) const;
 
-  /// Where the first column holds stiffnesses at the nodes of each cell instead: the diagonal by
-  /// the unknowns of `free`.
-  Eigen::VectorXd gather_diagonal(const FreeNodes& free) const;
+  /// What a guess of the second derivatives needs beside the slopes: for each node of the i-th
+  /// cell a stiffness in all directions, and one over the square of the way that it may go.
+  auto stiffness_of(Index i) { return stiffness_.middleRows(first_[i], first_[i + 1] - first_[i]); }
+  void reserve_stiffness() { stiffness_.resize(rows_.rows(), 2); }
+
+  /// The sum of the products of each slope with itself and of the stiffnesses, at each free node.
+  std::vector<NodeBlocks::Block> gather_blocks(const FreeNodes& free) const;
 
  private:
   Points rows_;
-  std::vector<Index> first_;                      ///< row of each cell
+  Eigen::Matrix<float, Eigen::Dynamic, 2, Eigen::RowMajor> stiffness_;  ///< rough numbers do
+  std::vector<Index> first_;                                            ///< row of each cell
   std::vector<Index> node_first_, rows_of_node_;  ///< the rows of each free node
 };
 

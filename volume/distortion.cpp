@@ -45,7 +45,7 @@ Distortion::Distortion(const Mesh& mesh, Points positions, FreeNodes free,
       free_(std::move(free)),
       slopes_(mesh, cells, free_) {
   for (const Index c : cells) add_samples(c, orientation);
-  stiffness_ = stiffness();
+  stiffness_.emplace(stiffness_diagonal());
 }
 
 double Distortion::operator()(const VectorXd& x, double epsilon, VectorXd& gradient) {
@@ -124,7 +124,7 @@ void Distortion::add_polyhedron_samples(Index id, const MatrixXd& base, int sign
 
 double Distortion::size() const { return double(gradients_.size() / 3); }
 
-VectorXd Distortion::stiffness() const {
+VectorXd Distortion::stiffness_diagonal() const {
   VectorXd result = VectorXd::Zero(free_.unknowns());
   for (const Cell& cell : cells_) {
     const auto nodes = mesh_.cell(cell.id);

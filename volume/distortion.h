@@ -1,10 +1,12 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "core/quality.h"
 #include "volume/cell_slopes.h"
 #include "volume/free_nodes.h"
+#include "volume/lbfgs.h"
 
 namespace cadmorph {
 
@@ -27,7 +29,8 @@ class Distortion {
   /// What an evaluation costs: the nodes of all samples.
   double size() const;
   double least_determinant() const { return least_; }
-  const Eigen::VectorXd& stiffness_diagonal() const { return stiffness_; }
+  /// Of the energy's second derivatives.
+  const HessianGuess& stiffness() const { return *stiffness_; }
   const FreeNodes& free_nodes() const { return free_; }
   const Points& positions() const { return positions_; }
 
@@ -43,7 +46,7 @@ class Distortion {
   void add_map_samples(Index id, const Eigen::MatrixXd& base, int sign);
   void add_polyhedron_samples(Index id, const Eigen::MatrixXd& base, int sign);
   void add_sample(const NodeRows& gradient);
-  Eigen::VectorXd stiffness() const;
+  Eigen::VectorXd stiffness_diagonal() const;
   template <int Nodes>
   void evaluate(Index i, double epsilon, double& energy, double& least);
 
@@ -53,7 +56,7 @@ class Distortion {
   std::vector<Cell> cells_;
   std::vector<double> gradients_;  ///< three a row
   CellSlopes slopes_;
-  Eigen::VectorXd stiffness_;
+  std::optional<DiagonalGuess> stiffness_;
   double least_ = 0;
 };
 

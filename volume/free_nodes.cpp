@@ -66,6 +66,13 @@ void FreeNodes::add_slope(Index node, const Eigen::Vector3d& slope, VectorXd& gr
     gradient.segment<2>(nodes_[i].first) += tangents_[i].transpose() * slope;
 }
 
+Eigen::Matrix3d FreeNodes::by_unknowns(Index i, const Eigen::Matrix3d& hessian) const {
+  if (nodes_[i].slide < 0) return hessian;
+  Eigen::Matrix3d result = Eigen::Matrix3d::Zero();
+  result.topLeftCorner<2, 2>() = tangents_[i].transpose() * hessian * tangents_[i];
+  return result;
+}
+
 void FreeNodes::add_diagonal(Index node, double stiffness, VectorXd& diagonal) const {
   const Node& n = nodes_[local_[node]];
   diagonal.segment(n.first, n.slide < 0 ? 3 : 2).array() += stiffness;

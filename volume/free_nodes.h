@@ -32,6 +32,13 @@ class FreeNodes {
   /// Adds a derivative by a node's position, where it was last moved to, to that by the unknowns.
   void add_slope(Index node, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
 
+  /// Second derivatives by the position of node(i), where it was last moved to, as those by its
+  /// unknowns_of(i) unknowns, the first of which is first_unknown(i): in the first rows and
+  /// columns.
+  Eigen::Matrix3d by_unknowns(Index i, const Eigen::Matrix3d& hessian) const;
+  int unknowns_of(Index i) const { return nodes_[i].slide < 0 ? 3 : 2; }
+  Index first_unknown(Index i) const { return nodes_[i].first; }
+
   /// Adds to the diagonal of the Hessian the same number for each of a node's unknowns.
   void add_diagonal(Index node, double stiffness, Eigen::VectorXd& diagonal) const;
 

@@ -17,6 +17,8 @@ constexpr double kSufficientDecrease = 1e-4;
 constexpr double kCurvature = 0.9;
 constexpr double kLeastCurvature = 1e-12;
 constexpr int kTrials = 40;
+// Iterations after which the Hessian is guessed anew.
+constexpr int kGuessAnew = 5;
 // Relative decrease below which the value counts as settled, twice in a row.
 constexpr double kSettled = 1e-7;
 
@@ -27,18 +29,17 @@ struct Pair {
 
 // Two-loop recursion: the direction -H^-1 g.
 VectorXd descent(const std::deque<Pair>& pairs, const VectorXd& gradient,
-                 const VectorXd& diagonal) {
+                 const HessianGuess& guess) {
   VectorXd q = gradient;
   std::vector<double> alpha(pairs.size());
   for (std::size_t i = pairs.size(); i-- > 0;) {
     alpha[i] = pairs[i].inverse_curvature * pairs[i].step.dot(q);
     q -= alpha[i] * pairs[i].change;
   }
-  q.array() /= diagonal.array();
+  q = guess.solve(q);
   if (!pairs.empty()) {
     const VectorXd& y = pairs.back().change;
-    const double scaled = (y.array().square() / diagonal.array()).sum();
-    q *= 1 / (pairs.back().inverse_curvature * scaled);
+    q *= 1 / (pairs.back().inverse_curvature * y.dot(guess.solve(y)));
   }
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double beta = pairs[i].inverse_curvature * pairs[i].change.dot(q);
@@ -76,14 +77,17 @@ std::optional<Point> search(const Objective& objective, const VectorXd& x,
 
 }  // namespace
 
-int minimise_lbfgs(const Objective& objective, VectorXd& x, const VectorXd& diagonal,
+int minimise_lbfgs(const Objective& objective, VectorXd& x,
+                   const std::function<const HessianGuess&(const VectorXd& x)>& guess,
                    int iterations) {
   VectorXd gradient;
   double value = objective(x, gradient);
+  const HessianGuess* hessian = &guess(x);
   std::deque<Pair> pairs;
   int settled = 0, done = 0;
   while (done < iterations && settled < 2) {
-    const VectorXd direction = descent(pairs, gradient, diagonal);
+    VectorXd direction = descent(pairs, gradient, *hessian);
+    hessian->shorten(direction);
     const double slope = gradient.dot(direction);
     if (!(slope < 0)) {
       if (pairs.empty()) break;
@@ -107,6 +111,7 @@ int minimise_lbfgs(const Objective& objective, VectorXd& x, const VectorXd& diag
     x = step->x;
     gradient = step->gradient;
     value = step->value;
+    if (done < iterations && done % kGuessAnew == 0) hessian = &guess(x);
   }
   return done;
 }

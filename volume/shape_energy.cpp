@@ -27,8 +27,8 @@ constexpr std::size_t kTypes = 256;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 // A sample whose determinant is below this share of its edges' product counts as flat.
 constexpr double kFlat = 1e-9;
-// Of the largest stiffness: nodes that no energy holds.
-constexpr double kLeastStiffness = 1e-9;
+// Of a cell's height: the farthest that a node goes at once.
+constexpr double kReach = 0.5;
 // Cells that a thread takes at a time.
 constexpr Index kGrain = 256;
 
@@ -226,6 +226,7 @@ double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
 
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   free_.move(x, positions_);
+  evaluated_ = x;
   std::vector<double> energies(chunks_.size());
   std::atomic<bool> is_infinite = false;  // then nobody needs the rest
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
@@ -246,40 +247,50 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
       if (!std::isfinite(energies[c])) is_infinite = true;
     }
   });
-  double sum = 0;
-  for (const double energy : energies) sum += energy;
-  if (!std::isfinite(sum)) {
+  sum_ = 0;
+  for (const double energy : energies) sum_ += energy;
+  if (!std::isfinite(sum_)) {
     gradient.setZero(x.size());
     return kInfinite;
   }
-  slopes_->gather(free_, 1 / sum, gradient);
-  return std::log(sum) / (2 << squarings_);
+  slopes_->gather(free_, 1 / sum_, gradient);
+  return std::log(sum_) / (2 << squarings_);
 }
 
-VectorXd ShapeEnergy::stiffness_diagonal() {
-  std::vector<double> energies(chunks_.size());
+const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
+  if (VectorXd gradient; evaluated_.size() == 0 || evaluated_ != x) (*this)(x, gradient);
+  evaluated_.resize(0);  // the slopes become what the guess needs
+  const double p = 2 << squarings_;
+  slopes_->reserve_stiffness();
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
     for (Index c = begin; c < end; ++c) {
-      for (Index i = chunks_[c].first; i < chunks_[c].last; ++i) slopes_->of(i).setZero();
-      energies[c] = evaluate(
-          chunks_[c], [&](const Lane& lane, double energy, const auto&, const Matrix3d& j) {
-            auto stiffness = slopes_->of(lane.cell).col(0);
-            const Sample& sample = *lane.sample;
-            const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
-            if (sample.slopes.size() > 0) {
-              stiffness += energy * (sample.slopes * inverse).rowwise().squaredNorm();
-              return;
-            }
-            for (int i = 0; i < 3; ++i)
-              stiffness[sample.corner[i + 1]] += energy * inverse.row(i).squaredNorm();
-            stiffness[sample.corner[0]] += energy * inverse.colwise().sum().squaredNorm();
-          });
+      const auto [first, last, reference, are_tetrahedra] = chunks_[c];
+      for (Index i = first; i < last; ++i) slopes_->stiffness_of(i).setZero();
+      std::vector<double> energies(last - first);
+      evaluate(chunks_[c], [&](const Lane& lane, double energy, const auto&, const Matrix3d& j) {
+        auto stiffness = slopes_->stiffness_of(lane.cell);
+        const Sample& sample = *lane.sample;
+        const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
+        const auto add = [&](Index node, double square) {
+          stiffness(node, 0) += float(energy / sum_ * square);
+          stiffness(node, 1) = std::max(stiffness(node, 1), float(square / (kReach * kReach)));
+        };
+        energies[lane.cell - first] += energy;
+        if (sample.slopes.size() > 0) {
+          const NodeRows of = sample.slopes * inverse;
+          for (Index node = 0; node < of.rows(); ++node) add(node, of.row(node).squaredNorm());
+          return;
+        }
+        for (int i = 0; i < 3; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
+        add(sample.corner[0], inverse.colwise().sum().squaredNorm());
+      });
+      for (Index i = first; i < last; ++i)
+        if (const double energy = energies[i - first]; energy > 0)
+          slopes_->of(i) *= std::sqrt(p / (energy * sum_));
     }
   });
-  double sum = 0;
-  for (const double energy : energies) sum += energy;
-  const VectorXd result = slopes_->gather_diagonal(free_);
-  return result.array().max(kLeastStiffness * result.maxCoeff()) / sum;
+  hessian_.emplace(free_, slopes_->gather_blocks(free_));
+  return *hessian_;
 }
 
 }  // namespace cadmorph

@@ -34,8 +34,10 @@ class ShapeEnergy {
   /// O(cells).
   double operator()(const Eigen::VectorXd& x, Eigen::VectorXd& gradient);
 
-  /// A first guess of the Hessian's diagonal where the nodes are.
-  Eigen::VectorXd stiffness_diagonal();
+  /// A guess of the Hessian at the unknowns, good until the next one; O(cells). Of each sample,
+  /// with e its summand, e grad(log e)/p grad(log e)^T counts in full, the rest as a stiffness
+  /// against stretch; a node is to go no farther at once than its cells are high, by kReach.
+  const HessianGuess& guess_hessian(const Eigen::VectorXd& x);
 
   const FreeNodes& free_nodes() const { return free_; }
   const Points& positions() const { return positions_; }
@@ -86,6 +88,9 @@ class ShapeEnergy {
   std::vector<Chunk> chunks_;
   std::vector<SampleReference> references_;
   std::optional<CellSlopes> slopes_;  ///< of the energy
+  std::optional<NodeBlocks> hessian_;
+  Eigen::VectorXd evaluated_;  ///< where the slopes are those of
+  double sum_ = 0;             ///< of the summands there
 };
 
 }  // namespace cadmorph

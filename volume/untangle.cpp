@@ -108,8 +108,9 @@ VectorXd minimise(Distortion& distortion, VectorXd x, const Work& one,
       return distortion(at, epsilon, slope);
     };
     const double before = energy(x, gradient);
-    minimise_lbfgs(energy, x, distortion.stiffness_diagonal(),
-                   std::min(options.inner_iterations, work.left(one)));
+    minimise_lbfgs(
+        energy, x, [&](const VectorXd&) -> const HessianGuess& { return distortion.stiffness(); },
+        std::min(options.inner_iterations, work.left(one)));
     const double after = energy(x, gradient);
     const double least = distortion.least_determinant();
     if (least > 0 && epsilon <= kLeastEpsilon && after > (1 - kSettled) * before) break;

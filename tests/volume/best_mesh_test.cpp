@@ -1,5 +1,6 @@
 #include "volume/best_mesh.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -81,6 +82,47 @@ TEST_CASE("The slope of the shape energy is that of its values", "[volume][best]
       const double behind = energy(x - h * direction, unused);
       CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-5));
     }
+  }
+}
+
+TEST_CASE(
+    "The guess of the shape energy's Hessian has its size, and no step that it allows inverts",
+    "[volume][best]") {
+  for (const CellType type : solid_types()) {
+    const FixedCube cube(testing::cube(type, 2));
+    INFO(static_cast<int>(type));
+    const Points start = cube.disturbed(0.05);
+    const std::vector<Index> nodes{unfixed(cube.is_fixed).front()};
+    FreeNodes free(cube.mesh.node_count(), nodes, nullptr);
+    const VectorXd x = free.start(start, RowMatrix());
+    std::vector<Index> cells;  // of the node
+    for (Index c = 0; c < cube.mesh.cell_count(); ++c)
+      if (std::ranges::find(cube.mesh.cell(c), nodes[0]) != cube.mesh.cell(c).end())
+        cells.push_back(c);
+    ShapeEnergy energy(cube.mesh, cube.mesh.points, start, std::move(free), cells,
+                       cube.orientation);
+    energy.set_power(3);
+    const HessianGuess& guess = energy.guess_hessian(x);
+    Eigen::Matrix3d inverse, hessian;
+    for (int i = 0; i < 3; ++i) inverse.col(i) = guess.solve(VectorXd::Unit(3, i));
+    std::vector<VectorXd> steps;
+    for (int i = 0; i < 20; ++i) {
+      steps.push_back(100 * VectorXd::Random(3));
+      guess.shorten(steps.back());
+      CHECK(steps.back().norm() > 0.005);  // no less than it has to be
+    }
+    VectorXd ahead, behind;
+    const double h = 1e-5;
+    for (int i = 0; i < 3; ++i) {
+      energy(x + h * VectorXd::Unit(3, i), ahead);
+      energy(x - h * VectorXd::Unit(3, i), behind);
+      hessian.col(i) = (ahead - behind) / (2 * h);
+    }
+    // Along a curved cell's edge there is next to no slope, whose guess is then too large.
+    const double most = (inverse * hessian).eigenvalues().real().maxCoeff();
+    CHECK(most > 0.1);
+    CHECK(most < 10);
+    for (const VectorXd& step : steps) CHECK(std::isfinite(energy(x + step, ahead)));
   }
 }
 

@@ -2,10 +2,21 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <limits>
 
 namespace cadmorph {
 
 using Eigen::VectorXd;
+
+namespace {
+
+auto unit_guess(int unknowns) {
+  return [guess = DiagonalGuess(VectorXd::Ones(unknowns))](const VectorXd&) -> const HessianGuess& {
+    return guess;
+  };
+}
+
+}  // namespace
 
 TEST_CASE("L-BFGS finds the minimum of a badly scaled quadratic", "[volume][lbfgs]") {
   const int n = 50;
@@ -16,7 +27,7 @@ TEST_CASE("L-BFGS finds the minimum of a badly scaled quadratic", "[volume][lbfg
     return 0.5 * (x - goal).dot(gradient) + 1;
   };
   VectorXd x = VectorXd::Zero(n);
-  minimise_lbfgs(value, x, VectorXd::Ones(n), 500);
+  minimise_lbfgs(value, x, unit_guess(n), 500);
   // It stops where the value, 1, falls by less than 1e-7.
   CHECK((x - goal).cwiseAbs().maxCoeff() < 2e-3);
 }
@@ -30,9 +41,39 @@ TEST_CASE("L-BFGS follows Rosenbrock's valley", "[volume][lbfgs]") {
   };
   VectorXd x(2);
   x << -1.2, 1;
-  minimise_lbfgs(value, x, VectorXd::Ones(2), 200);
+  minimise_lbfgs(value, x, unit_guess(2), 200);
   CHECK(x[0] == Approx(1).margin(1e-4));
   CHECK(x[1] == Approx(1).margin(1e-4));
+}
+
+TEST_CASE("L-BFGS asks for the Hessian anew, and goes no farther than a guess is good for",
+          "[volume][lbfgs]") {
+  // Infinite beyond 0, and the steeper the nearer: most steps of a guess from afar end there.
+  struct Guess : HessianGuess {
+    VectorXd solve(const VectorXd& vector) const override {
+      return vector.cwiseProduct(x.cwiseAbs2());
+    }
+    void shorten(VectorXd& step) const override { step = step.cwiseMin(-x / 2).cwiseMax(x / 2); }
+    VectorXd x;
+  } guess;
+  const VectorXd pull = VectorXd::LinSpaced(30, 0, 12).array().exp();
+  const auto value = [&](const VectorXd& x, VectorXd& gradient) {
+    if (!(x.maxCoeff() < 0)) return std::numeric_limits<double>::infinity();
+    gradient = -x.cwiseInverse() - pull;
+    return -(-x).array().log().sum() - pull.dot(x);
+  };
+  int asked = 0;
+  VectorXd x = VectorXd::Constant(30, -1);
+  minimise_lbfgs(
+      value, x,
+      [&](const VectorXd& at) -> const HessianGuess& {
+        ++asked;
+        guess.x = at;
+        return guess;
+      },
+      200);
+  CHECK(asked > 1);
+  CHECK((x.cwiseProduct(pull) + VectorXd::Ones(30)).cwiseAbs().maxCoeff() < 1e-2);
 }
 
 }  // namespace cadmorph
