@@ -38,6 +38,27 @@ double regularised(double d, double epsilon) {
   return d > 0 ? (d + root) / 2 : epsilon * epsilon / (2 * (root - d));
 }
 
+// Shape tr(F^T F) / chi^(2/3) and volume (det^2 + 1) / chi.
+struct Distortion::Sample {
+  Sample(const Matrix3d& jacobian, double epsilon) : f(jacobian) {
+    cofactor << f.col(1).cross(f.col(2)), f.col(2).cross(f.col(0)), f.col(0).cross(f.col(1));
+    det = f.col(0).dot(cofactor.col(0));
+    const double root = std::sqrt(det * det + epsilon * epsilon);
+    chi = regularised(det, epsilon);
+    rate = chi / root;
+    bend = epsilon * epsilon / (2 * root * root * root);
+    const double third = std::cbrt(chi);
+    power = 1 / (third * third);
+    shape = f.squaredNorm() * power;
+    volume = (det * det + 1) / chi;
+  }
+
+  Matrix3d f, cofactor;
+  double det, chi, rate, bend;  ///< chi'(det), chi''(det)
+  double power;                 ///< chi^(-2/3)
+  double shape, volume;
+};
+
 Distortion::Distortion(const Mesh& mesh, Points positions, FreeNodes free,
                        const std::vector<Index>& cells, const Orientation& orientation)
     : mesh_(mesh),
@@ -45,7 +66,6 @@ Distortion::Distortion(const Mesh& mesh, Points positions, FreeNodes free,
       free_(std::move(free)),
       slopes_(mesh, cells, free_) {
   for (const Index c : cells) add_samples(c, orientation);
-  stiffness_.emplace(stiffness_diagonal());
 }
 
 double Distortion::operator()(const VectorXd& x, double epsilon, VectorXd& gradient) {
@@ -53,11 +73,7 @@ double Distortion::operator()(const VectorXd& x, double epsilon, VectorXd& gradi
   const Index count = static_cast<Index>(cells_.size());
   std::vector<double> energies(count), determinants(count);
   parallel_for(count, 256, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i)
-      if (mesh_.types[cells_[i].id] == CellType::Tetra)
-        evaluate<4>(i, epsilon, energies[i], determinants[i]);
-      else
-        evaluate<Eigen::Dynamic>(i, epsilon, energies[i], determinants[i]);
+    for (Index i = begin; i < end; ++i) evaluate(i, epsilon, energies[i], determinants[i]);
   });
   slopes_.gather(free_, 1, gradient);
   double energy = 0;
@@ -124,54 +140,74 @@ void Distortion::add_polyhedron_samples(Index id, const MatrixXd& base, int sign
 
 double Distortion::size() const { return double(gradients_.size() / 3); }
 
-VectorXd Distortion::stiffness_diagonal() const {
-  VectorXd result = VectorXd::Zero(free_.unknowns());
-  for (const Cell& cell : cells_) {
-    const auto nodes = mesh_.cell(cell.id);
-    const double* gradient = gradients_.data() + 3 * cell.first;
-    for (Index s = 0; s < cell.samples; ++s)
-      for (std::size_t n = 0; n < nodes.size(); ++n, gradient += 3)
-        if (free_.contains(nodes[n]))
-          free_.add_diagonal(
-              nodes[n],
-              Eigen::Vector3d::Map(gradient).squaredNorm() / static_cast<double>(cell.samples),
-              result);
-  }
-  return result;
+const HessianGuess& Distortion::guess_hessian(const VectorXd& x, double epsilon) {
+  free_.move(x, positions_);
+  slopes_.reserve_stiffness();
+  parallel_for(std::ssize(cells_), 256, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) stiffen(i, epsilon);
+  });
+  hessian_.emplace(free_, slopes_.gather_blocks(free_));
+  return *hessian_;
 }
 
-// Shape tr(F^T F) / chi^(2/3) and volume (det^2 + 1) / chi.
-template <int Nodes>
-void Distortion::evaluate(Index i, double epsilon, double& energy, double& least) {
+template <class Visit>
+void Distortion::for_each_sample(Index i, double epsilon, Visit&& visit) const {
+  if (mesh_.types[cells_[i].id] == CellType::Tetra)
+    for_each_sample<4>(i, epsilon, visit);
+  else
+    for_each_sample<Eigen::Dynamic>(i, epsilon, visit);
+}
+
+// Calls visit(gradient, sample) for the samples of the i-th cell.
+template <int Nodes, class Visit>
+void Distortion::for_each_sample(Index i, double epsilon, Visit& visit) const {
   using Rows = Eigen::Matrix<double, Nodes, 3, Eigen::RowMajor>;
   const Cell& cell = cells_[i];
   const auto nodes = mesh_.cell(cell.id);
   const Index count = std::ssize(nodes);
-  Rows x(count, 3), slope = Rows::Zero(count, 3);
+  Rows x(count, 3);
   for (Index n = 0; n < count; ++n) x.row(n) = positions_.row(nodes[n]);
-  const double weight = 1.0 / static_cast<double>(cell.samples);
-  energy = 0;
-  least = std::numeric_limits<double>::infinity();
   for (Index s = 0; s < cell.samples; ++s) {
     const Eigen::Map<const Rows> gradient(gradients_.data() + 3 * (cell.first + s * count), count,
                                           3);
-    const Matrix3d f = x.transpose().lazyProduct(gradient);
-    Matrix3d cofactor;
-    cofactor << f.col(1).cross(f.col(2)), f.col(2).cross(f.col(0)), f.col(0).cross(f.col(1));
-    const double det = f.col(0).dot(cofactor.col(0));
-    const double root = std::sqrt(det * det + epsilon * epsilon);
-    const double chi = regularised(det, epsilon), rate = chi / root;
-    const double third = std::cbrt(chi), power = 1 / (third * third);
-    const double shape = f.squaredNorm() * power;
-    const double volume = (det * det + 1) / chi;
-    energy += weight * (shape + kVolumeWeight * volume);
-    const double by_det =
-        -2.0 / 3 * shape / chi * rate + kVolumeWeight * (2 * det - volume * rate) / chi;
-    const Matrix3d by_f = weight * (2 * power * f + by_det * cofactor).transpose();
-    slope += gradient.lazyProduct(by_f);
-    least = std::min(least, det);
+    visit(gradient, Sample(x.transpose().lazyProduct(gradient), epsilon));
   }
-  slopes_.of(i) = slope;
+}
+
+void Distortion::evaluate(Index i, double epsilon, double& energy, double& least) {
+  const double weight = 1.0 / static_cast<double>(cells_[i].samples);
+  auto slope = slopes_.of(i);
+  slope.setZero();
+  energy = 0;
+  least = std::numeric_limits<double>::infinity();
+  for_each_sample(i, epsilon, [&](const auto& gradient, const Sample& s) {
+    energy += weight * (s.shape + kVolumeWeight * s.volume);
+    const double by_det = -2.0 / 3 * s.shape / s.chi * s.rate +
+                          kVolumeWeight * (2 * s.det - s.volume * s.rate) / s.chi;
+    const Matrix3d by_f = weight * (2 * s.power * s.f + by_det * s.cofactor).transpose();
+    slope += gradient.lazyProduct(by_f);
+    least = std::min(least, s.det);
+  });
+}
+
+// The second derivatives by F alone and by the determinant alone.
+void Distortion::stiffen(Index i, double epsilon) {
+  const double weight = 1.0 / static_cast<double>(cells_[i].samples);
+  auto slope = slopes_.of(i);
+  auto stiffness = slopes_.stiffness_of(i);
+  slope.setZero();
+  stiffness.setZero();
+  for_each_sample(i, epsilon, [&](const auto& gradient, const Sample& s) {
+    const double rate_square = s.rate * s.rate / s.chi;
+    const double by_det =
+        s.shape / s.chi * (10.0 / 9 * rate_square - 2.0 / 3 * s.bend) +
+        kVolumeWeight / s.chi *
+            (2 - 4 * s.det * s.rate / s.chi + s.volume * (2 * rate_square - s.bend));
+    if (by_det > 0)
+      slope += weight * std::sqrt(by_det) * gradient.lazyProduct(s.cofactor.transpose());
+    for (Index n = 0; n < gradient.rows(); ++n)
+      stiffness(n, 0) += float(2 * weight * s.power * gradient.row(n).squaredNorm());
+  });
 }
 
 }  // namespace cadmorph

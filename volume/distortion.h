@@ -29,14 +29,15 @@ class Distortion {
   /// What an evaluation costs: the nodes of all samples.
   double size() const;
   double least_determinant() const { return least_; }
-  /// Of the energy's second derivatives.
-  const HessianGuess& stiffness() const { return *stiffness_; }
+  /// A guess of the energy's Hessian at the unknowns, good until the next one; O(cells).
+  const HessianGuess& guess_hessian(const Eigen::VectorXd& x, double epsilon);
   const FreeNodes& free_nodes() const { return free_; }
   const Points& positions() const { return positions_; }
 
  private:
   /// A sample is the derivatives of its coordinates in the base by the cell's nodes.
   using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+  struct Sample;
   struct Cell {
     Index id;
     Index first = 0, samples = 0;  ///< in gradients_: a row for each node of each sample
@@ -46,9 +47,12 @@ class Distortion {
   void add_map_samples(Index id, const Eigen::MatrixXd& base, int sign);
   void add_polyhedron_samples(Index id, const Eigen::MatrixXd& base, int sign);
   void add_sample(const NodeRows& gradient);
-  Eigen::VectorXd stiffness_diagonal() const;
-  template <int Nodes>
+  template <class Visit>
+  void for_each_sample(Index i, double epsilon, Visit&& visit) const;
+  template <int Nodes, class Visit>
+  void for_each_sample(Index i, double epsilon, Visit& visit) const;
   void evaluate(Index i, double epsilon, double& energy, double& least);
+  void stiffen(Index i, double epsilon);
 
   const Mesh& mesh_;
   Points positions_;
@@ -56,7 +60,7 @@ class Distortion {
   std::vector<Cell> cells_;
   std::vector<double> gradients_;  ///< three a row
   CellSlopes slopes_;
-  std::optional<DiagonalGuess> stiffness_;
+  std::optional<NodeBlocks> hessian_;
   double least_ = 0;
 };
 

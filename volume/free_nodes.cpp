@@ -73,9 +73,4 @@ Eigen::Matrix3d FreeNodes::by_unknowns(Index i, const Eigen::Matrix3d& hessian) 
   return result;
 }
 
-void FreeNodes::add_diagonal(Index node, double stiffness, VectorXd& diagonal) const {
-  const Node& n = nodes_[local_[node]];
-  diagonal.segment(n.first, n.slide < 0 ? 3 : 2).array() += stiffness;
-}
-
 }  // namespace cadmorph

@@ -39,9 +39,6 @@ class FreeNodes {
   int unknowns_of(Index i) const { return nodes_[i].slide < 0 ? 3 : 2; }
   Index first_unknown(Index i) const { return nodes_[i].first; }
 
-  /// Adds to the diagonal of the Hessian the same number for each of a node's unknowns.
-  void add_diagonal(Index node, double stiffness, Eigen::VectorXd& diagonal) const;
-
   Index unknowns() const { return unknowns_; }
 
  private:

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <functional>
-#include <utility>
 
 namespace cadmorph {
 
@@ -17,18 +16,6 @@ class HessianGuess {
   virtual Eigen::VectorXd solve(const Eigen::VectorXd& vector) const = 0;
   /// Shortens, where a step goes farther than the guess is good for.
   virtual void shorten(Eigen::VectorXd&) const {}
-};
-
-class DiagonalGuess : public HessianGuess {
- public:
-  /// Of a positive diagonal.
-  explicit DiagonalGuess(Eigen::VectorXd diagonal) : diagonal_(std::move(diagonal)) {}
-  Eigen::VectorXd solve(const Eigen::VectorXd& vector) const override {
-    return vector.array() / diagonal_.array();
-  }
-
- private:
-  Eigen::VectorXd diagonal_;
 };
 
 /// Minimises a smooth function by L-BFGS (Nocedal, Wright: Numerical Optimization, 2006, alg. 7.4)

@@ -109,7 +109,12 @@ VectorXd minimise(Distortion& distortion, VectorXd x, const Work& one,
     };
     const double before = energy(x, gradient);
     minimise_lbfgs(
-        energy, x, [&](const VectorXd&) -> const HessianGuess& { return distortion.stiffness(); },
+        energy, x,
+        [&](const VectorXd& at) -> const HessianGuess& {
+          work.nodes += one.nodes;
+          work.passes += one.passes;
+          return distortion.guess_hessian(at, epsilon);
+        },
         std::min(options.inner_iterations, work.left(one)));
     const double after = energy(x, gradient);
     const double least = distortion.least_determinant();
