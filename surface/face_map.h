@@ -13,7 +13,7 @@ namespace cadmorph {
 struct FaceMapResult {
   Parameters uv;              ///< on the variant face
   bool is_projected = false;  ///< predicted positions were projected, no warp was possible
-  std::string note;           ///< why; empty when all went well
+  std::string note = {};      ///< why; empty when all went well
 };
 
 /// What carries the nodes of a face along.

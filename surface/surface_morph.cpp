@@ -15,6 +15,7 @@
 #include "surface/face_folds.h"
 #include "surface/face_map.h"
 #include "surface/face_nodes.h"
+#include "surface/face_unfold.h"
 #include "surface/free_patches.h"
 #include "surface/image_pairs.h"
 #include "surface/joint_motion.h"
@@ -391,6 +392,14 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
   if (!folds.empty() && !mapped.is_projected)
     improve([&] { return project_face(*nodes.domain, pair, motion, nodes.points); },
             "parameter warp folded, predicted positions projected instead");
+  if (!folds.empty() && !nodes.domain->is_closed())
+    improve(
+        [&] {
+          const Parameters start = placed.uv(nodes.rows, Eigen::all);
+          const FaceSide folded{pair.variant, variant, start, placed.feet};
+          return FaceMapResult{.uv = unfold_face(surface, nodes.facets, nodes.rows, folded)};
+        },
+        "facets of a folded map laid out anew");
   const std::string name = name_of(pair.base, pair.match, face);
   result.folded_facets.insert(result.folded_facets.end(), folds.begin(), folds.end());
   if (!folds.empty())

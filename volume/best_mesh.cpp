@@ -8,8 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "core/lbfgs.h"
 #include "core/rbf/anchors.h"
-#include "volume/lbfgs.h"
 #include "volume/node_cells.h"
 #include "volume/shape_energy.h"
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/foldover.h"
 #include "core/jacobian_samples.h"
 #include "core/parallel.h"
 
@@ -17,8 +18,6 @@ using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Weight of the change of volume beside the change of shape, as in the paper's program.
-constexpr double kVolumeWeight = 1.0 / 128;
 // A sample whose volume in the base mesh is below this share of its edges' product has no shape of
 // its own worth keeping.
 constexpr double kFlat = 1e-9;
@@ -32,11 +31,6 @@ Matrix3d reference_jacobian(const Matrix3d& base, int orientation) {
 }
 
 }  // namespace
-
-double regularised(double d, double epsilon) {
-  const double root = std::sqrt(d * d + epsilon * epsilon);
-  return d > 0 ? (d + root) / 2 : epsilon * epsilon / (2 * (root - d));
-}
 
 // Shape tr(F^T F) / chi^(2/3) and volume (det^2 + 1) / chi.
 struct Distortion::Sample {

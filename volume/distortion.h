@@ -3,16 +3,12 @@
 #include <optional>
 #include <vector>
 
+#include "core/lbfgs.h"
 #include "core/quality.h"
 #include "volume/cell_slopes.h"
 #include "volume/free_nodes.h"
-#include "volume/lbfgs.h"
 
 namespace cadmorph {
-
-/// chi(D, eps) = (D + sqrt(eps^2 + D^2)) / 2 (Garanzha et al. 2021, eq. 3): positive, near D for
-/// D > 0.
-double regularised(double d, double epsilon);
 
 /// Distortion of the map from the base cells to the moved ones, as a function of the free nodes
 /// (Garanzha et al. 2021, eq. 4-5).

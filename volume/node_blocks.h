@@ -2,8 +2,8 @@
 
 #include <vector>
 
+#include "core/lbfgs.h"
 #include "volume/free_nodes.h"
-#include "volume/lbfgs.h"
 
 namespace cadmorph {
 

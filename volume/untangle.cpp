@@ -7,9 +7,10 @@
 #include <utility>
 
 #include "core/errors.h"
+#include "core/foldover.h"
+#include "core/lbfgs.h"
 #include "volume/distortion.h"
 #include "volume/held_cells.h"
-#include "volume/lbfgs.h"
 #include "volume/node_cells.h"
 
 namespace cadmorph {
@@ -17,11 +18,6 @@ namespace {
 
 using Eigen::VectorXd;
 
-// Regularisation once all samples are positive.
-constexpr double kLeastEpsilon = 1e-10;
-// Share of the worst sample's energy that a smaller regularisation takes away at least. The paper's
-// tenth takes three times the minimisations to the same end.
-constexpr double kLeastDrop = 0.3;
 // Minimisations end when they lower the energy by less than this share, all samples positive.
 constexpr double kSettled = 1e-3;
 // Neighbourhoods in a row that may repair nothing.
@@ -70,14 +66,6 @@ Neighbourhood grow(const Mesh& mesh, const NodeCells& incidence, const std::vect
   std::ranges::sort(nodes);
   result.nodes = std::move(nodes);
   return result;
-}
-
-// The regularisation that lowers the energy at the worst sample as the last minimisation lowered
-// the whole (Garanzha et al. 2021, sect. 4).
-double next_epsilon(double epsilon, double least, double energy_before, double energy) {
-  const double drop = std::max(1 - energy / energy_before, kLeastDrop);
-  const double mu = (1 - drop) * regularised(least, epsilon);
-  return least < mu ? std::max(2 * std::sqrt(mu * (mu - least)), kLeastEpsilon) : kLeastEpsilon;
 }
 
 // Evaluations of the distortion: what they cost, and what they did.

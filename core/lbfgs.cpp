@@ -1,4 +1,4 @@
-#include "volume/lbfgs.h"
+#include "core/lbfgs.h"
 
 #include <cmath>
 #include <deque>

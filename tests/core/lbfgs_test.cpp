@@ -1,4 +1,4 @@
-#include "volume/lbfgs.h"
+#include "core/lbfgs.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -21,7 +21,7 @@ const HessianGuess& unit_guess(const VectorXd&) {
 
 }  // namespace
 
-TEST_CASE("L-BFGS finds the minimum of a badly scaled quadratic", "[volume][lbfgs]") {
+TEST_CASE("L-BFGS finds the minimum of a badly scaled quadratic", "[lbfgs]") {
   const int n = 50;
   const VectorXd scales = VectorXd::LinSpaced(n, 0, 6).array().exp();
   const VectorXd goal = VectorXd::LinSpaced(n, -1, 2);
@@ -35,7 +35,7 @@ TEST_CASE("L-BFGS finds the minimum of a badly scaled quadratic", "[volume][lbfg
   CHECK((x - goal).cwiseAbs().maxCoeff() < 2e-3);
 }
 
-TEST_CASE("L-BFGS follows Rosenbrock's valley", "[volume][lbfgs]") {
+TEST_CASE("L-BFGS follows Rosenbrock's valley", "[lbfgs]") {
   const auto value = [](const VectorXd& x, VectorXd& gradient) {
     const double a = 1 - x[0], b = x[1] - x[0] * x[0];
     gradient.resize(2);
@@ -50,7 +50,7 @@ TEST_CASE("L-BFGS follows Rosenbrock's valley", "[volume][lbfgs]") {
 }
 
 TEST_CASE("L-BFGS asks for the Hessian anew, and goes no farther than a guess is good for",
-          "[volume][lbfgs]") {
+          "[lbfgs]") {
   // Infinite beyond 0, and the steeper the nearer: most steps of a guess from afar end there.
   struct Guess : HessianGuess {
     VectorXd solve(const VectorXd& vector) const override {

@@ -1,0 +1,95 @@
+#include "surface/face_unfold.h"
+
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "../core/sample_meshes.h"
+#include "cad/projector.h"
+#include "morph_case.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Eigen::Vector3d;
+
+// The side z = 0 of the unit cube's mesh, moved by `map` onto a face of the model.
+struct Side {
+  Side(CellType type, CadModel given, const std::function<Vector3d(const Vector3d&)>& map)
+      : model(std::move(given)) {
+    Mesh mesh = cube(type, 5);
+    const Points flat = mesh.points;
+    mesh.points = images(flat, map);
+    const Boundary boundary = extract_boundary(mesh);
+    surface = make_surface_mesh(mesh, boundary, 1);
+    const Points at = surface_points(boundary, flat);
+    for (int f = 0; f < boundary.facet_count(); ++f)
+      if (std::ranges::all_of(surface.facets[f], [&](int n) { return at(n, 2) == 0; }))
+        facets.push_back(f);
+    for (int n = 0; n < at.rows(); ++n)
+      if (at(n, 2) == 0 && at.row(n).head<2>().minCoeff() > 0 && at.row(n).head<2>().maxCoeff() < 1)
+        rows.push_back(n);
+    const Vector3d middle = map(Vector3d(0.5, 0.5, 0));
+    for (int f = 0; f < std::ssize(model.faces()); ++f)
+      if (project_on_face(model, f, middle, Eigen::Vector2d(0, 0)).distance < 1e-9) face = f;
+    REQUIRE(face >= 0);
+    uv.resize(std::ssize(rows), 2);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      uv.row(i) =
+          project_on_face(model, face, surface.points.row(rows[i]), Eigen::Vector2d(0, 0)).uv;
+  }
+
+  // The surface's points with the face's own nodes at other parameters.
+  Points at(const Parameters& other) const {
+    Points result = surface.points;
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      result.row(rows[i]) = model.evaluate(face, other.row(i)).point;
+    return result;
+  }
+
+  std::size_t folds(const Parameters& other) const {
+    return find_folds(surface, facets, rows, {model, face, uv, surface.points},
+                      {model, face, other, at(other)})
+        .size();
+  }
+
+  CadModel model;
+  SurfaceMesh surface;
+  std::vector<int> facets, rows;
+  int face = -1;
+  Parameters uv;
+};
+
+}  // namespace
+
+TEST_CASE("facets that lie over each other find back to their places", "[surface][fold]") {
+  const auto stay = [](const Vector3d& x) { return x; };
+  const auto bend = [](const Vector3d& x) -> Vector3d {
+    const double radius = 1 - x.z() / 2;
+    return {radius * std::cos(x.x()), radius * std::sin(x.x()), x.y()};
+  };
+  for (const CellType type : {CellType::Tetra, CellType::Hexahedron, CellType::QuadraticTetra,
+                              CellType::QuadraticHexahedron}) {
+    const Side plane(type, to_model(BRepPrimAPI_MakeBox(1, 1, 1).Shape()), stay);
+    const Side bent(type, to_model(BRepPrimAPI_MakeCylinder(1, 1, 1).Shape()), bend);
+    for (const Side* side : {&plane, &bent}) {
+      INFO(static_cast<int>(type) << (side == &bent ? " on a cylinder" : " in a plane"));
+      Points moved = Points::Zero(side->uv.rows(), 3);
+      moved.leftCols<2>() = side->uv;
+      Parameters folded = shaken(moved, 0.5, 2).leftCols<2>();
+      REQUIRE(side->folds(folded) > side->facets.size() / 5);
+      const Parameters found = unfold_face(side->surface, side->facets, side->rows,
+                                           {side->model, side->face, folded, side->at(folded)});
+      CHECK(side->folds(found) == 0);
+      // The least distortion there is; chords are no arcs.
+      const double allowed = side == &bent ? 5e-3 : 1e-3;
+      CHECK((found - side->uv).cwiseAbs().maxCoeff() < allowed);
+    }
+  }
+}
+
+}  // namespace cadmorph
