@@ -154,7 +154,7 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
     return measure_solid_layers(mesh, neighbours, is_surface, before, after);
   const int axis = flat_axis(mesh, before);
   if (axis < 0) return {};
-  const Mesh layer = one_layer(mesh, before, axis);
+  const Mesh layer = one_layer(mesh, before);
   Points moved = layer.points;
   moved.topRows(after.rows()) = after;
   moved.bottomRows(after.rows()) += after - before;

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <vector>
 
+#include "core/boundary.h"
+#include "core/cell_faces.h"
+
 namespace cadmorph {
 namespace {
 
@@ -39,6 +42,13 @@ std::vector<std::vector<Index>> prism_faces(const std::vector<Index>& nodes, Ind
   return faces;
 }
 
+double doubled_area(const Mesh& mesh, const Points& points, int flat_axis) {
+  double area = 0;
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (dimension(mesh.types[c]) == 2) area += doubled_area(loop(mesh, c), points, flat_axis);
+  return area;
+}
+
 }  // namespace
 
 int flat_axis(const Mesh& mesh, const Points& points) {
@@ -48,15 +58,18 @@ int flat_axis(const Mesh& mesh, const Points& points) {
   return extent.minCoeff(&axis) <= kFlat * extent.maxCoeff() ? axis : -1;
 }
 
-Mesh one_layer(const Mesh& mesh, const Points& points, int flat_axis) {
+Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& points) {
+  const int axis = flat_axis(mesh, points);
+  if (axis < 0) return Eigen::Vector3d::Zero();
+  return (doubled_area(mesh, points, axis) < 0 ? -1 : 1) * Eigen::Vector3d::Unit(axis);
+}
+
+Mesh one_layer(const Mesh& mesh, const Points& points) {
   const Index n = mesh.node_count();
-  double area = 0;
-  for (Index c = 0; c < mesh.cell_count(); ++c)
-    if (dimension(mesh.types[c]) == 2) area += doubled_area(loop(mesh, c), points, flat_axis);
   Mesh layer;
   layer.points.resize(2 * n, 3);
   layer.points << points, points;
-  layer.points.col(flat_axis).tail(n).array() += area < 0 ? -1 : 1;
+  layer.points.bottomRows(n).rowwise() += plane_normal(mesh, points).transpose();
   for (Index c = 0; c < mesh.cell_count(); ++c) {
     if (dimension(mesh.types[c]) != 2) {
       add_cell(layer, mesh.types[c], mesh.cell(c));
@@ -73,6 +86,28 @@ Mesh one_layer(const Mesh& mesh, const Points& points, int flat_axis) {
     add_cell(layer, is_triangle ? CellType::Wedge : CellType::Hexahedron, nodes);
   }
   return layer;
+}
+
+std::vector<char> border_nodes(const Mesh& mesh, const Points& points) {
+  const Index n = mesh.node_count();
+  std::vector<char> result(std::size_t(n), 0);
+  const auto mark = [&](std::span<const Index> nodes) {
+    for (const Index node : nodes) result[std::size_t(node % n)] = 1;
+  };
+  const auto region = [&](Index c) { return mesh.regions.empty() ? 0 : mesh.regions[c]; };
+  const Mesh layer = one_layer(mesh, points);
+  const CellNeighbours neighbours = find_cell_neighbours(layer);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (dimension(mesh.types[c]) < 2) mark(mesh.cell(c));
+    if (dimension(layer.types[c]) < 3) continue;
+    const std::vector<Facet> facets = cell_facets(layer, c);
+    for (std::size_t f = 0; f < facets.size(); ++f) {
+      const Index other = neighbours.neighbour[neighbours.offsets[c] + Index(f)];
+      const auto [low, high] = std::ranges::minmax(facets[f].nodes);
+      if (low < n && high >= n && (other < 0 || region(other) != region(c))) mark(facets[f].nodes);
+    }
+  }
+  return result;
 }
 
 }  // namespace cadmorph

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "core/mesh.h"
 
 namespace cadmorph {
@@ -8,10 +10,18 @@ namespace cadmorph {
 /// size at `points` (N x 3); -1 where there is none, or where the mesh has solid cells.
 int flat_axis(const Mesh& mesh, const Points& points);
 
+/// The normal of a plane mesh (flat_axis), of length 1, about which most of its area at `points`
+/// (N x 3) turns to the left; zero for other meshes.
+Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& points);
+
 /// A plane mesh as one layer of solid cells 1 thick, as finite-volume programs take it: wedges,
 /// hexahedra and polyhedra in the place of its triangles, quads and polygons (corners alone), its
 /// other cells as they are. Node n of N lies at `points` (N x 3), node N + n off the plane. Volumes
 /// are positive where the mesh's cells turn the way that most of its area does.
-Mesh one_layer(const Mesh& mesh, const Points& points, int flat_axis);
+Mesh one_layer(const Mesh& mesh, const Points& points);
+
+/// Marks the nodes (N) of a plane mesh on its border, between its regions, and of its cells of
+/// lower dimension. `points` as in one_layer.
+std::vector<char> border_nodes(const Mesh& mesh, const Points& points);
 
 }  // namespace cadmorph

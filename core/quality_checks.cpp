@@ -400,7 +400,7 @@ QualityChecks check_quality(const Mesh& mesh, const Points& points,
     return check_solid_cells(mesh, points, neighbours, orientation, -1);
   const int axis = flat_axis(mesh, points);
   if (axis < 0) return {};
-  const Mesh layer = one_layer(mesh, points, axis);
+  const Mesh layer = one_layer(mesh, points);
   return check_solid_cells(layer, layer.points, find_cell_neighbours(layer),
                            detect_orientation(layer), axis);
 }

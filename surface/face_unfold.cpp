@@ -43,10 +43,8 @@ std::vector<std::array<int, 3>> triangles_of(const SurfaceMesh& surface,
   for (const int f : facets) {
     const std::vector<int>& rows = surface.facets[f];
     const auto corners = std::size_t(surface.corners[f]);
-    if (rows.size() < 2 * corners) {
-      add_corners({rows.begin(), rows.begin() + std::ptrdiff_t(corners)}, triangles);
-      continue;
-    }
+    add_corners({rows.begin(), rows.begin() + std::ptrdiff_t(corners)}, triangles);
+    if (rows.size() < 2 * corners) continue;
     const std::vector<int> middles(rows.begin() + std::ptrdiff_t(corners),
                                    rows.begin() + std::ptrdiff_t(2 * corners));
     for (std::size_t i = 0; i < corners; ++i)
@@ -61,12 +59,15 @@ class FaceDistortion : public HessianGuess {
  public:
   FaceDistortion(const SurfaceMesh& surface, const std::vector<int>& facets,
                  const std::vector<int>& rows, const FaceSide& mapped)
-      : free_(std::ssize(rows)) {
-    for (const int row : rows) nodes_.emplace(row, std::ssize(nodes_));
-    places_.resize(rows.size());
-    for (Index i = 0; i < free_; ++i) places_[i] = mapped.uv.row(i).transpose();
+      : surface_(surface), mapped_(mapped) {
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (surface.is_corner(rows[i])) add_place(rows[i], mapped.uv.row(Index(i)).transpose());
+    free_ = std::ssize(places_);
+    for (const int row : rows)
+      if (const auto& ends = surface.between[row]; !surface.is_corner(row) && ends[2] < 0)
+        nodes_[row] = {node_of(ends[0]).a, node_of(ends[1]).a};
     double area = 0;
-    for (const auto& t : triangles_of(surface, facets)) area += add_triangle(surface, mapped, t);
+    for (const auto& t : triangles_of(surface, facets)) area += add_triangle(t);
     for (Triangle& t : triangles_)
       if (area < 0) t.to_plane.row(1) *= -1;
   }
@@ -76,6 +77,20 @@ class FaceDistortion : public HessianGuess {
     for (Index i = 0; i < free_; ++i) x.segment<2>(2 * i) = places_[i];
     return x;
   }
+  // Of the rows given: corners, and the means of those that others lie between.
+  Parameters parameters(const VectorXd& x, const std::vector<int>& rows) {
+    Parameters result = Parameters::Zero(std::ssize(rows), 2);
+    for (Index i = 0; i < result.rows(); ++i) {
+      const int row = rows[std::size_t(i)];
+      const auto& around = surface_.between[row];
+      const auto count = std::ranges::count_if(around, [](int end) { return end >= 0; });
+      if (count <= 2) result.row(i) = at(x, node_of(row)).transpose();
+      for (Index k = 0; count > 2 && k < count; ++k)
+        result.row(i) += at(x, node_of(around[std::size_t(k)])).transpose() / double(count);
+    }
+    return result;
+  }
+
   double triangle_count() const { return double(triangles_.size()); }
 
   double operator()(const VectorXd& x, double epsilon, VectorXd& gradient) {
@@ -91,8 +106,9 @@ class FaceDistortion : public HessianGuess {
           (-s.shape * s.rate + kVolumeWeight * (2 * s.det - s.volume * s.rate)) / s.chi *
               s.cofactor;
       for (int k = 0; k < 3; ++k)
-        if (const Index i = t.nodes[k]; i < free_)
-          gradient.segment<2>(2 * i) += t.to_plane.transpose() * by_jacobian * slope_of(t, k);
+        for (const Index i : {t.nodes[k].a, t.nodes[k].b})
+          if (i < free_)
+            gradient.segment<2>(2 * i) += t.to_plane.transpose() * by_jacobian * slope_of(t, k) / 2;
     }
     return energy;
   }
@@ -107,13 +123,14 @@ class FaceDistortion : public HessianGuess {
           s.shape / s.chi * (2 * rate_square - s.bend) +
           kVolumeWeight / s.chi *
               (2 - 4 * s.det * s.rate / s.chi + s.volume * (2 * rate_square - s.bend));
-      for (int k = 0; k < 3; ++k)
-        if (const Index i = t.nodes[k]; i < free_) {
-          const Vector2d slope = slope_of(t, k), of_det = s.cofactor * slope;
-          const Matrix2d hessian = 2 / s.chi * slope.squaredNorm() * Matrix2d::Identity() +
-                                   std::max(by_det, 0.0) * of_det * of_det.transpose();
-          inverses_[std::size_t(i)] += t.to_plane.transpose() * hessian * t.to_plane;
-        }
+      for (int k = 0; k < 3; ++k) {
+        const Vector2d slope = slope_of(t, k), of_det = s.cofactor * slope;
+        const Matrix2d hessian = 2 / s.chi * slope.squaredNorm() * Matrix2d::Identity() +
+                                 std::max(by_det, 0.0) * of_det * of_det.transpose();
+        for (const Index i : {t.nodes[k].a, t.nodes[k].b})
+          if (i < free_)
+            inverses_[std::size_t(i)] += t.to_plane.transpose() * hessian * t.to_plane / 2;
+      }
     }
     double most = 0;
     for (const Matrix2d& hessian : inverses_) most = std::max(most, hessian.trace());
@@ -131,10 +148,14 @@ class FaceDistortion : public HessianGuess {
   }
 
  private:
+  // The mean of two places: of the same one, or, for a node in the middle of an edge, of its ends.
+  struct Node {
+    Index a, b;
+  };
   struct Triangle {
-    std::array<Index, 3> nodes;  ///< first those that move
-    Matrix2d to_plane;           ///< of the parameters, isometric where the triangle starts
-    Matrix2d from_base;          ///< inverse of its edges on the base, in its plane
+    std::array<Node, 3> nodes;
+    Matrix2d to_plane;   ///< of the parameters, isometric where the triangle starts
+    Matrix2d from_base;  ///< inverse of its edges on the base, in its plane
   };
 
   struct Sample {
@@ -160,34 +181,42 @@ class FaceDistortion : public HessianGuess {
     return t.to_plane * edges * t.from_base;
   }
 
-  Vector2d at(const VectorXd& x, Index node) const {
-    return node < free_ ? Vector2d(x.segment<2>(2 * node)) : places_[std::size_t(node)];
+  Vector2d place(const VectorXd& x, Index i) const {
+    return i < free_ ? Vector2d(x.segment<2>(2 * i)) : places_[std::size_t(i)];
+  }
+  Vector2d at(const VectorXd& x, const Node& node) const {
+    return (place(x, node.a) + place(x, node.b)) / 2;
+  }
+
+  Node add_place(int row, const Vector2d& uv) {
+    const Index i = std::ssize(places_);
+    places_.push_back(uv);
+    return nodes_[row] = {i, i};
   }
 
   // A node that is new stays where it is.
-  Index node_of(const FaceSide& mapped, int row) {
-    const auto [found, is_new] = nodes_.emplace(row, std::ssize(places_));
-    if (is_new) {
-      const Vector3d point = mapped.points.row(row);
-      places_.push_back(project_on_face(mapped.model, mapped.face, point, places_[0]).uv);
-    }
-    return found->second;
+  Node node_of(int row) {
+    if (const auto found = nodes_.find(row); found != nodes_.end()) return found->second;
+    const Vector2d near = places_.empty() ? Vector2d(0, 0) : places_[0];
+    const Vector3d point = mapped_.points.row(row);
+    return add_place(row, project_on_face(mapped_.model, mapped_.face, point, near).uv);
   }
 
   // Returns its area in the parameters' sense.
-  double add_triangle(const SurfaceMesh& surface, const FaceSide& mapped,
-                      const std::array<int, 3>& rows) {
-    const Vector3d a = surface.points.row(rows[1]) - surface.points.row(rows[0]);
-    const Vector3d b = surface.points.row(rows[2]) - surface.points.row(rows[0]);
+  double add_triangle(const std::array<int, 3>& rows) {
+    const Vector3d a = surface_.points.row(rows[1]) - surface_.points.row(rows[0]);
+    const Vector3d b = surface_.points.row(rows[2]) - surface_.points.row(rows[0]);
     const double length = a.norm(), height = a.cross(b).norm() / length;
     if (!(height > kFlat * std::max(length, b.norm()))) return 0;
     Matrix2d base, edges;
     base << length, a.dot(b) / length, 0, height;
-    std::array<Index, 3> nodes;
-    std::ranges::transform(rows, nodes.begin(), [&](int row) { return node_of(mapped, row); });
-    const Vector2d origin = places_[nodes[0]];
-    edges << places_[nodes[1]] - origin, places_[nodes[2]] - origin;
-    const SurfacePoint s = mapped.model.evaluate(mapped.face, origin + edges.rowwise().sum() / 3);
+    const std::array<Node, 3> nodes = {node_of(rows[0]), node_of(rows[1]), node_of(rows[2])};
+    const auto start = [&](const Node& node) -> Vector2d {
+      return (places_[node.a] + places_[node.b]) / 2;
+    };
+    const Vector2d origin = start(nodes[0]);
+    edges << start(nodes[1]) - origin, start(nodes[2]) - origin;
+    const SurfacePoint s = mapped_.model.evaluate(mapped_.face, origin + edges.rowwise().sum() / 3);
     Matrix2d metric;
     metric << s.du.squaredNorm(), s.du.dot(s.dv), s.du.dot(s.dv), s.dv.squaredNorm();
     const Eigen::LLT<Matrix2d> factor(metric);
@@ -201,9 +230,11 @@ class FaceDistortion : public HessianGuess {
     return k == 0 ? Vector2d(-t.from_base.colwise().sum()) : Vector2d(t.from_base.row(k - 1));
   }
 
-  Index free_;                    ///< nodes that move
-  std::map<int, Index> nodes_;    ///< of rows
-  std::vector<Vector2d> places_;  ///< parameters where the nodes start
+  const SurfaceMesh& surface_;
+  const FaceSide& mapped_;
+  std::map<int, Node> nodes_;     ///< of rows
+  std::vector<Vector2d> places_;  ///< parameters where they start
+  Index free_ = 0;                ///< the first of them, which move
   std::vector<Triangle> triangles_;
   std::vector<Matrix2d> inverses_;  ///< of the nodes' blocks
   double least_ = 0;
@@ -233,9 +264,7 @@ Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facet
     if (least > 0 && epsilon <= kLeastEpsilon && after > (1 - kSettled) * before) break;
     epsilon = next_epsilon(epsilon, least, before, after);
   }
-  Parameters result(std::ssize(rows), 2);
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = x.segment<2>(2 * i).transpose();
-  return result;
+  return distortion.parameters(x, rows);
 }
 
 }  // namespace cadmorph

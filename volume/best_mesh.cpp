@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/lbfgs.h"
+#include "core/plane_mesh.h"
 #include "core/rbf/anchors.h"
 #include "volume/node_cells.h"
 #include "volume/shape_energy.h"
@@ -82,7 +83,7 @@ class BestMesh {
   }
 
   BestMeshResult run() {
-    if (dimension(mesh_) == 3 && kept() < kLost && compare_with_stretch()) {
+    if (can_raise() && kept() < kLost && compare_with_stretch()) {
       hold_flat_cells();
       lost_half_ = has_lost_half();
       raise(RaiseBy::InnerNodes, 2);
@@ -98,6 +99,20 @@ class BestMesh {
     QualityReport quality;
     RowMatrix slides;
   };
+
+  // Solid cells, or those of a mesh in a plane, and the same plane as the reference.
+  bool can_raise() const {
+    return dimension(mesh_) == 3 ||
+           (!plane_normal(mesh_, reference_.points).isZero(0) &&
+            plane_normal(mesh_, reference_.points) == plane_normal(mesh_, result_.positions));
+  }
+
+  // Cells of a plane mesh that turned over are not valid.
+  ValidityReport validity(const Points& positions) const {
+    if (flat_axis(mesh_, positions) < 0) return check_validity(mesh_, positions, orientation_);
+    const Mesh layer = one_layer(mesh_, positions);
+    return check_validity(layer, layer.points, Orientation(orientation_.size(), 1));
+  }
 
   // False where no node slid.
   bool raise_by_sliding() {
@@ -132,9 +147,14 @@ class BestMesh {
     const Index n = mesh_.node_count();
     Eigen::MatrixX4d from(n, 4);
     from << reference_.points, VectorXd::Ones(n);
-    const Eigen::Matrix4d normal = from.transpose() * from;
-    const Eigen::Matrix<double, 4, 3> map =
-        normal.ldlt().solve(from.transpose() * result_.positions);
+    Eigen::Matrix4d square = from.transpose() * from;
+    Eigen::Matrix<double, 4, 3> product = from.transpose() * result_.positions;
+    // A plane's normal is to stay.
+    const Eigen::Vector3d normal = plane_normal(mesh_, reference_.points);
+    const Eigen::Matrix3d across = square.trace() * normal * normal.transpose();
+    square.topLeftCorner<3, 3>() += across;
+    product.topRows<3>() += across;
+    const Eigen::Matrix<double, 4, 3> map = square.ldlt().solve(product);
     const Points image = from * map;
     const double size = (image.colwise().maxCoeff() - image.colwise().minCoeff()).norm();
     if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size) return false;
@@ -159,7 +179,7 @@ class BestMesh {
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (result_.quality.values[c] <= kFlat)
         for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
-    validity_ = check_validity(mesh_, result_.positions, orientation_);
+    validity_ = validity(result_.positions);
     for (const Index c : validity_.invalid_cells)
       for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
   }
@@ -195,7 +215,7 @@ class BestMesh {
         if (is_fixed_[node] || std::exchange(has_node[node], 1)) continue;
         result.nodes.push_back(node);
         for (const Index c : incidence_->cells(node))
-          if (dimension(mesh_.types[c]) == 3 && !std::exchange(has_cell[c], 1))
+          if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1))
             result.cells.push_back(c);
       }
     }
@@ -263,7 +283,7 @@ class BestMesh {
     take_back_far(next.positions);
     next.quality = measure_quality(mesh_, next.positions, orientation_);
     take_back_below(report.plain.min, next);
-    if (check_validity(mesh_, next.positions, orientation_).invalid > validity_.invalid ||
+    if (validity(next.positions).invalid > validity_.invalid ||
         (sliding_ && options_.is_folded && options_.is_folded(next.positions, next.slides))) {
       at_ = {result_.positions, result_.quality, slides_};
       return;

@@ -12,6 +12,7 @@
 #include "core/cell_topology.h"
 #include "core/isoparametric.h"
 #include "core/parallel.h"
+#include "core/plane_mesh.h"
 #include "core/reference_cell.h"
 
 namespace cadmorph {
@@ -36,6 +37,20 @@ bool is_tetrahedron(CellType type) {
   return type == CellType::Tetra || type == CellType::QuadraticTetra;
 }
 
+// One over the determinant of the ideal cell's sample with unit edges.
+double unit_of(Shape shape) {
+  switch (shape) {
+    case Shape::Prism:
+    case Shape::Triangle:
+      return kTwoOverSqrt3;
+    case Shape::Cube:
+    case Shape::Quad:
+      return 1;
+    default:
+      return kSqrt2;
+  }
+}
+
 Eigen::Matrix3d lane_of(const SampleLane rows[9], std::size_t lane) {
   Eigen::Matrix3d result;
   for (int k = 0; k < 9; ++k) result.data()[k] = rows[k][lane];
@@ -53,7 +68,34 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
   const auto add_corners = [&](std::span<const LocalCorner> corners, double unit) {
     for (const LocalCorner& k : corners) result->push_back({{k[0], k[1], k[2], k[3]}, {}, unit});
   };
+  const auto add_ring = [&](std::span<const int> ring, double unit) {
+    const std::size_t n = ring.size();
+    for (std::size_t i = 0; i < n; ++i)
+      result->push_back({{ring[i], ring[(i + 1) % n], ring[(i + n - 1) % n], -1}, {}, unit});
+  };
   switch (type) {
+    case Triangle:
+      add_ring(std::array{0, 1, 2}, kTwoOverSqrt3);
+      break;
+    case Quad:
+      add_ring(std::array{0, 1, 2, 3}, 1);
+      break;
+    case Pixel:
+      add_ring(std::array{0, 1, 3, 2}, 1);
+      break;
+    case Polygon: {
+      const Index count = std::ssize(mesh_.cell(cell));
+      const double unit = 1 / std::sin(2 * std::numbers::pi / double(count));
+      for (Index i = 0; i < count; ++i) {  // edges from the centre
+        NodeRows slopes = NodeRows::Zero(count, 3);
+        slopes.leftCols<2>().setConstant(-1.0 / double(count));
+        slopes(i, 0) += 1;
+        slopes((i + 1) % count, 1) += 1;
+        result->push_back({{}, slopes, unit});
+      }
+      samples_.push_back(std::move(result));
+      return samples_.back().get();
+    }
     case Tetra:
       result->push_back({{0, 1, 2, 3}, {}, kSqrt2});
       break;
@@ -99,10 +141,18 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
     }
     default: {
       const Element& element = element_of(type);
-      const double unit = element.shape == Shape::Prism  ? kTwoOverSqrt3
-                          : element.shape == Shape::Cube ? 1
-                                                         : kSqrt2;
-      for (const NodeRows& slopes : element.samples) result->push_back({{}, slopes, unit});
+      const double unit = unit_of(element.shape);
+      for (const NodeRows& slopes : element.samples) {
+        result->push_back({{}, slopes, unit});
+        if (element.shape != Shape::Triangle) continue;
+        NodeRows turned = slopes;  // the other two corners of the triangle that the tangents span
+        for (int corner = 1; corner < 3; ++corner) {
+          const VectorXd first = turned.col(0);
+          turned.col(0) = turned.col(1) - first;
+          turned.col(1) = -first;
+          result->push_back({{}, turned, unit});
+        }
+      }
       if (element.shape != Shape::Pyramid) break;
       const auto tangent = [&](int i) {  // at the apex, towards a corner
         VectorXd w = VectorXd::Zero(element.nodes);
@@ -124,7 +174,11 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
 
 ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions,
                          FreeNodes free, std::vector<Index> cells, const Orientation& orientation)
-    : mesh_(mesh), positions_(std::move(positions)), free_(std::move(free)), samples_(kTypes) {
+    : mesh_(mesh),
+      positions_(std::move(positions)),
+      free_(std::move(free)),
+      normal_(plane_normal(mesh, reference)),
+      samples_(kTypes) {
   // Tetrahedra are evaluated in lanes of their own.
   std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
   slopes_.emplace(mesh, cells, free_);
@@ -196,14 +250,16 @@ void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
 Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
                             const Points& points) const {
   Matrix3d j = Matrix3d::Zero();
+  j.col(2) = normal_;
   if (sample.slopes.size() == 0) {
     const auto& k = sample.corner;
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < edge_count(sample); ++i)
       j.col(i) = (points.row(nodes[k[i + 1]]) - points.row(nodes[k[0]])).transpose();
     return j;
   }
   for (std::size_t n = 0; n < nodes.size(); ++n)
     j += points.row(nodes[n]).transpose() * sample.slopes.row(n);
+  if (!normal_.isZero(0)) j.leftCols<2>() -= normal_ * (normal_.transpose() * j.leftCols<2>());
   return j;
 }
 
@@ -240,9 +296,10 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
                                  slope.noalias() += sample.slopes.lazyProduct(by_edges.transpose());
                                  return;
                                }
-                               for (int k = 0; k < 3; ++k)
+                               for (int k = 0; k < edge_count(sample); ++k) {
                                  slope.row(sample.corner[k + 1]) += by_edges.col(k).transpose();
-                               slope.row(sample.corner[0]) -= by_edges.rowwise().sum().transpose();
+                                 slope.row(sample.corner[0]) -= by_edges.col(k).transpose();
+                               }
                              });
       if (!std::isfinite(energies[c])) is_infinite = true;
     }
@@ -281,8 +338,9 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
           for (Index node = 0; node < of.rows(); ++node) add(node, of.row(node).squaredNorm());
           return;
         }
-        for (int i = 0; i < 3; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
-        add(sample.corner[0], inverse.colwise().sum().squaredNorm());
+        const int edges = edge_count(sample);
+        for (int i = 0; i < edges; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
+        add(sample.corner[0], inverse.topRows(edges).colwise().sum().squaredNorm());
       });
       for (Index i = first; i < last; ++i)
         if (const double energy = energies[i - first]; energy > 0)

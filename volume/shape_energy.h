@@ -22,8 +22,8 @@ namespace cadmorph {
 /// Infinite where a sample is not positive.
 class ShapeEnergy {
  public:
-  /// Of solid `cells`, at `positions` (N x 3) to start with. `reference` (N x 3): samples that are
-  /// not positive there have no shape to keep.
+  /// Of solid `cells`, or those of a plane mesh (plane_normal), at `positions` (N x 3) to start
+  /// with. `reference` (N x 3): samples that are not positive there have no shape to keep.
   ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions, FreeNodes free,
               std::vector<Index> cells, const Orientation& orientation);
 
@@ -47,11 +47,13 @@ class ShapeEnergy {
 
   /// Three edges or tangents of a cell.
   struct Sample {
-    std::array<int, 4> corner;  ///< edges from the first of these nodes to the others; or
-    NodeRows slopes;            ///< weights of the cell's nodes, where not empty
-    double unit;                ///< one over the determinant in the ideal cell with unit edges
+    /// Edges from the first of these nodes to the others, -1 for the plane's normal; or
+    std::array<int, 4> corner;
+    NodeRows slopes;  ///< weights of the cell's nodes, where not empty
+    double unit;      ///< one over the determinant in the ideal cell with unit edges
   };
   using Samples = std::vector<Sample>;
+  static int edge_count(const Sample& sample) { return sample.corner[3] < 0 ? 2 : 3; }
 
   struct Cell {
     Index id;
@@ -82,6 +84,7 @@ class ShapeEnergy {
   const Mesh& mesh_;
   Points positions_;
   FreeNodes free_;
+  Eigen::Vector3d normal_;  ///< of a plane mesh: the third edge of its samples
   int squarings_ = 1;
   std::vector<std::unique_ptr<Samples>> samples_;  ///< of a cell type; then of polyhedra
   std::vector<Cell> cells_;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "apps/pipeline/refusal.h"
+#include "core/plane_mesh.h"
 #include "surface/node_slide.h"
 
 namespace cadmorph {
@@ -149,6 +150,26 @@ std::vector<Index> nodes_to_hold(const MorphBase& base, const SurfaceMorphResult
   return result;
 }
 
+// Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
+// its border, on CAD edges, at rest, or amid straight edges. Surface nodes that nothing prescribes
+// stay where the morph put them, on their surface.
+std::vector<char> nodes_to_leave(const MorphBase& base, const SurfaceMorphResult& surface) {
+  const Mesh& mesh = base.mesh();
+  std::vector<char> result = base.fixed_nodes();
+  for (const Index node : base.boundary.nodes) result[node] = 1;
+  if (flat_axis(mesh, mesh.points) < 0) return result;
+  const std::vector<char> is_border = border_nodes(mesh, mesh.points);
+  const Association& association = base.surface->association();
+  for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
+    if (const Index node = base.boundary.nodes[row];
+        association.dimension[row] == CadDimension::Face && !association.is_amid[row] &&
+        surface.positions.row(row) != mesh.points.row(node))
+      result[node] = is_border[node];
+  for (const Index c : base.misordered)
+    for (const Index node : mesh.cell(c)) result[node] = 1;
+  return result;
+}
+
 // Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
 void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   const PipelineOptions& options = base.options;
@@ -158,12 +179,10 @@ void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& resu
   const Points& reference = base.mesh_file->mesh().points;
   std::optional<QualityReport> of_file;
   if (base.moved) of_file = measure_quality(base.mesh(), reference, base.orientation);
-  // Surface nodes that nothing prescribes stay where the morph put them, on their surface.
-  std::vector<char> is_fixed = base.fixed_nodes();
-  for (const Index node : base.boundary.nodes) is_fixed[node] = 1;
+  const std::vector<char> is_fixed = nodes_to_leave(base, result.surface);
   BestMeshOptions how;
   how.held = nodes_to_hold(base, result.surface);
-  how.sliding = [&] { return sliding.nodes(); };
+  if (dimension(base.mesh()) == 3) how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
     return sliding.is_folded(positions, slides);
   };

@@ -104,7 +104,7 @@ TEST_CASE("Heights of the first cells in a plane, and in a mesh one cell thick",
     CHECK(layers.growth_after == Approx(8));
   };
   check_layers(plane);
-  check_layers(one_layer(plane, plane.points, 2));
+  check_layers(one_layer(plane, plane.points));
 }
 
 }  // namespace cadmorph

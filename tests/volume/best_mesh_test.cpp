@@ -10,6 +10,7 @@
 #include "../core/sample_meshes.h"
 #include "core/layer_heights.h"
 #include "core/parallel.h"
+#include "core/plane_mesh.h"
 #include "volume/shape_energy.h"
 #include "volume_meshes.h"
 
@@ -55,19 +56,64 @@ struct FixedCube {
     return check_validity(mesh, result, orientation).invalid > 0 ? disturbed(0.7 * amount) : result;
   }
 
+  double least(const Points& positions) const {
+    return measure_quality(mesh, positions, orientation).min;
+  }
+
   Mesh mesh;
   std::vector<char> is_fixed;
   Orientation orientation;
   QualityReport quality;
 };
 
+// The side z = 0 of the unit cube, in the plane x_axis = 3.
+Mesh square(CellType solid, int n, int axis) {
+  const Mesh solids = cube(solid, n);
+  Mesh result;
+  std::vector<Index> nodes(std::size_t(solids.node_count()), -1);
+  std::vector<Index> used;
+  for (Index c = 0; c < solids.cell_count(); ++c)
+    for (Facet& facet : cell_facets(solids, c)) {
+      if (!std::ranges::all_of(facet.nodes, [&](Index n) { return solids.points(n, 2) == 0; }))
+        continue;
+      for (Index& node : facet.nodes) {
+        if (nodes[node] < 0) {
+          nodes[node] = std::ssize(used);
+          used.push_back(node);
+        }
+        node = nodes[node];
+      }
+      add_cell(result, facet.type, facet.nodes);
+    }
+  result.points.resize(std::ssize(used), 3);
+  for (Index i = 0; i < std::ssize(used); ++i) {
+    result.points(i, (axis + 1) % 3) = solids.points(used[i], 0);
+    result.points(i, (axis + 2) % 3) = solids.points(used[i], 1);
+    result.points(i, axis) = 3;
+  }
+  return result;
+}
+
+const std::vector<CellType> kSides = {CellType::Tetra,
+                                      CellType::Hexahedron,
+                                      CellType::Voxel,
+                                      CellType::Polyhedron,
+                                      CellType::QuadraticTetra,
+                                      CellType::QuadraticHexahedron,
+                                      CellType::TriquadraticHexahedron};
+
 }  // namespace
 
 TEST_CASE("The slope of the shape energy is that of its values", "[volume][best]") {
-  for (const CellType type : solid_types()) {
-    const FixedCube cube(testing::cube(type, 2));
-    INFO(static_cast<int>(type));
-    const Points start = shaken(cube.mesh.points, 0.02, 5);
+  std::vector<Mesh> meshes;
+  for (const CellType type : solid_types()) meshes.push_back(testing::cube(type, 2));
+  for (const CellType type : kSides) meshes.push_back(square(type, 3, 1));
+  for (Mesh& mesh : meshes) {
+    const FixedCube cube(std::move(mesh));
+    INFO(static_cast<int>(cube.mesh.types[0]));
+    Points start = shaken(cube.mesh.points, 0.02, 5);
+    const bool is_plane = dimension(cube.mesh) == 2;
+    if (is_plane) start.col(1).setConstant(3);
     FreeNodes free(cube.mesh.node_count(), all(cube.mesh.node_count()), nullptr);
     const VectorXd x = free.start(start, RowMatrix());
     ShapeEnergy energy(cube.mesh, cube.mesh.points, start, std::move(free),
@@ -81,6 +127,7 @@ TEST_CASE("The slope of the shape energy is that of its values", "[volume][best]
       const double ahead = energy(x + h * direction, unused);
       const double behind = energy(x - h * direction, unused);
       CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-5));
+      for (Index n = 0; is_plane && n < cube.mesh.node_count(); ++n) CHECK(slope[3 * n + 1] == 0);
     }
   }
 }
@@ -183,6 +230,43 @@ TEST_CASE("Inner nodes of cells that lost shape raise them", "[volume][best]") {
     for (Index n = 0; n < cube.mesh.node_count(); ++n)
       if (cube.is_fixed[n]) REQUIRE(result.positions.row(n) == positions.row(n));
   }
+}
+
+TEST_CASE("Inner nodes of a mesh in a plane raise its cells, and stay in the plane",
+          "[volume][best]") {
+  for (const CellType type : kSides)
+    for (const int axis : {0, 1, 2}) {
+      Mesh mesh = square(type, 6, axis);
+      if (axis == 1)  // seen from the other side
+        mesh.points.col(0) *= -1;
+      FixedCube plane(mesh);
+      INFO(static_cast<int>(mesh.types[0]) << " across " << axis);
+      const std::vector<char> is_border = border_nodes(mesh, mesh.points);
+      plane.is_fixed = is_border;
+      for (Index n = 0; n < mesh.node_count(); ++n) {  // corners alone are told
+        const double u = std::abs(mesh.points(n, (axis + 1) % 3)),
+                     v = std::abs(mesh.points(n, (axis + 2) % 3));
+        const bool is_on_border = std::min(u, v) == 0 || std::max(u, v) == 1;
+        if (is_border[n]) CHECK(is_on_border);
+        plane.is_fixed[n] = is_on_border;
+      }
+      Points positions;
+      for (double amount = 0.05; positions.size() == 0 || plane.least(positions) < 0.2;
+           amount *= 0.7) {
+        positions = shaken(mesh.points, amount, 3);
+        positions.col(axis).setConstant(3);
+        for (Index n = 0; n < mesh.node_count(); ++n)
+          if (plane.is_fixed[n]) positions.row(n) = mesh.points.row(n);
+      }
+      const BestMeshResult result = plane.raised(positions);
+      CHECK(result.report.best.min > result.report.plain.min);
+      CHECK(result.report.best.worst_twentieth > result.report.plain.worst_twentieth);
+      CHECK((result.positions.col(axis).array() == 3).all());
+      for (Index n = 0; n < mesh.node_count(); ++n)
+        if (plane.is_fixed[n]) CHECK(result.positions.row(n) == positions.row(n));
+      const Mesh layer = one_layer(mesh, result.positions);
+      CHECK(check_validity(layer, layer.points, detect_orientation(layer)).invalid == 0);
+    }
 }
 
 TEST_CASE("The best mesh is the same for any number of threads", "[volume][best]") {
