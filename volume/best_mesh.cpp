@@ -40,7 +40,7 @@ constexpr int kIterations = 10, kIterationsLost = 20;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
 constexpr int kTrials = 3;
 // Attempts of the last power go on while each has the figures rise by this factor.
-constexpr double kWorthwhile = 1.02;
+constexpr double kWorthwhile = 1.01;
 // Rounds of taking back what fell too low.
 constexpr int kTakeBacks = 8;
 // Below, a cell has no shape to start from.

@@ -86,7 +86,7 @@ TEST_CASE("Cells are judged against the mesh file's after a morph, too", "[apps]
                       full.positions);
   const MorphResult again = back.morph(family_cad("bore", 0));
   CHECK(again.report.best_mesh->base.min == there.base_quality().min);
-  CHECK(again.quality.min > 0.9 * there.base_quality().min);
+  CHECK(again.quality.min > 0.85 * there.base_quality().min);
 }
 
 }  // namespace cadmorph

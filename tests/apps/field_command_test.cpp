@@ -204,7 +204,7 @@ TEST_CASE("Bodies that morph one by one have no field, and it is said why", "[ap
   CHECK_FALSE(place.has("x.cmf"));
 }
 
-TEST_CASE("Where steps are needed the field holds them; repair it refuses", "[apps][field]") {
+TEST_CASE("Where steps are needed the field holds them, and repair it refuses", "[apps][field]") {
   const Workplace place;
   place.make_moved_sphere(17);
   REQUIRE(place.run(sphere_morph() + " -o morphed.vtu --quiet --untangle never").exit_code == 0);

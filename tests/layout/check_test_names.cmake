@@ -1,0 +1,17 @@
+# ctest takes a name with a semicolon for two, calls a test that is not there, and says that it passed.
+# cmake -DSOURCE_DIR=... -P check_test_names.cmake
+cmake_minimum_required(VERSION 3.25)
+file(GLOB_RECURSE sources ${SOURCE_DIR}/tests/*.cpp)
+if(NOT sources)
+  message(FATAL_ERROR "no sources in ${SOURCE_DIR}/tests")
+endif()
+set(mistakes "")
+foreach(source ${sources})
+  file(READ ${source} text)
+  if(text MATCHES "TEST_CASE\\([ \n]*\"[^\"]*;[^\"]*\"")
+    string(APPEND mistakes "\n  ${source}")
+  endif()
+endforeach()
+if(mistakes)
+  message(FATAL_ERROR "tests with a semicolon in their names:${mistakes}")
+endif()
