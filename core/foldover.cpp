@@ -12,14 +12,16 @@ constexpr double kLeastDrop = 0.3;
 
 }  // namespace
 
-double regularised(double d, double epsilon) {
+Regularised::Regularised(double d, double epsilon) {
   const double root = std::sqrt(d * d + epsilon * epsilon);
-  return d > 0 ? (d + root) / 2 : epsilon * epsilon / (2 * (root - d));
+  chi = d > 0 ? (d + root) / 2 : epsilon * epsilon / (2 * (root - d));
+  rate = chi / root;
+  bend = epsilon * epsilon / (2 * root * root * root);
 }
 
 double next_epsilon(double epsilon, double least, double energy_before, double energy) {
   const double drop = std::max(1 - energy / energy_before, kLeastDrop);
-  const double mu = (1 - drop) * regularised(least, epsilon);
+  const double mu = (1 - drop) * Regularised(least, epsilon).chi;
   return least < mu ? std::max(2 * std::sqrt(mu * (mu - least)), kLeastEpsilon) : kLeastEpsilon;
 }
 

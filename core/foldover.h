@@ -6,8 +6,13 @@ namespace cadmorph {
 /// Foldover-free maps in 50 lines of code, ACM TOG 2021): with D the determinant of the map's
 /// Jacobian, its distortion over chi(D, eps) is minimised for ever smaller eps.
 
-/// chi(D, eps) = (D + sqrt(eps^2 + D^2)) / 2 (eq. 3): positive, near D for D > 0.
-double regularised(double d, double epsilon);
+/// chi(D, eps) = (D + sqrt(eps^2 + D^2)) / 2 (eq. 3): positive, near D for D > 0. With its first
+/// and second derivative by D.
+struct Regularised {
+  Regularised(double d, double epsilon);
+
+  double chi, rate, bend;
+};
 
 /// eps once all determinants are positive.
 inline constexpr double kLeastEpsilon = 1e-10;

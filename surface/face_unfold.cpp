@@ -158,21 +158,16 @@ class FaceDistortion : public HessianGuess {
     Matrix2d from_base;  ///< inverse of its edges on the base, in its plane
   };
 
-  struct Sample {
-    Sample(const Matrix2d& given, double epsilon) : jacobian(given) {
+  struct Sample : Regularised {
+    Sample(const Matrix2d& given, double epsilon)
+        : Regularised(given.determinant(), epsilon), jacobian(given), det(given.determinant()) {
       cofactor << jacobian(1, 1), -jacobian(1, 0), -jacobian(0, 1), jacobian(0, 0);
-      det = jacobian.determinant();
-      chi = regularised(det, epsilon);
-      const double root = std::sqrt(det * det + epsilon * epsilon);
-      rate = chi / root;
-      bend = epsilon * epsilon / (2 * root * root * root);
       shape = jacobian.squaredNorm() / chi;
       volume = (det * det + 1) / chi;
     }
 
     Matrix2d jacobian, cofactor;
-    double det, chi, rate, bend;  ///< chi'(det), chi''(det)
-    double shape, volume;
+    double det, shape, volume;
   };
 
   Matrix2d jacobian(const Triangle& t, const VectorXd& x) const {

@@ -33,14 +33,10 @@ Matrix3d reference_jacobian(const Matrix3d& base, int orientation) {
 }  // namespace
 
 // Shape tr(F^T F) / chi^(2/3) and volume (det^2 + 1) / chi.
-struct Distortion::Sample {
-  Sample(const Matrix3d& jacobian, double epsilon) : f(jacobian) {
+struct Distortion::Sample : Regularised {
+  Sample(const Matrix3d& jacobian, double epsilon)
+      : Regularised(jacobian.determinant(), epsilon), f(jacobian), det(jacobian.determinant()) {
     cofactor << f.col(1).cross(f.col(2)), f.col(2).cross(f.col(0)), f.col(0).cross(f.col(1));
-    det = f.col(0).dot(cofactor.col(0));
-    const double root = std::sqrt(det * det + epsilon * epsilon);
-    chi = regularised(det, epsilon);
-    rate = chi / root;
-    bend = epsilon * epsilon / (2 * root * root * root);
     const double third = std::cbrt(chi);
     power = 1 / (third * third);
     shape = f.squaredNorm() * power;
@@ -48,8 +44,8 @@ struct Distortion::Sample {
   }
 
   Matrix3d f, cofactor;
-  double det, chi, rate, bend;  ///< chi'(det), chi''(det)
-  double power;                 ///< chi^(-2/3)
+  double det;
+  double power;  ///< chi^(-2/3)
   double shape, volume;
 };
 

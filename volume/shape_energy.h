@@ -34,9 +34,10 @@ class ShapeEnergy {
   /// O(cells).
   double operator()(const Eigen::VectorXd& x, Eigen::VectorXd& gradient);
 
-  /// A guess of the Hessian at the unknowns, good until the next one; O(cells). Of each sample,
-  /// with e its summand, e grad(log e)/p grad(log e)^T counts in full, the rest as a stiffness
-  /// against stretch; a node is to go no farther at once than its cells are high, by kReach.
+  /// A guess of the Hessian at the unknowns, good until the next one; O(cells). With exp(p f) the
+  /// summand of a cell, it counts p exp(p f) grad f (grad f)^T in blocks of a node each, and in
+  /// place of the second derivatives of f a stiffness against stretch. No node is to go farther at
+  /// once than half the height of its cells.
   const HessianGuess& guess_hessian(const Eigen::VectorXd& x);
 
   const FreeNodes& free_nodes() const { return free_; }
