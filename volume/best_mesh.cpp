@@ -36,7 +36,7 @@ constexpr double kKept = 0.99;
 // more than half was lost, the second number of passes.
 constexpr double kMostPasses = 20, kMostPassesLost = 80;
 constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
-constexpr int kIterations = 10, kIterationsLost = 20;
+constexpr int kIterations = 6, kIterationsLost = 20;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
 constexpr int kTrials = 3;
 // Attempts of the last power go on while each has the figures rise by this factor.
