@@ -77,6 +77,7 @@ class FaceDistortion : public HessianGuess {
     for (Index i = 0; i < free_; ++i) x.segment<2>(2 * i) = places_[i];
     return x;
   }
+
   // Of the rows given: corners, and the means of those that others lie between.
   Parameters parameters(const VectorXd& x, const std::vector<int>& rows) {
     Parameters result = Parameters::Zero(std::ssize(rows), 2);
@@ -216,8 +217,11 @@ class FaceDistortion : public HessianGuess {
     metric << s.du.squaredNorm(), s.du.dot(s.dv), s.du.dot(s.dv), s.dv.squaredNorm();
     const Eigen::LLT<Matrix2d> factor(metric);
     if (factor.info() != Eigen::Success) return 0;  // at a pole
-    triangles_.push_back({nodes, factor.matrixU(), base.inverse()});
-    return (triangles_.back().to_plane * edges).determinant();
+    // What the others hold folded would outweigh all.
+    const auto moves = [&](const Node& node) { return node.a < free_ || node.b < free_; };
+    const Matrix2d to_plane = factor.matrixU();
+    if (std::ranges::any_of(nodes, moves)) triangles_.push_back({nodes, to_plane, base.inverse()});
+    return (to_plane * edges).determinant();
   }
 
   // Of the node's coordinate over the triangle.

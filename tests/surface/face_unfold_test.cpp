@@ -92,4 +92,34 @@ TEST_CASE("facets that lie over each other find back to their places", "[surface
   }
 }
 
+TEST_CASE("a facet that the wires hold folded leaves the others free to unfold",
+          "[surface][fold]") {
+  Side side(CellType::Tetra, to_model(BRepPrimAPI_MakeBox(1, 1, 1).Shape()),
+            [](const Vector3d& x) { return x; });
+  Points moved = Points::Zero(side.uv.rows(), 3);
+  moved.leftCols<2>() = side.uv;
+  const Parameters folded = shaken(moved, 0.5, 2).leftCols<2>();
+  Points points = side.at(folded);
+  const auto is_own = [&](int n) { return std::ranges::binary_search(side.rows, n); };
+  int held = 0;
+  for (const int f : side.facets) {
+    const std::vector<int>& nodes = side.surface.facets[f];
+    if (std::ranges::any_of(nodes, is_own)) continue;
+    // The corner of the face goes over the edge across.
+    for (std::size_t i = 0; i < 3; ++i) {
+      const int n = nodes[i], a = nodes[(i + 1) % 3], b = nodes[(i + 2) % 3];
+      if ((points.row(a) - points.row(n)).dot(points.row(b) - points.row(n)) > 1e-12) continue;
+      points.row(n) = 0.55 * (points.row(a) + points.row(b)) - 0.1 * points.row(n);
+      ++held;
+    }
+  }
+  REQUIRE(held > 0);
+  const FaceSide mapped{side.model, side.face, folded, points};
+  REQUIRE(find_folds(side.surface, side.facets, side.rows,
+                     {side.model, side.face, side.uv, side.surface.points}, mapped)
+              .size() > side.facets.size() / 5);
+  const Parameters found = unfold_face(side.surface, side.facets, side.rows, mapped);
+  CHECK(side.folds(found) == 0);
+}
+
 }  // namespace cadmorph
