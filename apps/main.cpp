@@ -12,6 +12,7 @@
 #include "apps/version.h"
 #include "core/blas.h"
 #include "core/interrupt.h"
+#include "core/remedies.h"
 
 namespace {
 
@@ -34,6 +35,22 @@ constexpr const char* kDescription =
     "Both STEP files must have the same topology; MESH is the mesh of the first, in the format it\n"
     "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: docs/formats.md), and so is OUT. The\n"
     "result has the same elements, each surface node on the new CAD.";
+
+void name_remedies() {
+  set_remedy_words({{Remedy::MeshUnit, "--mesh-unit"},
+                    {Remedy::AssociationTolerance, "--association-tolerance"},
+                    {Remedy::Unmatched, "--unmatched"},
+                    {Remedy::KeepUnmatched, "--unmatched auto or fix"},
+                    {Remedy::SlideUnmatched, "--slide NAME or --unmatched slide"},
+                    {Remedy::Method, "another --method"},
+                    {Remedy::RbfMethod, "--method rbf"},
+                    {Remedy::FaceMap, "--map"},
+                    {Remedy::Via, "--via"},
+                    {Remedy::Improve, "--improve"},
+                    {Remedy::AutomaticUntangling, "--untangle auto"},
+                    {Remedy::AutomaticSteps, "--steps auto"},
+                    {Remedy::AllFigures, "--json"}});
+}
 
 int fail(const std::string& message, ExitCode code, const std::string& json) {
   std::fprintf(stderr, "cadmorph: error: %s\n", message.c_str());
@@ -95,6 +112,7 @@ void parse(int argc, char** argv, Action& action) {
 
 int main(int argc, char** argv) {
   use_fitting_blas_kernel();
+  name_remedies();
   // A full disk or a file size limit is an error to report, not a signal to die from.
   std::signal(SIGXFSZ, SIG_IGN);
   remove_temporaries_at_interrupt();

@@ -24,10 +24,11 @@ std::string list(const std::vector<std::string>& items) {
   return text;
 }
 
-// Entities [begin, end) of one kind left over by greedy pairing, nearest first.
-void leftovers(const MatchSide& base, const MatchSide& variant, const Similarity& t,
-               std::array<int, 2> b, std::array<int, 2> v, std::vector<std::string>& unpaired_base,
-               std::vector<std::string>& unpaired_variant) {
+// Entities [begin, end) of one kind left over by greedy pairing, nearest first: of the base, then
+// of the variant.
+std::vector<std::string> leftovers(const MatchSide& base, const MatchSide& variant,
+                                   const Similarity& t, std::array<int, 2> b,
+                                   std::array<int, 2> v) {
   struct Pair {
     double distance;
     int base, variant;
@@ -49,10 +50,12 @@ void leftovers(const MatchSide& base, const MatchSide& variant, const Similarity
   for (const Pair& p : pairs)
     if (!is_paired_base[p.base] && !is_paired_variant[p.variant])
       is_paired_base[p.base] = is_paired_variant[p.variant] = 1;
+  std::vector<std::string> result;
   for (int i = b[0]; i < b[1]; ++i)
-    if (!is_paired_base[i]) unpaired_base.push_back("base " + describe(base, i));
+    if (!is_paired_base[i]) result.push_back("base " + describe(base, i));
   for (int j = v[0]; j < v[1]; ++j)
-    if (!is_paired_variant[j]) unpaired_variant.push_back("variant " + describe(variant, j));
+    if (!is_paired_variant[j]) result.push_back("variant " + describe(variant, j));
+  return result;
 }
 
 // Physical edges with a face on one side alone.
@@ -77,20 +80,18 @@ std::string remedy(const MatchSide& base, const MatchSide& variant) {
 
 void refuse_match(const MatchSide& base, const MatchSide& variant) {
   const EntityGraph &b = base.graph, &v = variant.graph;
-  std::vector<std::string> lost, added;
   const Similarity t = (base.model.lower() - variant.model.lower()).norm() +
                                    (base.model.upper() - variant.model.upper()).norm() <
                                0.1 * base.model.diagonal()
                            ? Similarity{}
                            : align_bounds(base.model, variant.model);
-  leftovers(base, variant, t, {0, b.faces}, {0, v.faces}, lost, added);
-  if (lost.empty() && added.empty())
-    leftovers(base, variant, t, {b.faces, b.faces + b.curves}, {v.faces, v.faces + v.curves}, lost,
-              added);
-  if (lost.empty() && added.empty())
-    leftovers(base, variant, t, {b.faces + b.curves, b.entity_count()},
-              {v.faces + v.curves, v.entity_count()}, lost, added);
-  lost.insert(lost.end(), added.begin(), added.end());
+  std::vector<std::string> lost = leftovers(base, variant, t, {0, b.faces}, {0, v.faces});
+  if (lost.empty())
+    lost =
+        leftovers(base, variant, t, {b.faces, b.faces + b.curves}, {v.faces, v.faces + v.curves});
+  if (lost.empty())
+    lost = leftovers(base, variant, t, {b.faces + b.curves, b.entity_count()},
+                     {v.faces + v.curves, v.entity_count()});
   std::ostringstream text;
   text << variant.model.file_name() << " does not correspond to " << base.model.file_name()
        << ": base has " << b.faces << " faces, " << b.curves << " edges, " << b.corners

@@ -182,16 +182,19 @@ TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
   refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
 }
 
-std::optional<CadPair> merge_cut_faces(const CadModel& base, const CadModel& variant,
-                                       const MatchOptions& options) {
-  if (!options.given_faces.empty()) return std::nullopt;
-  const auto merged_base = base.with_merged_faces(), merged_variant = variant.with_merged_faces();
-  if (merged_variant && find_match(base, *merged_variant, {}))
-    return CadPair{base, *merged_variant};
-  if (merged_base && find_match(*merged_base, variant, {})) return CadPair{*merged_base, variant};
-  if (merged_base && merged_variant && find_match(*merged_base, *merged_variant, {}))
-    return CadPair{*merged_base, *merged_variant};
-  return std::nullopt;
+MatchedModels match_models(const CadModel& base, const CadModel& variant,
+                           const MatchOptions& options) {
+  if (auto match = find_match(base, variant, options)) return {base, variant, std::move(*match)};
+  if (options.given_faces.empty()) {
+    const auto merged_base = base.with_merged_faces(), merged_variant = variant.with_merged_faces();
+    std::vector<std::pair<const CadModel*, const CadModel*>> pairs;
+    if (merged_variant) pairs.push_back({&base, &*merged_variant});
+    if (merged_base) pairs.push_back({&*merged_base, &variant});
+    if (merged_base && merged_variant) pairs.push_back({&*merged_base, &*merged_variant});
+    for (const auto& [b, v] : pairs)
+      if (auto match = find_match(*b, *v, options)) return {*b, *v, std::move(*match)};
+  }
+  refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
 }
 
 std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path) {

@@ -47,16 +47,17 @@ struct MatchOptions {
 TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
                              const MatchOptions& options = {});
 
-/// Two models to match.
-struct CadPair {
-  CadModel base, variant;
+/// Two models, and what of one became what of the other.
+struct MatchedModels {
+  CadModel base, variant;  ///< those given, or with faces merged
+  TopologyMatch match;
 };
 
-/// For a pair that match_topology refuses since one exporter cut faces that the other did not: the
-/// pair with cut faces merged in the variant, the base or both, the first of these that matches.
-/// Nothing when none does, or where pairs are given, whose numbers are those of the files' faces.
-std::optional<CadPair> merge_cut_faces(const CadModel& base, const CadModel& variant,
-                                       const MatchOptions& options = {});
+/// As match_topology; where one exporter cut faces that the other did not, with those faces merged:
+/// in the variant, the base or both, the first of these that matches. None are merged where pairs
+/// are given, whose numbers are those of the files' faces.
+MatchedModels match_models(const CadModel& base, const CadModel& variant,
+                           const MatchOptions& options = {});
 
 /// Reads a face map: two 1-based face numbers a line (base,variant), '#' comments, optional header.
 std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path);

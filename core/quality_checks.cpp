@@ -308,19 +308,26 @@ struct Part {
 
 using Centres = std::vector<Vector3d>;
 
-// Measures a face from cell c unless that was done from the other side.
-void check_face(Corners corners, Index other, const Vector3d& from, const Vector3d& other_centre,
-                Index c, double sign, Part& part) {
-  if (other >= 0 && other < c) return;
+/// A cell beside a face; its id is negative where there is none.
+struct Side {
+  Index cell;
+  const Vector3d& centre;
+};
+
+// Measures a face from one of its cells, of orientation `sign`, unless that was done from the
+// other.
+void check_face(Corners corners, const Side& own, const Side& other, double sign, Part& part) {
+  if (other.cell >= 0 && other.cell < own.cell) return;
   const FaceShape face = face_shape(corners);
   if (face.area.isZero(0)) return;
-  if (other >= 0) {
-    const Vector3d d = other_centre - from;
-    part.add_angle({sign * face.area, d}, c);
-    part.add_skewness(squared_skewness(corners, face, from, d, kInside), c);
+  if (other.cell >= 0) {
+    const Vector3d d = other.centre - own.centre;
+    part.add_angle({sign * face.area, d}, own.cell);
+    part.add_skewness(squared_skewness(corners, face, own.centre, d, kInside), own.cell);
   } else {
-    const Vector3d d = face.area * (face.area.dot(face.centre - from) / face.area.squaredNorm());
-    part.add_skewness(squared_skewness(corners, face, from, d, kOutside), c);
+    const Vector3d d =
+        face.area * (face.area.dot(face.centre - own.centre) / face.area.squaredNorm());
+    part.add_skewness(squared_skewness(corners, face, own.centre, d, kOutside), own.cell);
   }
 }
 
@@ -352,7 +359,7 @@ void check_tetra_faces(const PlacedCells& cells, std::span<const Index> tetras,
     for (const Index c : block) {
       const Tetra tetra(cells, c);
       for (int f = 0; f < 4; ++f, ++other_centre)
-        check_face(tetra.corners(f), cells.others(c)[f], centres[c], *other_centre, c,
+        check_face(tetra.corners(f), {c, centres[c]}, {cells.others(c)[f], *other_centre},
                    cells.sign(c), part);
     }
   }
@@ -365,7 +372,7 @@ void check_faces(PlacedCells cells, Index begin, Index end, const Centres& centr
       tetras.push_back(c);
     } else if (cells.is_solid(c)) {
       cells.for_each_face(c, [&](const PlacedFace& face) {
-        check_face(face.corners, face.other, centres[c], centres[std::max(face.other, c)], c,
+        check_face(face.corners, {c, centres[c]}, {face.other, centres[std::max(face.other, c)]},
                    cells.sign(c), part);
       });
     }

@@ -14,6 +14,7 @@
 #include "cad/face_sampler.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
+#include "core/remedies.h"
 
 namespace cadmorph {
 namespace {
@@ -108,11 +109,22 @@ struct MeanPlane {
   }
 };
 
-// Grows a patch from `seed`, over facets of its plane if is_planar, else smoothly over what is
-// left.
-FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, double tolerance,
-               const std::vector<char>& is_open, const PatchMarks& marks,
-               std::vector<int>& patch_of, int id) {
+// Patches over open facets.
+struct PatchGrowth {
+  // Grows a patch from `seed`, over facets of its plane if is_planar, else smoothly over what is
+  // left.
+  FreePatch grow(int seed, bool is_planar, int id);
+  // A part of a curved boundary: facets beside it go on smoothly, but leave its plane.
+  bool is_bent(const FreePatch& patch, int id) const;
+
+  const SurfaceMesh& surface;
+  const PatchMarks& marks;
+  std::vector<char> is_open;
+  double tolerance;
+  std::vector<int> patch_of;  ///< each facet's
+};
+
+FreePatch PatchGrowth::grow(int seed, bool is_planar, int id) {
   FreePatch patch;
   patch.is_planar = is_planar;
   patch.origin = centroid(surface, surface.points, seed);
@@ -147,10 +159,7 @@ FreePatch grow(const SurfaceMesh& surface, int seed, bool is_planar, double tole
   return patch;
 }
 
-// A part of a curved boundary: facets beside it go on smoothly, but leave its plane.
-bool is_bent(const SurfaceMesh& surface, const FreePatch& patch, double tolerance,
-             const std::vector<char>& is_open, const PatchMarks& marks,
-             const std::vector<int>& patch_of, int id) {
+bool PatchGrowth::is_bent(const FreePatch& patch, int id) const {
   for (const int f : patch.facets)
     for (const int n : surface.facets[f])
       for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
@@ -255,8 +264,14 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
   return static_cast<double>(covered) / static_cast<double>(area.size());
 }
 
+// Surface nodes on no face.
+struct NodesOff {
+  int row;               ///< of one of them
+  Index count, outside;  ///< so many of those on the outside
+};
+
 [[noreturn]] void refuse(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
-                         int row, Index count, Index outside, const std::string& why) {
+                         const NodesOff& off, const std::string& why) {
   std::ostringstream text;
   text.precision(6);
   const Vector3d lower = surface.points.colwise().minCoeff(),
@@ -272,13 +287,14 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
     line << shown.format(format);
     return line.str();
   };
-  text << "the mesh does not lie on " << base.file_name() << ": " << count << " of " << outside
-       << " surface nodes are on no CAD face, such as node " << boundary.nodes[row] << " at "
-       << plain(surface.points.row(row)) << " mm" << why << " Mesh bounds " << plain(lower)
-       << " .. " << plain(upper) << " mm, CAD bounds " << plain(base.lower()) << " .. "
-       << plain(base.upper())
-       << " mm. Check that the mesh belongs to this CAD model, its unit (--mesh-unit), and "
-          "--association-tolerance.";
+  text << "the mesh does not lie on " << base.file_name() << ": " << off.count << " of "
+       << off.outside << " surface nodes are on no CAD face, such as node "
+       << boundary.nodes[off.row] << " at " << plain(surface.points.row(off.row)) << " mm" << why
+       << " Mesh bounds " << plain(lower) << " .. " << plain(upper) << " mm, CAD bounds "
+       << plain(base.lower()) << " .. " << plain(base.upper())
+       << " mm. Check that the mesh belongs to this CAD model, its unit ("
+       << words_for(Remedy::MeshUnit) << "), and " << words_for(Remedy::AssociationTolerance)
+       << ".";
   throw AssociationError(text.str());
 }
 
@@ -294,8 +310,8 @@ std::string other_part(const CadModel& base, const SurfaceMesh& surface, double 
     return "; it seems to be the mesh of another part.";
   std::ostringstream text;
   text.precision(4);
-  text << "; it has the CAD's proportions at " << factor << " times its size: try --mesh-unit "
-       << unit_mm / factor << " (millimetres).";
+  text << "; it has the CAD's proportions at " << factor << " times its size: try "
+       << words_for(Remedy::MeshUnit) << " " << unit_mm / factor << " (millimetres).";
   return text.str();
 }
 
@@ -334,7 +350,7 @@ void refuse_left_behind(const CadModel& base, const Boundary& boundary, const Su
       if (!is_unmatched_node(association, n) || is_seen[n]) continue;
       const auto nodes = unmatched_around(surface, association, is_open, n, is_seen);
       if (std::all_of(nodes.begin(), nodes.end(), is_near))
-        refuse(base, boundary, surface, n, static_cast<Index>(nodes.size()), outside,
+        refuse(base, boundary, surface, {n, std::ssize(nodes), outside},
                "; they lie near it amid nodes that are on it, so they are no far field.");
     }
   }
@@ -408,17 +424,20 @@ double plane_tolerance(const SurfaceMesh& surface) {
 
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,
                                          const Association& association, const PatchMarks& marks) {
-  const auto is_open = unmatched_facets(surface, boundary, association);
-  std::vector<int> patch_of(surface.facets.size(), kNoPatch);
+  PatchGrowth growth{.surface = surface,
+                     .marks = marks,
+                     .is_open = unmatched_facets(surface, boundary, association),
+                     .tolerance = plane_tolerance(surface),
+                     .patch_of = std::vector<int>(surface.facets.size(), kNoPatch)};
+  std::vector<int>& patch_of = growth.patch_of;
   std::vector<FreePatch> patches;
-  const double tolerance = plane_tolerance(surface);
-  const std::vector<int> order = seeds(surface, is_open);
+  const std::vector<int> order = seeds(surface, growth.is_open);
   for (const bool is_planar : {true, false})
     for (const int f : order) {
       if (patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
       const int id = static_cast<int>(patches.size());
-      FreePatch patch = grow(surface, f, is_planar, tolerance, is_open, marks, patch_of, id);
-      if (is_planar && is_bent(surface, patch, tolerance, is_open, marks, patch_of, id)) {
+      FreePatch patch = growth.grow(f, is_planar, id);
+      if (is_planar && growth.is_bent(patch, id)) {
         for (const int g : patch.facets) patch_of[g] = kPartOfCurved;
         continue;
       }
@@ -451,15 +470,15 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
   }
   if (unmatched == 0) return;
   if (covered_faces(base, surface, association) < kLeastCovered)
-    refuse(base, boundary, surface, example, unmatched, outside,
+    refuse(base, boundary, surface, {example, unmatched, outside},
            other_part(base, surface, association.mesh_unit_mm));
   const double size = size_of(surface);
   if (size < kBeyondCad * base.diagonal() &&
       is_hole(surface, association, unmatched_facets(surface, boundary, association)))
-    refuse(base, boundary, surface, example, unmatched, outside,
+    refuse(base, boundary, surface, {example, unmatched, outside},
            "; they bound a hole inside of the mesh that the CAD does not have.");
   if (size < kBeyondCad * base.diagonal())
-    refuse(base, boundary, surface, example, unmatched, outside,
+    refuse(base, boundary, surface, {example, unmatched, outside},
            "; the mesh is hardly larger than the CAD, so they are no far field.");
   refuse_left_behind(base, boundary, surface, association, outside);
 }

@@ -159,15 +159,12 @@ std::optional<ImagePair> pair_by(const SurfaceMesh& surface, const Points& moved
   return pair;
 }
 
-std::optional<ImagePair> pair_of(const SurfaceMesh& surface, const Points& moved, const Sheet& a,
-                                 const Sheet& b, const Shape& of_a, const Shape& of_b,
-                                 double tolerance) {
+std::vector<Isometry> maps_between(const Sheet& a, const Sheet& b, const Shape& of_a,
+                                   const Shape& of_b) {
   std::vector<Isometry> maps;
   if (a.is_planar && b.is_planar) add_mirrors(of_a, of_b, maps);
   add_periods(of_a, of_b, maps);
-  for (const Isometry& map : maps)
-    if (auto pair = pair_by(surface, moved, a, b, map, tolerance)) return pair;
-  return std::nullopt;
+  return maps;
 }
 
 }  // namespace
@@ -197,7 +194,11 @@ std::vector<ImagePair> find_image_pairs(const SurfaceMesh& surface, const Points
           sheets[a].inner.size() == sheets[b].inner.size() &&
           sheets[a].border.size() == sheets[b].border.size() && is_like(shapes[a], shapes[b]);
       if (!may_match) continue;
-      auto pair = pair_of(surface, moved, sheets[a], sheets[b], shapes[a], shapes[b], tolerance);
+      std::optional<ImagePair> pair;
+      for (const Isometry& map : maps_between(sheets[a], sheets[b], shapes[a], shapes[b])) {
+        pair = pair_by(surface, moved, sheets[a], sheets[b], map, tolerance);
+        if (pair) break;
+      }
       if (!pair) continue;
       is_image[b] = 1;
       pair->original = a;

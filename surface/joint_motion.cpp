@@ -187,23 +187,23 @@ void join_curves(const ModelPair& pair, const Joints& joints, const Association&
 
 Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
                       const Joints& joints, const std::vector<FaceNodes>& faces,
-                      const SurfaceMesh& surface, const Points& feet, const Points& placed) {
+                      const SurfaceFeet& nodes) {
   const std::map<int, int> sets = sets_of_faces(joints);
   if (sets.empty()) return {};
-  const CrossingWarps warps(pair, curve_maps, faces, feet);
-  Points moved = placed;
+  const CrossingWarps warps(pair, curve_maps, faces, nodes.base);
+  Points moved = nodes.variant;
   const auto place = [&](const CrossingWarps::Places& by_warp) {
     parallel_for(std::ssize(joints.crossings), 16, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
         const Joints::Crossing& crossing = joints.crossings[i];
         const int n = crossing.node;
         if (!crossing.edges.empty()) continue;
-        const Vector3d predicted = pair.prediction(Vector3d(feet.row(n)));
+        const Vector3d predicted = pair.prediction(Vector3d(nodes.base.row(n)));
         const auto places = by_warp.find(n);
         const Vector3d near = places == by_warp.end()
                                   ? predicted
                                   : blend(pair, curve_maps, crossing, places->second, predicted,
-                                          surface.local_length[n]);
+                                          nodes.surface.local_length[n]);
         moved.row(n) = meet(pair, curve_maps, crossing, near).value_or(near);
       }
     });

@@ -15,15 +15,22 @@ namespace cadmorph {
 void join_curves(const ModelPair& pair, const Joints& joints, const Association& association,
                  std::vector<CurveMap>& curve_maps);
 
+/// The nodes of a surface mesh on the CAD.
+struct SurfaceFeet {
+  const SurfaceMesh& surface;
+  const Points& base;     ///< on the base CAD
+  const Points& variant;  ///< on the variant, as far as they are placed there: corners and curves
+};
+
 /// Places of nodes on the variant, millimetres, by row of the surface mesh.
 using Crossings = std::map<int, Eigen::Vector3d>;
 
 /// Where the nodes go at which faces pass through each other: to where the faces' images meet, near
 /// the places that the faces' own warps give, or the predicted one where these differ by a mesh
-/// edge. `feet`: of all rows on the base. `placed`: on the variant, corners and curves. Parallel.
+/// edge. Parallel.
 Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
                       const Joints& joints, const std::vector<FaceNodes>& faces,
-                      const SurfaceMesh& surface, const Points& feet, const Points& placed);
+                      const SurfaceFeet& nodes);
 
 /// Joints that the variant parts: nodes that go, at `placed`, off a face or a curve on which they
 /// lay.

@@ -11,6 +11,7 @@
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
 #include "core/errors.h"
+#include "core/remedies.h"
 
 namespace cadmorph {
 namespace {
@@ -125,7 +126,8 @@ class FitFinder {
   const auto percent = [](double share) { return std::to_string(std::lround(100 * share)) + " %"; };
   throw AssociationError("the mesh's unit can't be told: in " + std::string(a.unit.name) + " " +
                          percent(a.share) + " of its surface nodes lie on the CAD, in " +
-                         b.unit.name + " " + percent(b.share) + "; say which it is (--mesh-unit)");
+                         b.unit.name + " " + percent(b.share) + "; say which it is (" +
+                         words_for(Remedy::MeshUnit) + ")");
 }
 
 }  // namespace

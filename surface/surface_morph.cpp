@@ -11,6 +11,7 @@
 #include "cad/projector.h"
 #include "core/errors.h"
 #include "core/parallel.h"
+#include "core/remedies.h"
 #include "surface/curve_maps.h"
 #include "surface/face_folds.h"
 #include "surface/face_map.h"
@@ -202,9 +203,9 @@ void SurfaceMorph::Impl::check_policy() const {
   throw AssociationError("the mesh has " + std::to_string(patches.size()) +
                          " boundary patches that lie on no face of " + base->file_name() +
                          ", the first (" + std::to_string(patch.facets.size()) + " facets) near " +
-                         text_of(patch.origin) +
-                         " mm. --unmatched asks to refuse them; --unmatched auto or fix keeps "
-                         "them.");
+                         text_of(patch.origin) + " mm. They are refused as asked for (" +
+                         words_for(Remedy::Unmatched) +
+                         "); to keep them: " + words_for(Remedy::KeepUnmatched) + ".");
 }
 
 // What the groups say of a patch: one node that is held holds it.
@@ -545,10 +546,10 @@ std::string SurfaceMorph::Impl::describe_patches(const Points& moved) const {
   std::string text = std::to_string(association.unmatched_nodes) +
                      " surface nodes lie on no CAD face: " + std::to_string(fixed) +
                      " patches stay fixed, " + std::to_string(slid) +
-                     " slide along their surface (--unmatched)";
+                     " slide along their surface (" + words_for(Remedy::Unmatched) + ")";
   if (dragged > 0)
     text += "; what moves touches " + std::to_string(dragged) +
-            " of the fixed ones: --slide NAME or --unmatched slide lets them slide, too";
+            " of the fixed ones, which may slide, too (" + words_for(Remedy::SlideUnmatched) + ")";
   return text;
 }
 
@@ -602,7 +603,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   self.move_corners(pair, maps, placed);
   self.move_edges(pair, maps, placed);
   for (const auto& [row, to] :
-       cross_faces(pair, maps, self.joints, self.faces, self.surface, self.feet, placed.feet))
+       cross_faces(pair, maps, self.joints, self.faces, {self.surface, self.feet, placed.feet}))
     placed.cross(row, to);
   SurfaceMorphResult result;
   self.move_faces(pair, maps, placed, result);

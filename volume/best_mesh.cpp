@@ -66,20 +66,20 @@ struct Patch {
 
 class BestMesh {
  public:
-  BestMesh(const Mesh& mesh, const ReferenceShape& reference, const Points& positions,
-           const QualityReport& quality, std::vector<char> is_fixed, const Orientation& orientation,
+  BestMesh(const Mesh& mesh, const MeasuredShape& reference, const MeasuredShape& came,
+           std::vector<char> is_fixed, const Orientation& orientation,
            const BestMeshOptions& options)
       : mesh_(mesh),
         reference_(reference),
         orientation_(orientation),
         options_(options),
         is_fixed_(std::move(is_fixed)) {
-    result_.positions = at_.positions = positions;
-    result_.quality = at_.quality = quality;
+    result_.positions = at_.positions = came.points;
+    result_.quality = at_.quality = came.quality;
     can_keep_ = result_.report.base = worst_cells(reference.quality);
     for (Index n = 0; n < mesh.node_count(); ++n)
-      reach_ = std::max(reach_, (is_fixed_[n] ? kMostOvershoot : 1) * moved(positions, n));
-    result_.report.plain = result_.report.best = worst_cells(quality);
+      reach_ = std::max(reach_, (is_fixed_[n] ? kMostOvershoot : 1) * moved(came.points, n));
+    result_.report.plain = result_.report.best = worst_cells(came.quality);
   }
 
   BestMeshResult run() {
@@ -333,7 +333,7 @@ class BestMesh {
   }
 
   const Mesh& mesh_;
-  const ReferenceShape& reference_;
+  const MeasuredShape& reference_;
   const Orientation& orientation_;
   const BestMeshOptions& options_;
   std::vector<char> is_fixed_, is_flat_;
@@ -363,13 +363,11 @@ WorstCells worst_cells(const QualityReport& quality) {
   return {quality.min, sum / double(count)};
 }
 
-BestMeshResult find_best_mesh(const Mesh& mesh, const ReferenceShape& reference,
-                              const Points& positions, const QualityReport& quality,
-                              const std::vector<char>& is_fixed, const Orientation& orientation,
-                              const BestMeshOptions& options) {
+BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
+                              const MeasuredShape& moved, const std::vector<char>& is_fixed,
+                              const Orientation& orientation, const BestMeshOptions& options) {
   const auto start = std::chrono::steady_clock::now();
-  BestMeshResult result =
-      BestMesh(mesh, reference, positions, quality, is_fixed, orientation, options).run();
+  BestMeshResult result = BestMesh(mesh, reference, moved, is_fixed, orientation, options).run();
   result.report.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;

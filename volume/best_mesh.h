@@ -19,9 +19,8 @@ struct WorstCells {
 /// Of the cells that a report measured.
 WorstCells worst_cells(const QualityReport& quality);
 
-/// The mesh that moved cells are judged against, N x 3, with its quality: that of the mesh file,
-/// also after many morphs.
-struct ReferenceShape {
+/// Positions of a mesh's nodes, N x 3, and the quality of its cells there.
+struct MeasuredShape {
   const Points& points;
   const QualityReport& quality;
 };
@@ -67,16 +66,16 @@ struct BestMeshResult {
 /// the nodes of the worst cells minimise ShapeEnergy with growing powers: the inner ones (not
 /// `is_fixed`, N) first, then, where less than half is kept of what the affine map nearest to the
 /// motion leaves, those that slide, too. A motion that is an affine map is left as it is. An
-/// attempt is taken when neither figure is below that of `positions` and their sum, each as a share
+/// attempt is taken when neither figure is below that of `moved` and their sum, each as a share
 /// of the reference's, is the largest so far; no more cells are invalid then. Cells that are not
-/// valid at `positions` (N x 3, `quality` is theirs) stay as they are. No inner node moves farther
+/// valid in `moved` stay as they are. `reference` is what cells are judged against: the mesh file's
+/// shape, also after many morphs. No inner node moves farther
 /// from the mesh's points than kMostOvershoot times the farthest fixed one, or than the farthest of
 /// those that came. At most 20 passes over the mesh's cells, 80 where less than half was kept (more
 /// where the mesh is small): a count, no time, so that the result is the same on every machine and
 /// for any number of threads.
-BestMeshResult find_best_mesh(const Mesh& mesh, const ReferenceShape& reference,
-                              const Points& positions, const QualityReport& quality,
-                              const std::vector<char>& is_fixed, const Orientation& orientation,
-                              const BestMeshOptions& options = {});
+BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
+                              const MeasuredShape& moved, const std::vector<char>& is_fixed,
+                              const Orientation& orientation, const BestMeshOptions& options = {});
 
 }  // namespace cadmorph

@@ -58,13 +58,12 @@ void check_same_places(const std::vector<Index>& ids, const Points& nodes,
 }  // namespace
 
 DeformationTerms record_deformation(const Mesh& mesh, const VolumeMorph& first,
-                                    const Points& surface_positions, int steps,
-                                    const SurfacePath& path) {
+                                    const SurfaceMotion& motion, int steps) {
   DeformationTerms terms;
   terms.low = mesh.points.colwise().minCoeff();
   terms.high = mesh.points.colwise().maxCoeff();
-  terms.new_nodes = surface_positions;
-  terms.nodes.resize(surface_positions.rows(), 3);
+  terms.new_nodes = motion.target;
+  terms.nodes.resize(motion.target.rows(), 3);
   for (Index i = 0; i < terms.nodes.rows(); ++i)
     terms.nodes.row(i) = mesh.points.row(first.surface_nodes()[i]);
   if (first.field_count() > 1)
@@ -73,8 +72,7 @@ DeformationTerms record_deformation(const Mesh& mesh, const VolumeMorph& first,
                             "mesh belongs to its position can't say; make a field for the mesh "
                             "of each");
   check_same_places(first.surface_nodes(), terms.nodes, terms.new_nodes);
-  for (const std::vector<RbfField>& fields :
-       fields_of_steps(mesh, first, surface_positions, steps, path))
+  for (const std::vector<RbfField>& fields : fields_of_steps(mesh, first, motion, steps))
     terms.steps.push_back(fields.front().terms());
   return terms;
 }

@@ -26,8 +26,7 @@ struct DeformationTerms {
 /// when the morph is not by RBF, the mesh has several components, or nodes at one place go to
 /// different places: such a morph is no function of the position. Throws what VolumeMorph throws.
 DeformationTerms record_deformation(const Mesh& mesh, const VolumeMorph& first,
-                                    const Points& surface_positions, int steps,
-                                    const SurfacePath& path = {});
+                                    const SurfaceMotion& motion, int steps);
 
 /// Where points have gone.
 struct MovedPoints {

@@ -29,9 +29,13 @@ SurfacePath linear_path(const Mesh& mesh, const std::vector<Index>& nodes, const
 
 class Stepper {
  public:
-  Stepper(const Mesh& mesh, const VolumeMorph& first, const Points& target, SurfacePath path,
+  Stepper(const Mesh& mesh, const VolumeMorph& first, const SurfaceMotion& motion,
           VolumeMorphResult* one_step = nullptr)
-      : mesh_(mesh), first_(first), target_(target), path_(std::move(path)), one_step_(one_step) {}
+      : mesh_(mesh),
+        first_(first),
+        target_(motion.target),
+        path_(motion.path ? motion.path : linear_path(mesh, first.surface_nodes(), motion.target)),
+        one_step_(one_step) {}
 
   Points run(int steps, RbfReport& rbf) {
     if (steps == 1 && one_step_) return take_one_step(rbf);
@@ -127,13 +131,10 @@ bool is_last(const SteppingOptions& options, const std::vector<SteppingAttempt>&
 }  // namespace
 
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
-                              const Points& surface_positions, const Orientation& orientation,
-                              const SteppingOptions& options, const SurfacePath& path,
-                              VolumeMorphResult* one_step) {
+                              const SurfaceMotion& motion, const Orientation& orientation,
+                              const SteppingOptions& options, VolumeMorphResult* one_step) {
   check_options(options);
-  Stepper stepper(mesh, first, surface_positions,
-                  path ? path : linear_path(mesh, first.surface_nodes(), surface_positions),
-                  one_step);
+  Stepper stepper(mesh, first, motion, one_step);
   const int fewest = std::max(options.steps, 1);
   const int most = options.steps > 0 ? options.steps : options.max_steps;
   HeldCounter held(mesh, first.surface_nodes(), orientation);
@@ -164,12 +165,9 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
 }
 
 std::vector<std::vector<RbfField>> fields_of_steps(const Mesh& mesh, const VolumeMorph& first,
-                                                   const Points& surface_positions, int steps,
-                                                   const SurfacePath& path) {
+                                                   const SurfaceMotion& motion, int steps) {
   check_options({.steps = steps});
-  const Stepper stepper(mesh, first, surface_positions,
-                        path ? path : linear_path(mesh, first.surface_nodes(), surface_positions));
-  return stepper.fields(std::max(steps, 1));
+  return Stepper(mesh, first, motion).fields(std::max(steps, 1));
 }
 
 }  // namespace cadmorph

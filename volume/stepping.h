@@ -1,6 +1,8 @@
 #pragma once
 
 #include <functional>
+#include <utility>
+#include <vector>
 
 #include "core/validity.h"
 #include "volume/volume_morph.h"
@@ -19,6 +21,14 @@ struct SteppingOptions {
 
 /// Surface node positions (m x 3) at fraction s in (0, 1] of the parameter change.
 using SurfacePath = std::function<Points(double s)>;
+
+/// Where the surface nodes go.
+struct SurfaceMotion {
+  SurfaceMotion(const Points& to, SurfacePath way = {}) : target(to), path(std::move(way)) {}
+
+  const Points& target;  ///< m x 3, in the order of VolumeMorph::surface_nodes
+  SurfacePath path;      ///< on the way, its value at 1 is not used; empty: straight
+};
 
 /// What one attempt came to.
 struct SteppingAttempt {
@@ -46,20 +56,17 @@ struct SteppingResult {
 /// gives a valid mesh, the attempt with the fewest inverted elements is returned; the earliest of
 /// equals. Cells that fail already at the base positions, and those that their surface nodes hold
 /// inverted (is_held), don't cause further attempts. `first` is the warp of the base mesh,
-/// reused for the first step; `surface_positions` are m x 3 in the order of its surface nodes;
-/// `path` gives those on the way (linear when empty), and its value at 1 is not used. `one_step`,
-/// if given, is what `first` made of the surface positions already (VolumeMorph::morph_each); it is
-/// used up. Throws InvalidInputError on fewer than one step, and what VolumeMorph throws; a
-/// SolverError of a later attempt ends the attempts.
+/// reused for the first step. `one_step`, if given, is what `first` made of the target already
+/// (VolumeMorph::morph_each); it is used up. Throws InvalidInputError on fewer than one step, and
+/// what VolumeMorph throws; a SolverError of a later attempt ends the attempts.
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
-                              const Points& surface_positions, const Orientation& orientation,
-                              const SteppingOptions& options = {}, const SurfacePath& path = {},
+                              const SurfaceMotion& motion, const Orientation& orientation,
+                              const SteppingOptions& options = {},
                               VolumeMorphResult* one_step = nullptr);
 
 /// The displacement fields of such a morph in exactly `steps` steps, of each step in turn (see
 /// VolumeMorph::fields).
 std::vector<std::vector<RbfField>> fields_of_steps(const Mesh& mesh, const VolumeMorph& first,
-                                                   const Points& surface_positions, int steps,
-                                                   const SurfacePath& path = {});
+                                                   const SurfaceMotion& motion, int steps);
 
 }  // namespace cadmorph

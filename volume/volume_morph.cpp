@@ -238,23 +238,21 @@ void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targe
   if (!is_bounded(options) || at_first <= kMostOvershoot) return;
   const std::vector<Index> carriers = carriers_of(bounded.field, part.centres);
   if (history) history->carriers = carriers;
-  Anchors anchors;
-  RowMatrix displacements(0, 3);
+  TriedAnchors tried;
   char text[120];
   try {
     for (int hold = 0; hold < kMostHolds; ++hold) {
-      anchors = find_anchors(part.centres, values, carriers, options.kernel, targets, anchors,
-                             displacements);
-      HeldField held = solve_with_anchors(part, values, anchors, targets, options);
-      displacements = held.field.evaluate(targets);
+      tried.anchors = find_anchors(part.centres, values, carriers, options.kernel, targets, tried);
+      HeldField held = solve_with_anchors(part, values, tried.anchors, targets, options);
+      tried.displacements = held.field.evaluate(targets);
       if (history) {
-        history->anchors = anchors;
+        history->anchors = tried.anchors;
         history->holds.push_back(held);
       }
-      const double now = overshoot(values, displacements);
+      const double now = overshoot(values, tried.displacements);
       if (now < overshoot(values, bounded.displacements)) {
         bounded.field = std::move(held.field);
-        bounded.displacements = displacements;
+        bounded.displacements = tried.displacements;
         if (history) history->taken = history->holds.size();
       }
       if (now <= kMostOvershoot) break;
@@ -262,7 +260,7 @@ void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targe
     std::snprintf(text, sizeof text,
                   "; %zu nodes inside hold the field, which ran on to %.3g times the motion of the "
                   "surface",
-                  anchors.targets.size(), at_first);
+                  tried.anchors.targets.size(), at_first);
     bounded.remark = text;
   } catch (const SolverError& error) {
     std::snprintf(text, sizeof text, "; runs on to %.3g times the motion of the surface: ",

@@ -12,6 +12,8 @@
 #include "apps/batch/step_readers.h"
 #include "apps/pipeline/exit_code.h"
 #include "apps/pipeline/likely_mistake.h"
+#include "apps/pipeline/output_file.h"
+#include "apps/pipeline/write_result.h"
 #include "apps/summary/summary.h"
 #include "cad/packed_model.h"
 #include "cad/step_reader.h"
@@ -222,7 +224,7 @@ class BatchRun {
                              error.what());
     }
     *is_set_up = true;
-    count_.cache = job_->cache();
+    count_.cache = job_->base().report.cache;
   }
 
   void morph_all() {
@@ -254,8 +256,8 @@ class BatchRun {
 
   // As many as keep the threads busy and fit into the memory allowed.
   std::size_t variants_under_way() const {
-    const double each = kBytesPerNode * static_cast<double>(job_->mesh().node_count()) +
-                        kBytesPerCell * static_cast<double>(job_->mesh().cell_count());
+    const double each = kBytesPerNode * static_cast<double>(job_->base().mesh().node_count()) +
+                        kBytesPerCell * static_cast<double>(job_->base().mesh().cell_count());
     const double fitting = options_.pipeline.volume.rbf.memory_limit / std::max(each, 1.0);
     const auto wanted = kBlock * static_cast<std::size_t>(thread_count());
     return static_cast<std::size_t>(std::clamp(fitting, 1.0, static_cast<double>(wanted)));
@@ -327,9 +329,8 @@ class BatchRun {
     const bool is_done = report.outcome == Outcome::Done;
     row.out = is_done ? work.read.variant->out : failed_out(work.read.variant->out);
     const WrittenMesh staged =
-        job_->of(*work.result)
-            .write(*work.result, folder_.staging() / work.read.variant->out.filename(),
-                   options_.has_diagnostics);
+        write_result(*work.result, folder_.staging() / work.read.variant->out.filename(),
+                     options_.has_diagnostics);
     row.out_bytes = size_of(staged.path);
     if (!staged.diagnostics.empty())
       folder_.publish(staged.diagnostics, row.out.parent_path() / staged.diagnostics.filename());
@@ -337,8 +338,7 @@ class BatchRun {
     report.written = folder_.path_of(row.out);
     report.rounding = staged.rounding;
     row.figures = figures_of(report);
-    if (options_.on_result)
-      options_.on_result(*work.read.variant, job_->of(*work.result), *work.result);
+    if (options_.on_result) options_.on_result(*work.read.variant, *work.result);
     row.message = joined(report.warnings);
     if (is_done) return;
     row.exit_code = static_cast<int>(ExitCode::Quality);

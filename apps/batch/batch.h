@@ -6,7 +6,7 @@
 #include <string>
 
 #include "apps/batch/batch_results.h"
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 
 namespace cadmorph {
 
@@ -20,7 +20,7 @@ struct BatchOptions {
   PipelineOptions pipeline;
   std::string program;  ///< name and version, for batch.json
   /// Called with the result of each variant that has one, from one thread at a time.
-  std::function<void(const Variant&, const MorphJob&, const MorphResult&)> on_result = {};
+  std::function<void(const Variant&, const MorphResult&)> on_result = {};
   std::string options_text;  ///< all options that bear on the results
 };
 

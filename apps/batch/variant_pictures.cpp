@@ -9,15 +9,15 @@ namespace cadmorph {
 
 namespace fs = std::filesystem;
 
-void VariantPictures::draw(const std::string& id, const MorphJob& job, const MorphResult& result) {
+void VariantPictures::draw(const std::string& id, const MorphResult& result) {
   finish();
   std::error_code error;
   fs::create_directories(folder_, error);
   fs::remove(file_of(id), error);  // of an earlier run
   drawn_ = id;
-  const DrawnMesh drawn{.mesh = job.mesh(),
-                        .neighbours = job.neighbours(),
-                        .before = job.base_quality(),
+  const DrawnMesh drawn{.mesh = result.base->mesh(),
+                        .neighbours = result.base->neighbours,
+                        .before = result.base->quality,
                         .moved = &result.positions,
                         .after = &result.quality,
                         .unit = unit_name(result.report.mesh_unit_mm)};

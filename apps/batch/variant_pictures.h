@@ -5,7 +5,7 @@
 #include <string>
 
 #include "apps/picture/picture_process.h"
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 
 namespace cadmorph {
 
@@ -18,7 +18,7 @@ class VariantPictures {
 
   /// Starts to draw a variant's result, once the one before is drawn. Throws OutputError when that
   /// one's file can't be written.
-  void draw(const std::string& id, const MorphJob& job, const MorphResult& result);
+  void draw(const std::string& id, const MorphResult& result);
 
   /// Waits for the last. Throws as `draw` does.
   void finish();

@@ -6,7 +6,7 @@
 #include "apps/bench/measure.h"
 #include "apps/bench/rbf_warps.h"
 #include "apps/bench/results_file.h"
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 #include "apps/summary/text_table.h"
 #include "core/errors.h"
 #include "volume/baselines/simplex_linear.h"

@@ -231,8 +231,9 @@ ExitCode run(const BatchCommand& command, BatchOptions options) {
   options.pipeline.progress = display.phases();
   VariantPictures pictures(command.folder);
   if (!command.report.empty())
-    options.on_result = [&](const Variant& variant, const MorphJob& job,
-                            const MorphResult& result) { pictures.draw(variant.id, job, result); };
+    options.on_result = [&](const Variant& variant, const MorphResult& result) {
+      pictures.draw(variant.id, result);
+    };
   const BatchCount count =
       run_batch(options, is_interrupted,
                 [&](const ResultRow& row, const BatchCount& c) { display.take(row, c); });

@@ -7,7 +7,6 @@
 #include "apps/summary/json_report.h"
 #include "apps/summary/summary.h"
 #include "cad/step_reader.h"
-#include "core/errors.h"
 
 namespace cadmorph {
 namespace {
@@ -17,25 +16,13 @@ struct MatchCommand {
   std::string face_map, json;
 };
 
-// As a morph does.
-TopologyMatch match_merging(CadPair& cad, const MatchOptions& options) {
-  try {
-    return match_topology(cad.base, cad.variant, options);
-  } catch (const TopologyError&) {
-    auto merged = merge_cut_faces(cad.base, cad.variant, options);
-    if (!merged) throw;
-    cad = std::move(*merged);
-    return match_topology(cad.base, cad.variant, options);
-  }
-}
-
 ExitCode run_match(const MatchCommand& command) {
   MatchOptions options;
   if (!command.face_map.empty()) options.given_faces = read_face_map(command.face_map);
-  CadPair cad{read_step(command.base), read_step(command.variant)};
-  const TopologyMatch match = match_merging(cad, options);
-  hand_over(command.json, false, match_text(cad.base, cad.variant, match),
-            match_json(cad.base, cad.variant, match));
+  const MatchedModels cad =
+      match_models(read_step(command.base), read_step(command.variant), options);
+  hand_over(command.json, false, match_text(cad.base, cad.variant, cad.match),
+            match_json(cad.base, cad.variant, cad.match));
   return ExitCode::Done;
 }
 

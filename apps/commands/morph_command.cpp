@@ -116,9 +116,7 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   MorphShowing showing(command.show);
   MorphFiles files = command.files;
   if (!command.show.is_empty())
-    files.on_result = [&](const MorphJob& job, const MorphResult& result) {
-      showing.collect(job, result);
-    };
+    files.on_result = [&](const MorphResult& result) { showing.collect(result); };
   PipelineReport report = morph_files(files, options);
   report.phases.insert(report.phases.begin(), {"start", start_up});
   report.seconds += start_up;

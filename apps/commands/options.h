@@ -6,7 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_files.h"
+#include "apps/pipeline/output_file.h"
 
 namespace CLI {
 class App;

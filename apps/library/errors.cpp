@@ -1,48 +1,37 @@
-#include <array>
 #include <new>
-#include <utility>
 
 #include "apps/library/impl.h"
 #include "apps/pipeline/exit_code.h"
+#include "core/remedies.h"
 
 namespace cadmorph::v1 {
 namespace {
 
-// What the program's options are called here; longer ones first.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 16> kWords{{
-    {"--association-tolerance", "association_tolerance"},
-    {"--unmatched auto or fix", "unmatched auto or fix"},
-    {"--unmatched", "the option unmatched"},
-    {"(--mesh-unit)", "(mesh_unit_mm)"},
-    {"--mesh-unit", "mesh_unit_mm"},
-    {"--method rbf", "method rbf"},
-    {"another --method", "another method"},
-    {"by --map", "by face_map"},
-    {"(--via)", "(Mesh::at)"},
-    {"--improve ", "improve_below "},
-    {"--untangle auto", "untangle auto"},
-    {"--steps auto", "steps 0"},
-    {"--solver", "solver"},
-    {"--memory", "memory_limit_bytes"},
-    {"--tolerance", "solver_tolerance"},
-    {"--hold", "hold"},
-}};
+// Remedies by the names that MorphOptions has; set as the library is loaded.
+const bool kHasWords = [] {
+  set_remedy_words({{Remedy::MeshUnit, "mesh_unit_mm"},
+                    {Remedy::AssociationTolerance, "association_tolerance"},
+                    {Remedy::Unmatched, "the option unmatched"},
+                    {Remedy::KeepUnmatched, "unmatched auto or fix"},
+                    {Remedy::SlideUnmatched, "slide or unmatched slide"},
+                    {Remedy::Method, "another method"},
+                    {Remedy::RbfMethod, "method rbf"},
+                    {Remedy::FaceMap, "face_map"},
+                    {Remedy::Via, "Mesh::at"},
+                    {Remedy::Improve, "improve_below"},
+                    {Remedy::AutomaticUntangling, "untangle auto"},
+                    {Remedy::AutomaticSteps, "steps 0"},
+                    {Remedy::AllFigures, "the report"}});
+  return true;
+}();
 
-// Passes on the error being handled if it is one of Type; its text may change.
+// Passes on the error being handled if it is one of Type, as just that.
 template <class Type>
 void pass_on(const std::exception& error) {
-  if (dynamic_cast<const Type*>(&error)) throw Type(in_library_words(error.what()));
+  if (dynamic_cast<const Type*>(&error)) throw Type(error.what());
 }
 
 }  // namespace
-
-std::string in_library_words(std::string text) {
-  for (const auto& [program, library] : kWords)
-    for (std::size_t at = 0; (at = text.find(program, at)) != std::string::npos;
-         at += library.size())
-      text.replace(at, program.size(), library);
-  return text;
-}
 
 void rethrow_at_door() {
   try {

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "apps/library/include/cadmorph/cadmorph.h"
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_files.h"
 
 namespace cadmorph::v1 {
 
@@ -51,14 +51,10 @@ PipelineOptions inner_options(const MorphOptions& options);
 
 Report report_of(const PipelineReport& report);
 
-/// A text of the inner parts without the words of the command line.
-std::string in_library_words(std::string text);
-
 /// Ends long work from within a progress callback; no Error, which would end an attempt alone.
 struct CancelSignal {};
 
-/// Calls `work`; what it throws leaves the library as one of the errors in errors.h, in the
-/// library's own words.
+/// Calls `work`; what it throws leaves the library as one of the errors in errors.h.
 template <class Work>
 decltype(auto) at_door(const Work& work);
 

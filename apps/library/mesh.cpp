@@ -1,6 +1,7 @@
 #include <unordered_map>
 
 #include "apps/library/impl.h"
+#include "apps/pipeline/output_file.h"
 #include "core/formats/gmsh_elements.h"
 #include "core/quality.h"
 

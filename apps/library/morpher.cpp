@@ -24,9 +24,8 @@ class Telling {
 
 void check_outcome(const PipelineReport& report) {
   if (report.outcome == cadmorph::Outcome::Done) return;
-  throw QualityError(in_library_words(bad_cells_text(report) + ":\n" +
-                                      diagnosis_text(*report.diagnosis) +
-                                      "  keep_refused returns such a result"));
+  throw QualityError(bad_cells_text(report) + ":\n" + diagnosis_text(*report.diagnosis) +
+                     "  keep_refused returns such a result");
 }
 
 std::unique_lock<std::mutex> lock_or_refuse(std::mutex& at_work) {
@@ -53,10 +52,8 @@ Morpher::Impl::Impl(const CadModel& base_cad, const Mesh& base_mesh, PipelineOpt
   const Mesh::Impl& inner = mesh.impl();
   job.emplace(base.impl().model, inner.file, std::move(options),
               inner.moved ? inner.moved->points : Points());
-  const Association& association = job->association();
-  for (std::size_t row = 0; row < association.is_free.size(); ++row)
-    if (!association.is_free[row]) surface_nodes.push_back(job->boundary().nodes[row]);
-  report = report_of(job->base_report());
+  surface_nodes = job->base().volume->surface_nodes();
+  report = report_of(job->base().report);
 }
 
 Morpher::Morpher(const CadModel& base, const Mesh& mesh, const MorphOptions& options,
@@ -84,7 +81,7 @@ void Morpher::warp_to(const Points& surface_positions, double* result) const {
   at_door([&] {
     const auto lock = lock_or_refuse(impl_->at_work);
     Eigen::Map<Points>(result, impl_->mesh.node_count(), 3) =
-        impl_->job->volume().morph(surface_positions);
+        impl_->job->base().volume->morph(surface_positions);
   });
 }
 
@@ -103,7 +100,7 @@ Derivative Morpher::derivative(const Points& surface_positions, const Derivative
 }
 
 Derivative Morpher::derivative(const DerivativeCall& call) const {
-  return derivative(impl_->job->mesh().points(impl_->surface_nodes, Eigen::all), call);
+  return derivative(impl_->job->base().mesh().points(impl_->surface_nodes, Eigen::all), call);
 }
 
 Velocity Morpher::velocity(const ParameterPair& pair, const VelocityCall& call) const {
@@ -133,21 +130,17 @@ MorphResult::MorphResult(std::shared_ptr<const Impl> impl) : impl_(std::move(imp
 const Points& MorphResult::positions() const { return impl_->result.positions; }
 const Report& MorphResult::report() const { return impl_->report; }
 const Mesh& MorphResult::mesh() const { return impl_->morpher->mesh; }
-std::string MorphResult::summary() const {
-  return in_library_words(summary_text(impl_->result.report));
-}
+std::string MorphResult::summary() const { return summary_text(impl_->result.report); }
 
 std::string MorphResult::json() const {
   constexpr int kDone = 0, kRefused = 5;
   const PipelineReport& report = impl_->result.report;
-  return in_library_words(
-      to_json(report, report.outcome == cadmorph::Outcome::Done ? kDone : kRefused));
+  return to_json(report, report.outcome == cadmorph::Outcome::Done ? kDone : kRefused);
 }
 
 WrittenMesh MorphResult::write(const std::filesystem::path& path, bool has_diagnostics) const {
   return at_door([&] {
-    const MorphJob& job = impl_->morpher->job->of(impl_->result);
-    const cadmorph::WrittenMesh written = job.write(impl_->result, path, has_diagnostics);
+    const cadmorph::WrittenMesh written = write_result(impl_->result, path, has_diagnostics);
     return WrittenMesh{.path = written.path,
                        .largest_rounding = written.rounding.largest,
                        .largest_rounding_per_edge = written.rounding.relative};

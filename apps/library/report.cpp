@@ -41,12 +41,6 @@ NodeFigures nodes_of(const PipelineReport& report) {
           .loose = report.loose_nodes};
 }
 
-std::vector<std::string> in_library_words(const std::vector<std::string>& lines) {
-  std::vector<std::string> result;
-  for (const std::string& line : lines) result.push_back(v1::in_library_words(line));
-  return result;
-}
-
 Diagnosis diagnosis_of(const cadmorph::Diagnosis& found) {
   return {.bad_cells = found.bad_cells,
           .bad_cells_in_base = found.bad_in_base,
@@ -54,7 +48,7 @@ Diagnosis diagnosis_of(const cadmorph::Diagnosis& found) {
           .location = found.location,
           .nearest_face = found.face + 1,
           .first_inversion = found.first_inversion,
-          .advice = in_library_words(found.advice)};
+          .advice = found.advice};
 }
 
 Outcome outcome_of(cadmorph::Outcome outcome) {
@@ -103,8 +97,8 @@ Report report_of(const PipelineReport& report) {
   result.is_plain =
       report.stepping.steps <= 1 && !report.untangling && !report.improving && !result.is_raised;
   if (report.diagnosis) result.diagnosis = diagnosis_of(*report.diagnosis);
-  result.warnings = in_library_words(report.warnings);
-  result.notes = in_library_words(report.notes);
+  result.warnings = report.warnings;
+  result.notes = report.notes;
   for (const cadmorph::PhaseTime& phase : report.phases) {
     result.phases.push_back({phase.name, phase.seconds});
     result.seconds += phase.seconds;

@@ -1,10 +1,11 @@
+#include "apps/pipeline/base_cache.h"
+
 #include <cereal/types/map.hpp>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
 #include <map>
 
-#include "apps/pipeline/base_side.h"
 #include "apps/pipeline/loaded_libraries.h"
 #include "core/archive_types.h"
 #include "core/blas.h"
@@ -91,17 +92,17 @@ std::string names_of(const GroupConstraints& groups) {
 }
 
 // The program's own bytes and its libraries count, too: another build may compute otherwise.
-Key key_of(const BaseInputs& inputs) {
-  const VolumeMorphOptions& volume = inputs.options.volume;
-  const AssociationOptions& association = inputs.options.surface.association;
+Key key_of(const BaseSide& side) {
+  const VolumeMorphOptions& volume = side.options.volume;
+  const AssociationOptions& association = side.options.surface.association;
   const Kernel& kernel = volume.kernel;
   return {{"program", file_hash("/proc/self/exe")},
           {"instruction set", name(simd::best())},
           {"BLAS kernel", blas_kernel()},
           {"set of libraries", loaded_libraries()},
-          {"base CAD", file_hash(inputs.cad->file_name()) + contents_of(*inputs.cad)},
-          {"mesh", hash_of_file(inputs.file.path()) + contents_of(inputs.mesh)},
-          {"held, rigid, sliding and following groups", names_of(inputs.options.surface.groups)},
+          {"base CAD", file_hash(side.cad->file_name()) + contents_of(*side.cad)},
+          {"mesh", hash_of_file(side.mesh_file->path()) + contents_of(side.mesh())},
+          {"held, rigid, sliding and following groups", names_of(side.options.surface.groups)},
           {"mesh unit", exact(association.mesh_unit_mm)},
           {"association tolerance", exact(association.tolerance)},
           {"method", to_string(volume.method)},
@@ -134,27 +135,6 @@ void check_threads(const BaseSide& side, int threads) {
     throw StaleError("it was made by another number of threads");
 }
 
-void store(const BaseSide& side, const Key& key, OutputArchive& archive) {
-  archive(key, thread_count(), side.boundary, side.surface->association(), side.rows,
-          side.orientation, side.neighbours, side.quality, side.validity, side.checks);
-  side.volume->store(archive);
-  archive(std::string(kCacheFile.mark));
-}
-
-BaseSide restore(const BaseInputs& inputs, const Key& key, InputArchive& archive) {
-  check_key(take<Key>(archive), key);
-  const int threads = take<int>(archive);
-  BaseSide side;
-  Association association;
-  archive(side.boundary, association, side.rows, side.orientation, side.neighbours, side.quality,
-          side.validity, side.checks);
-  side.surface.emplace(inputs.cad, inputs.mesh, side.boundary, std::move(association),
-                       inputs.options.surface);
-  side.volume.emplace(inputs.mesh, inputs.options.volume, archive);
-  check_threads(side, threads);
-  return side;
-}
-
 // Whether a file can be overwritten: whatever damage a cache took at one place, its mark is still
 // at the other end.
 bool is_cache(const fs::path& path) {
@@ -180,30 +160,30 @@ void check_place(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error) || is_cache(path)) return;
   throw InvalidInputError(path.string() +
-                          " is no cache of cadmorph and is left as it is; name another file by "
-                          "--cache, or remove this one");
+                          " is no cache of cadmorph and is left as it is; name another file for "
+                          "the cache, or remove this one");
 }
 
-std::optional<BaseSide> read(const BaseInputs& inputs, const Key& key, CacheReport& report) {
+// Does `read` with the file, if it is there; tells in the report why it can't be used.
+template <class Read>
+bool try_to_read(CacheReport& report, Read&& read) {
   std::error_code error;
-  if (!fs::exists(report.file, error)) return {};
+  if (!fs::exists(report.file, error)) return false;
   try {
-    std::optional<BaseSide> side;
-    read_checked_file(report.file, kCacheFile,
-                      [&](InputArchive& archive) { side = restore(inputs, key, archive); });
-    return side;
+    read_checked_file(report.file, kCacheFile, read);
+    return true;
   } catch (const StaleError& stale) {
     report.remark = report.file.string() + " can't be used, " + stale.what() + "; it is made anew";
   } catch (const IoError& damage) {
     report.remark = damage.what();
   }
-  return {};
+  return false;
 }
 
-void write(const BaseSide& side, const Key& key, CacheReport& report) {
+template <class Write>
+void try_to_write(CacheReport& report, Write&& write) {
   try {
-    write_checked_file(report.file, kCacheFile,
-                       [&](OutputArchive& archive) { store(side, key, archive); });
+    write_checked_file(report.file, kCacheFile, write);
     report.use = CacheUse::Written;
   } catch (const IoError& error) {
     report.use = CacheUse::NotWritten;
@@ -214,25 +194,36 @@ void write(const BaseSide& side, const Key& key, CacheReport& report) {
 
 }  // namespace
 
-BaseSide cached_base_side(const BaseInputs& inputs, PhaseClock& clock, CacheReport& report) {
-  report.file = inputs.options.cache;
+CacheReport BaseCache::set_up(BaseSide& side, PhaseClock& clock) {
+  CacheReport report{.file = side.options.cache};
   if (const std::string why = obstacle(report.file); !why.empty()) {
     report.use = CacheUse::NotWritten;
     report.remark =
         report.file.string() + ": can't be read (" + why + "); the base side is not kept";
-    return set_up_base_side(inputs, clock);
+    side.set_up(clock);
+    return report;
   }
   check_place(report.file);
   clock.start("cache reading");
-  const Key key = key_of(inputs);
-  if (std::optional<BaseSide> side = read(inputs, key, report)) {
+  const Key key = key_of(side);
+  const bool is_read = try_to_read(report, [&](InputArchive& archive) {
+    check_key(take<Key>(archive), key);
+    const int threads = take<int>(archive);
+    side.restore(archive);
+    check_threads(side, threads);
+  });
+  if (is_read) {
     report.use = CacheUse::Used;
-    return std::move(*side);
+    return report;
   }
-  BaseSide side = set_up_base_side(inputs, clock);
+  side.set_up(clock);
   clock.start("cache writing");
-  write(side, key, report);
-  return side;
+  try_to_write(report, [&](OutputArchive& archive) {
+    archive(key, thread_count());
+    side.store(archive);
+    archive(std::string(kCacheFile.mark));
+  });
+  return report;
 }
 
 }  // namespace cadmorph

@@ -1,11 +1,37 @@
 #include "apps/pipeline/base_side.h"
 
+#include <algorithm>
 #include <utility>
 
-#include "apps/pipeline/morph_base.h"
+#include "apps/pipeline/base_cache.h"
+#include "core/archive_types.h"
+#include "core/blas.h"
+#include "core/parallel.h"
+#include "surface/motion_path.h"
 
 namespace cadmorph {
 namespace {
+
+PipelineOptions with_progress_everywhere(PipelineOptions options) {
+  if (!options.surface.association.progress)
+    options.surface.association.progress = options.progress;
+  if (!options.volume.rbf.progress) options.volume.rbf.progress = options.progress;
+  return options;
+}
+
+// Counts cells of a lower dimension than the mesh, and nodes that they alone, or no cell, use.
+void count_others(const Mesh& mesh, PipelineReport& report) {
+  const int highest = dimension(mesh);
+  report.has_solids = highest == 3;
+  std::vector<char> is_used(static_cast<std::size_t>(mesh.node_count()), 0);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (dimension(mesh.types[c]) < highest)
+      ++report.other_cells;
+    else
+      for (const Index node : mesh.cell(c)) is_used[node] = 1;
+  }
+  report.loose_nodes = std::ranges::count(is_used, 0);
+}
 
 std::vector<Index> prescribed_rows(const Association& association) {
   std::vector<Index> rows;
@@ -14,36 +40,149 @@ std::vector<Index> prescribed_rows(const Association& association) {
   return rows;
 }
 
-void set_up_volume(const BaseInputs& inputs, BaseSide& side) {
-  side.rows = prescribed_rows(side.surface->association());
-  std::vector<Index> nodes;
-  for (const Index row : side.rows) nodes.push_back(side.boundary.nodes[row]);
-  side.volume.emplace(inputs.mesh, std::move(nodes), inputs.options.volume);
-}
-
-void measure(const Mesh& mesh, BaseSide& side) {
-  side.orientation = detect_orientation(mesh);
-  side.quality = measure_quality(mesh, mesh.points, side.orientation);
-  side.validity = check_validity(mesh, mesh.points, side.orientation);
-  side.checks = check_quality(mesh, mesh.points, side.neighbours, side.orientation);
-}
-
 }  // namespace
 
-BaseSide set_up_base_side(const BaseInputs& inputs, PhaseClock& clock) {
-  BaseSide side;
+BaseSide::BaseSide(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<const MeshFile> file,
+                   PipelineOptions all_options, Points start)
+    : options(with_progress_everywhere(std::move(all_options))),
+      cad(std::move(base_cad)),
+      mesh_file(std::move(file)) {
+  if (start.size() > 0) set_start(std::move(start));
+  PhaseClock clock(options.progress);
+  if (options.cache.empty() || moved)
+    set_up(clock);
+  else
+    report.cache = BaseCache::set_up(*this, clock);
+  fill_report();
+  report.phases = clock.phases();
+}
+
+void BaseSide::set_up(PhaseClock& clock) {
   clock.start("boundary");
-  about_file(inputs.file.path(), [&] {
-    side.neighbours = find_cell_neighbours(inputs.mesh);
-    side.boundary = extract_boundary(inputs.mesh, side.neighbours);
+  about_file(mesh_file->path(), [&] {
+    neighbours = find_cell_neighbours(mesh());
+    boundary = extract_boundary(mesh(), neighbours);
   });
   clock.start("association");
-  side.surface.emplace(inputs.cad, inputs.mesh, side.boundary, inputs.options.surface);
+  surface.emplace(cad, mesh(), boundary, options.surface);
   clock.start("volume set-up");
-  set_up_volume(inputs, side);
+  set_up_volume();
   clock.start("quality before");
-  measure(inputs.mesh, side);
-  return side;
+  measure();
+}
+
+void BaseSide::set_up_volume() {
+  rows = prescribed_rows(association());
+  std::vector<Index> nodes;
+  for (const Index row : rows) nodes.push_back(boundary.nodes[row]);
+  volume.emplace(mesh(), std::move(nodes), options.volume);
+}
+
+void BaseSide::measure() {
+  orientation = detect_orientation(mesh());
+  quality = measure_quality(mesh(), mesh().points, orientation);
+  validity = check_validity(mesh(), mesh().points, orientation);
+  checks = check_quality(mesh(), mesh().points, neighbours, orientation);
+}
+
+void BaseSide::store(OutputArchive& archive) const {
+  archive(boundary, association(), rows, orientation, neighbours, quality, validity, checks);
+  volume->store(archive);
+}
+
+void BaseSide::restore(InputArchive& archive) {
+  Association found;
+  archive(boundary, found, rows, orientation, neighbours, quality, validity, checks);
+  surface.emplace(cad, mesh(), boundary, std::move(found), options.surface);
+  volume.emplace(mesh(), options.volume, archive);
+}
+
+void BaseSide::set_start(Points start) {
+  if (start.rows() != mesh_file->mesh().node_count())
+    throw InvalidInputError("a morph needs a start for each of the mesh's " +
+                            std::to_string(mesh_file->mesh().node_count()) + " nodes");
+  moved = mesh_file->mesh();
+  moved->points = std::move(start);
+}
+
+void BaseSide::fill_report() {
+  const Association& found = association();
+  report.base_cad = figures_of(*cad);
+  report.mesh_file = mesh_file->path();
+  report.mesh_format = mesh_file->format();
+  report.remarks = mesh_file->remarks();
+  for (const std::string& note : mesh_file->notes())
+    report.notes.push_back(mesh_file->path().filename().string() + ": " + note);
+  count_others(mesh(), report);
+  report.nodes = mesh().node_count();
+  report.cells = mesh().cell_count();
+  report.vertex_nodes = found.vertex_nodes;
+  report.edge_nodes = found.edge_nodes;
+  report.face_nodes = found.face_nodes;
+  report.amid_nodes = found.amid_nodes;
+  report.unmatched_nodes = found.unmatched_nodes;
+  report.interior_nodes = report.nodes - report.vertex_nodes - report.edge_nodes -
+                          report.face_nodes - report.amid_nodes - report.unmatched_nodes;
+  report.mesh_unit_mm = found.mesh_unit_mm;
+  report.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
+  set_quality(report.before, quality, validity, checks);
+  report.before.max_distance = found.max_distance;
+  report.before.mean_distance = found.mean_distance;
+  report.method = options.volume.method;
+  report.kernel = options.volume.kernel;
+  report.can_repair = options.can_repair;
+  report.threads = thread_count();
+  report.blas_kernel = blas_kernel();
+  if (validity.invalid > 0) warn_of_inverted();
+}
+
+// Before the work goes on: what is inverted already may take long to no end.
+void BaseSide::warn_of_inverted() {
+  misordered = misordered_cells(mesh(), neighbours, orientation, validity.invalid_cells);
+  std::string text = "the input mesh has " + std::to_string(validity.invalid) +
+                     " inverted cells already, the first is cell " +
+                     std::to_string(validity.invalid_cells.front());
+  if (!misordered.empty())
+    text += "; the nodes of " + std::to_string(misordered.size()) +
+            " of them are in a wrong order (cell " + std::to_string(misordered.front()) +
+            "): mend that where the mesh comes from, no repair is tried there";
+  report.warnings.push_back(text);
+  if (options.notice) options.notice(text);
+}
+
+Points BaseSide::prescribed(const Points& surface_positions) const {
+  Points result(rows.size(), 3);
+  for (std::size_t i = 0; i < rows.size(); ++i) result.row(i) = surface_positions.row(rows[i]);
+  return result;
+}
+
+Points BaseSide::on_boundary(const Points& prescribed_positions) const {
+  if (prescribed_positions.rows() != std::ssize(rows))
+    throw InvalidInputError(std::to_string(prescribed_positions.rows()) + " positions for " +
+                            std::to_string(rows.size()) + " surface nodes");
+  Points result = mesh().points(boundary.nodes, Eigen::all);
+  result(rows, Eigen::all) = prescribed_positions;
+  return result;
+}
+
+std::vector<char> BaseSide::fixed_nodes() const {
+  std::vector<char> is_fixed(mesh().node_count(), 0);
+  for (const Index row : rows) is_fixed[boundary.nodes[row]] = 1;
+  for (const Index c : misordered)
+    for (const Index node : mesh().cell(c)) is_fixed[node] = 1;
+  return is_fixed;
+}
+
+// Where faces turn, the surface follows them on the way; found out when it is first asked for.
+SurfacePath BaseSide::path(const Points& prescribed_positions) const {
+  const auto turning = std::make_shared<std::optional<MotionPath>>();
+  return [this, turning, &prescribed_positions](double s) -> Points {
+    if (!*turning) {
+      turning->emplace(boundary, mesh().points(boundary.nodes, Eigen::all),
+                       on_boundary(prescribed_positions), association().facet_face);
+    }
+    return prescribed((**turning)(s));
+  };
 }
 
 }  // namespace cadmorph

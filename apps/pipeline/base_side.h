@@ -4,13 +4,48 @@
 #include <optional>
 #include <vector>
 
-#include "apps/pipeline/phase_clock.h"
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_report.h"
+#include "apps/pipeline/options.h"
+#include "core/archive.h"
+#include "core/boundary.h"
+#include "core/errors.h"
+#include "core/mesh_file.h"
 
 namespace cadmorph {
 
-/// What a job finds out about the base CAD and the base mesh.
+/// All that depends on the base CAD and the base mesh alone, to be used for any number of variants.
 struct BaseSide {
+  /// Extracts the surface of the mesh, associates it with the CAD, measures the mesh and sets up
+  /// the volume warp; announces its phases. `start`, if not empty, are the node positions (N x 3)
+  /// on the CAD, in place of the file's. Throws InvalidInputError on a wrong size of it, and what
+  /// extract_boundary, SurfaceMorph and VolumeMorph throw.
+  BaseSide(std::shared_ptr<const CadModel> cad, std::shared_ptr<const MeshFile> mesh_file,
+           PipelineOptions options, Points start = {});
+
+  /// The mesh at the positions that the morph starts from.
+  const Mesh& mesh() const { return moved ? *moved : mesh_file->mesh(); }
+  const Association& association() const { return surface->association(); }
+
+  /// Of a position for each boundary node: those of the prescribed nodes alone.
+  Points prescribed(const Points& surface_positions) const;
+
+  /// Of a position for each prescribed node: those of all boundary nodes, the others at the base.
+  /// Throws InvalidInputError on a wrong number.
+  Points on_boundary(const Points& prescribed_positions) const;
+
+  /// A flag a mesh node: prescribed, or of a cell whose node order is wrong, so that no repair
+  /// takes to that.
+  std::vector<char> fixed_nodes() const;
+
+  /// The way of the prescribed nodes to `prescribed_positions`, which must outlive it: where faces
+  /// turn, the surface follows them.
+  SurfacePath path(const Points& prescribed_positions) const;
+
+  PipelineOptions options;
+  std::shared_ptr<const CadModel> cad;
+  std::shared_ptr<const MeshFile> mesh_file;
+  std::optional<Mesh> moved;  ///< the file's mesh where the morph starts elsewhere
+
   Boundary boundary;
   std::optional<SurfaceMorph> surface;
   std::optional<VolumeMorph> volume;
@@ -20,23 +55,31 @@ struct BaseSide {
   QualityReport quality;
   ValidityReport validity;
   QualityChecks checks;
+  std::vector<Index> misordered;  ///< see misordered_cells
+  PipelineReport report;          ///< the figures of the base side
+
+ private:
+  friend class BaseCache;
+
+  void set_up(PhaseClock& clock);
+  void store(OutputArchive& archive) const;
+  void restore(InputArchive& archive);
+
+  void set_start(Points start);
+  void set_up_volume();
+  void measure();
+  void fill_report();
+  void warn_of_inverted();
 };
 
-/// What it is found out from.
-struct BaseInputs {
-  std::shared_ptr<const CadModel> cad;
-  const MeshFile& file;
-  const Mesh& mesh;  ///< the file's, or one with other positions
-  const PipelineOptions& options;
-};
-
-/// Sets up the base side; announces its phases. Throws what MorphJob does.
-BaseSide set_up_base_side(const BaseInputs& inputs, PhaseClock& clock);
-
-/// The same by way of the file options.cache (docs/batch.md): reads it where it holds just this
-/// base side, else sets up and writes it. The result is the same to the last bit. A file that can't
-/// be used or written is told in `report`, no error; but one that is no cache is left as it is:
-/// InvalidInputError.
-BaseSide cached_base_side(const BaseInputs& inputs, PhaseClock& clock, CacheReport& report);
+/// Names the file in an error about the mesh, which knows no file.
+template <class Call>
+auto about_file(const std::filesystem::path& file, Call&& call) {
+  try {
+    return call();
+  } catch (const InvalidInputError& error) {
+    throw InvalidInputError(file.string() + ": " + error.what());
+  }
+}
 
 }  // namespace cadmorph

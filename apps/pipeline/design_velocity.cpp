@@ -6,6 +6,7 @@
 #include <limits>
 #include <sstream>
 
+#include "apps/pipeline/output_file.h"
 #include "cad/step_reader.h"
 #include "core/errors.h"
 
@@ -28,7 +29,7 @@ constexpr double kSmallMotion = 1e-6;
 // Of the surface nodes, where `present` is not empty there.
 Points positions(const MorphJob& job, const Points& present) {
   if (present.rows() > 0) return present;
-  return job.mesh().points(job.volume().surface_nodes(), Eigen::all);
+  return job.base().mesh().points(job.base().volume->surface_nodes(), Eigen::all);
 }
 
 double largest(const RowMatrix& rows) {
@@ -81,7 +82,7 @@ void judge(const ParameterModels& models, SurfaceVelocity& result) {
 Points towards(const MorphJob& job, const SurfaceVelocity& surface) {
   const double speed = largest(surface.velocity);
   if (surface.present.rows() > 0 || speed == 0) return positions(job, surface.present);
-  const Points& all = job.mesh().points;
+  const Points& all = job.base().mesh().points;
   const double size = (all.colwise().maxCoeff() - all.colwise().minCoeff()).norm();
   return positions(job, {}) + kSmallMotion * size / speed * surface.velocity;
 }
@@ -153,7 +154,7 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
   result.present = present;
   result.step = models.step;
   result.motion = 0.5 * unit * largest(apart);
-  result.cad_tolerance = typical_tolerance(job.base());
+  result.cad_tolerance = typical_tolerance(*job.base().cad);
   result.unevenness = result.motion > 0 ? largest(bent) / largest(apart) : 0;
   for (const MorphResult* side : {&plus, &minus}) {
     add_new(result.warnings, side->report.warnings);
@@ -178,7 +179,7 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
 }
 
 NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface) {
-  const VolumeDerivative map = job.volume().derivative(towards(job, surface));
+  const VolumeDerivative map = job.base().volume->derivative(towards(job, surface));
   RowMatrix all(surface.velocity.rows(), 3 + surface.error.cols() * (surface.error.rows() > 0));
   all.leftCols(3) = surface.velocity;
   if (all.cols() > 3) all.rightCols(3) = surface.error;
@@ -190,15 +191,15 @@ NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface) {
 
 Gradient::Gradient(const MorphJob& job, RowMatrix sensitivity, const Points& present)
     : job_(job), sensitivity_(std::move(sensitivity)) {
-  check_sensitivity(sensitivity_, job.mesh().node_count());
-  const auto& nodes = job.volume().surface_nodes();
+  check_sensitivity(sensitivity_, job.base().mesh().node_count());
+  const auto& nodes = job.base().volume->surface_nodes();
   surface_ = sensitivity_(nodes, Eigen::all);
   RowMatrix inside = sensitivity_;
   inside(nodes, Eigen::all).setZero();
   // Else nothing is to carry: what a solver knows of the surface alone.
   if (inside.isZero(0)) return;
-  surface_ = job.volume().derivative(positions(job, present)).adjoint(sensitivity_);
-  if (present.rows() == 0) holds_ = job.volume().hold_check();
+  surface_ = job.base().volume->derivative(positions(job, present)).adjoint(sensitivity_);
+  if (present.rows() == 0) holds_ = job.base().volume->hold_check();
 }
 
 double Gradient::operator()(const SurfaceVelocity& velocity) const {
@@ -243,15 +244,15 @@ VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions&
   report.base_cad = files.base_cad;
   report.mesh = files.mesh;
   report.written = files.output;
-  report.nodes = job.mesh().node_count();
-  report.surface_nodes = std::ssize(job.volume().surface_nodes());
-  report.mesh_unit_mm = job.association().mesh_unit_mm;
+  report.nodes = job.base().mesh().node_count();
+  report.surface_nodes = std::ssize(job.base().volume->surface_nodes());
+  report.mesh_unit_mm = job.base().association().mesh_unit_mm;
   report.step = surface.step;
   report.motion = surface.motion;
   report.cad_tolerance = surface.cad_tolerance;
   report.unevenness = surface.unevenness;
   report.max_speed = nodes.velocity.rowwise().norm().maxCoeff(&report.fastest_node);
-  report.fastest_place = job.mesh().points.row(report.fastest_node);
+  report.fastest_place = job.base().mesh().points.row(report.fastest_node);
   report.warnings = surface.warnings;
   report.seconds = clock.phases().front().seconds;
   return report;
@@ -287,9 +288,9 @@ GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const Me
   }
   report.base_cad = base_cad;
   report.mesh = mesh->path();
-  report.nodes = job.mesh().node_count();
+  report.nodes = job.base().mesh().node_count();
   report.surface_nodes = gradient.surface().rows();
-  report.mesh_unit_mm = job.association().mesh_unit_mm;
+  report.mesh_unit_mm = job.base().association().mesh_unit_mm;
   report.sensitivity_norm = sensitivity.norm();
   report.surface_norm = gradient.surface().norm();
   for (const PhaseTime& phase : clock.phases()) {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 
 namespace cadmorph {
 

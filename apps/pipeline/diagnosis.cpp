@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "apps/pipeline/base_side.h"
 #include "apps/pipeline/nearest_face.h"
 
 namespace cadmorph {
@@ -17,9 +18,9 @@ std::vector<std::pair<int, Index>> most_first(const std::map<int, Index>& counts
   return result;
 }
 
-int most_frequent_face(const Mesh& mesh, const Boundary& boundary, const Association& association,
-                       const std::vector<Index>& bad_cells) {
-  const NearestFace nearest(boundary, association.facet_face, mesh.points);
+int most_frequent_face(const BaseSide& base, const std::vector<Index>& bad_cells) {
+  const Mesh& mesh = base.mesh();
+  const NearestFace nearest(base.boundary, base.association().facet_face, mesh.points);
   std::map<int, Index> votes;
   for (const Index c : bad_cells) ++votes[nearest(centre_of(mesh.cell(c), mesh.points))];
   return most_first(votes).front().first;
@@ -42,24 +43,23 @@ double first_inversion(const Mesh& mesh, const Orientation& orientation,
 
 }  // namespace
 
-Diagnosis diagnose(const CadModel& cad, const Mesh& mesh, const Boundary& boundary,
-                   const Association& association, const std::vector<Index>& bad_cells,
-                   const Orientation& orientation, const PositionsAt& positions_at) {
+Diagnosis diagnose(const BaseSide& base, const std::vector<Index>& bad_cells,
+                   const PositionsAt& positions_at) {
   Diagnosis result;
   result.bad_cells = static_cast<Index>(bad_cells.size());
-  const auto in_base = check_validity(mesh, mesh.points, orientation).invalid_cells;
   std::map<int, Index> regions;
   for (const Index c : bad_cells) {
-    ++regions[mesh.region(c)];
-    if (std::ranges::binary_search(in_base, c)) ++result.bad_in_base;
+    ++regions[base.mesh().region(c)];
+    if (std::ranges::binary_search(base.validity.invalid_cells, c)) ++result.bad_in_base;
   }
   result.regions = most_first(regions);
-  result.face = most_frequent_face(mesh, boundary, association, bad_cells);
+  result.face = most_frequent_face(base, bad_cells);
   if (result.face >= 0) {
-    result.face_type = to_string(cad.faces()[result.face].type);
-    result.face_name = cad.faces()[result.face].name;
+    const CadFace& face = base.cad->faces()[result.face];
+    result.face_type = to_string(face.type);
+    result.face_name = face.name;
   }
-  result.first_inversion = first_inversion(mesh, orientation, positions_at);
+  result.first_inversion = first_inversion(base.mesh(), base.orientation, positions_at);
   return result;
 }
 

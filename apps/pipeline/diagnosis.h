@@ -5,12 +5,11 @@
 #include <utility>
 #include <vector>
 
-#include "cad/brep.h"
-#include "core/boundary.h"
-#include "core/validity.h"
-#include "surface/association.h"
+#include "core/types.h"
 
 namespace cadmorph {
+
+struct BaseSide;
 
 /// Why a morphed mesh was refused, and where to look.
 struct Diagnosis {
@@ -39,8 +38,7 @@ using PositionsAt = std::function<Points(double share)>;
 /// Locates `bad_cells` (at least one) on the CAD by the nearest facet of the base mesh's surface,
 /// and finds by bisection to 1 % where the first inversion appears on the way `positions_at`
 /// describes.
-Diagnosis diagnose(const CadModel& cad, const Mesh& mesh, const Boundary& boundary,
-                   const Association& association, const std::vector<Index>& bad_cells,
-                   const Orientation& orientation, const PositionsAt& positions_at);
+Diagnosis diagnose(const BaseSide& base, const std::vector<Index>& bad_cells,
+                   const PositionsAt& positions_at);
 
 }  // namespace cadmorph

@@ -5,6 +5,7 @@
 #include <future>
 #include <iterator>
 
+#include "apps/pipeline/output_file.h"
 #include "volume/field_file.h"
 
 namespace cadmorph {
@@ -88,15 +89,27 @@ WrittenMesh write(const MeshFile& mesh, const Points& moved, const ApplyReport& 
   return written;
 }
 
+// What moves any other points as it moved the nodes, repair by optimisation apart, which has no
+// field.
+DeformationTerms deformation_of(const MorphResult& result) {
+  const BaseSide& base = *result.base;
+  DeformationTerms terms = about_file(base.mesh_file->path(), [&] {
+    return record_deformation(base.mesh(), *base.volume,
+                              {result.surface_positions, base.path(result.surface_positions)},
+                              result.report.stepping.steps);
+  });
+  terms.mesh_unit_mm = result.report.mesh_unit_mm;
+  return terms;
+}
+
 // The fields of a series of morphs, one after the other.
 class FieldRecord {
  public:
-  void add(const MorphJob& job, const MorphResult& result) {
-    DeformationTerms leg = job.deformation(result);
+  void add(const MorphResult& result) {
+    DeformationTerms leg = deformation_of(result);
     if (terms_.steps.empty()) {
       terms_ = std::move(leg);
-      for (Index i = 0; i < static_cast<Index>(job.boundary().nodes.size()); ++i)
-        if (!job.association().is_free[i]) nodes_.push_back(job.boundary().nodes[i]);
+      nodes_ = result.base->volume->surface_nodes();
       return;
     }
     terms_.steps.insert(terms_.steps.end(), leg.steps.begin(), leg.steps.end());
@@ -116,8 +129,8 @@ FieldReport field_files(const MorphFiles& files, const PipelineOptions& options)
   FieldRecord record;
   FieldReport report;
   MorphFiles trip = files;
-  trip.on_leg = [&](const MorphJob& job, const MorphResult& result) { record.add(job, result); };
-  trip.write = [&](const MorphJob&, const MorphResult& result) -> WrittenMesh {
+  trip.on_leg = [&](const MorphResult& result) { record.add(result); };
+  trip.write = [&](const MorphResult& result) -> WrittenMesh {
     if (result.report.outcome != Outcome::Done) return {};
     DeformationTerms& terms = record.terms();
     terms.base_cad = files.base_cad.string();

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_files.h"
 
 namespace cadmorph {
 

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "core/boundary.h"
+#include "core/remedies.h"
 #include "core/validity.h"
 #include "surface/mesh_unit.h"
 
@@ -44,7 +45,7 @@ std::string likely_mistake(const CadModel& base, const Mesh& mesh, double mm) {
     text << " after a shift by (" << shift.x() << ", " << shift.y() << ", " << shift.z()
          << ") mm: bring both into one frame";
   } else {
-    text << ": give --mesh-unit so";
+    text << ": give " << words_for(Remedy::MeshUnit) << " so";
   }
   return text.str() + "; ";
 }

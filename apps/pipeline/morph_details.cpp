@@ -39,9 +39,9 @@ std::vector<double> deviations(const Association& association, const Eigen::Vect
   return result;
 }
 
-void fill_deviation(MorphDetails& details, const MorphJob& job, const MorphResult& result,
+void fill_deviation(MorphDetails& details, const MorphResult& result,
                     const DetailOptions& options) {
-  const Association& association = job.association();
+  const Association& association = result.base->association();
   const double largest = std::max(association.max_distance, result.report.after.max_distance);
   const auto before = deviations(association, association.distance, options.least_deviation);
   const auto after = deviations(association, result.surface.distance, options.least_deviation);
@@ -71,18 +71,17 @@ std::vector<Index> worst_cells(const QualityReport& quality, Index count) {
 
 }  // namespace
 
-MorphDetails gather_details(const MorphJob& job, const MorphResult& result,
-                            const DetailOptions& options) {
+MorphDetails gather_details(const MorphResult& result, const DetailOptions& options) {
+  const BaseSide& base = *result.base;
   MorphDetails details;
-  details.scaled_jacobian =
-      jacobian_histogram(job.base_quality(), result.quality, options.jacobian_bins);
-  fill_deviation(details, job, result, options);
-  const NearestFace nearest(job.boundary(), job.association().facet_face, result.positions);
+  details.scaled_jacobian = jacobian_histogram(base.quality, result.quality, options.jacobian_bins);
+  fill_deviation(details, result, options);
+  const NearestFace nearest(base.boundary, base.association().facet_face, result.positions);
   for (const Index c : worst_cells(result.quality, options.worst)) {
-    const Eigen::Vector3d centre = centre_of(job.mesh().cell(c), result.positions);
+    const Eigen::Vector3d centre = centre_of(base.mesh().cell(c), result.positions);
     const int face = nearest(centre);
     details.worst.push_back({.cell = c,
-                             .before = job.base_quality().values[c],
+                             .before = base.quality.values[c],
                              .after = result.quality.values[c],
                              .centre = centre,
                              .face = face < 0 ? -1 : result.match.faces[face]});

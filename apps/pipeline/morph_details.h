@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 
 namespace cadmorph {
 
@@ -43,7 +43,6 @@ struct DetailOptions {
 };
 
 /// Gathers the details of a result. O(cells + F log F) for F surface facets.
-MorphDetails gather_details(const MorphJob& job, const MorphResult& result,
-                            const DetailOptions& options = {});
+MorphDetails gather_details(const MorphResult& result, const DetailOptions& options = {});
 
 }  // namespace cadmorph

@@ -1,3 +1,5 @@
+#include "apps/pipeline/morph_files.h"
+
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -10,7 +12,7 @@
 #include <sstream>
 
 #include "apps/pipeline/likely_mistake.h"
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/output_file.h"
 #include "cad/step_reader.h"
 
 namespace cadmorph {
@@ -96,7 +98,7 @@ class Trip {
     read_ahead(leg_ + 1);
     result_ = job_->morph(*base_);
     const PipelineReport& report = result_.report;
-    if (files_.on_leg && report.outcome == Outcome::Done) files_.on_leg(job_->of(result_), result_);
+    if (files_.on_leg && report.outcome == Outcome::Done) files_.on_leg(result_);
     if (leg_ == 0) whole_ = report;
     if (is_series()) add_leg(report);
     add_phases(phases_, report.phases);
@@ -123,16 +125,15 @@ class Trip {
   }
 
   PipelineReport write() {
-    const MorphJob& job = job_->of(result_);
     PhaseClock clock(options_.progress);
     if (files_.on_result) {
       clock.start("report");
-      files_.on_result(job, result_);
+      files_.on_result(result_);
     }
     clock.start("writing");
     const WrittenMesh written = files_.write
-                                    ? files_.write(job, result_)
-                                    : job.write(result_, files_.output, files_.has_diagnostics);
+                                    ? files_.write(result_)
+                                    : write_result(result_, files_.output, files_.has_diagnostics);
     add_phases(phases_, clock.phases());
     PipelineReport report = is_series() ? series_report() : result_.report;
     report.written = written.path;

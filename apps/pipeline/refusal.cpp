@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "apps/pipeline/nearest_face.h"
+#include "core/remedies.h"
 #include "volume/held_cells.h"
 
 namespace cadmorph {
@@ -35,7 +36,8 @@ std::string percent(double share) {
 }
 
 // Shell cells that the surface folds: what inverts a cell between solids.
-std::vector<Index> folded_shells(const MorphBase& base, const MorphResult& result) {
+std::vector<Index> folded_shells(const MorphResult& result) {
+  const BaseSide& base = *result.base;
   std::vector<Index> cells;
   for (const Index f : result.surface.folded_facets)
     if (const Index c = base.boundary.cell[f]; dimension(base.mesh().types[c]) == 2)
@@ -45,16 +47,16 @@ std::vector<Index> folded_shells(const MorphBase& base, const MorphResult& resul
 }
 
 // Cells the result is refused for: invalid ones, and those whose corners inverted on the way.
-std::vector<Index> inverted_cells(const MorphBase& base, const MorphResult& result) {
+std::vector<Index> inverted_cells(const MorphResult& result) {
   const auto corners =
-      sorted_difference(result.quality.inverted_cells, base.quality.inverted_cells);
-  return sorted_union(sorted_union(result.validity.invalid_cells, corners),
-                      folded_shells(base, result));
+      sorted_difference(result.quality.inverted_cells, result.base->quality.inverted_cells);
+  return sorted_union(sorted_union(result.validity.invalid_cells, corners), folded_shells(result));
 }
 
-std::vector<Index> poor_cells(const MorphBase& base, const MorphResult& result) {
-  if (!base.options.min_scaled_jacobian) return {};
-  return cells_below(*base.options.min_scaled_jacobian, result.quality);
+std::vector<Index> poor_cells(const MorphResult& result) {
+  const auto& asked = result.base->options.min_scaled_jacobian;
+  if (!asked) return {};
+  return cells_below(*asked, result.quality);
 }
 
 Index worst_of(const std::vector<Index>& cells, const QualityReport& quality) {
@@ -63,7 +65,7 @@ Index worst_of(const std::vector<Index>& cells, const QualityReport& quality) {
 }
 
 // Those of the inverted cells that no move of the inner nodes can help.
-Index held_among(const std::vector<Index>& inverted, const MorphBase& base, const Points& full) {
+Index held_among(const std::vector<Index>& inverted, const BaseSide& base, const Points& full) {
   const std::vector<char> is_fixed = base.fixed_nodes();
   return std::ranges::count_if(inverted, [&](Index c) {
     return dimension(base.mesh().types[c]) == 3 &&
@@ -79,8 +81,8 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
   if (is_inverted && static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.cells))
     lines.push_back(
         "look at the pairs of faces ('cadmorph match'): so many cells invert where faces are "
-        "paired "
-        "wrongly (set pairs by --map), or the variant is a mirror image");
+        "paired wrongly (set pairs by " +
+        words_for(Remedy::FaceMap) + "), or the variant is a mirror image");
   if (found.misordered > 0)
     lines.push_back(
         "put the nodes of cells in the order of their type where the mesh comes from: " +
@@ -104,22 +106,21 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
         "the surface, or facets on it turn an edge or a corner inwards)");
   if (found.folded_shells > 0)
-    lines.push_back(
-        "go there by CAD models between (--via), and look whether all sheets still meet where they "
-        "did");
+    lines.push_back("go there by CAD models between (" + words_for(Remedy::Via) +
+                    "), and look whether all sheets still meet where they did");
   if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)
-    lines.push_back("raise the poor cells: --improve " +
+    lines.push_back("raise the poor cells: " + words_for(Remedy::Improve) + " " +
                     short_number(*options.min_scaled_jacobian));
   if (is_inverted && made > 0 && options.can_repair && options.untangle == UntangleMode::Never)
-    lines.push_back("let the inverted cells be repaired: --untangle auto");
+    lines.push_back("let the inverted cells be repaired: " +
+                    words_for(Remedy::AutomaticUntangling));
   if (is_inverted && made > 0 && options.stepping.steps > 0)
-    lines.push_back("let the number of steps grow: --steps auto");
+    lines.push_back("let the number of steps grow: " + words_for(Remedy::AutomaticSteps));
   const double share = found.first_inversion;
   if (share > 0 && share < 1)
-    lines.push_back(
-        "morph to a smaller change (below " + percent(share) +
-        " of this one), go there by CAD models between (--via), or remesh there with more "
-        "elements across the moved gap");
+    lines.push_back("morph to a smaller change (below " + percent(share) +
+                    " of this one), go there by CAD models between (" + words_for(Remedy::Via) +
+                    "), or remesh there with more elements across the moved gap");
   return lines;
 }
 
@@ -132,13 +133,14 @@ std::vector<Index> cells_below(double limit, const QualityReport& quality) {
   return result;
 }
 
-std::vector<Index> bad_cells(const MorphBase& base, const MorphResult& result) {
-  return sorted_union(inverted_cells(base, result), poor_cells(base, result));
+std::vector<Index> bad_cells(const MorphResult& result) {
+  return sorted_union(inverted_cells(result), poor_cells(result));
 }
 
-void judge(const MorphBase& base, MorphResult& result) {
-  const auto inverted = inverted_cells(base, result);
-  const auto poor = poor_cells(base, result);
+void judge(MorphResult& result) {
+  const BaseSide& base = *result.base;
+  const auto inverted = inverted_cells(result);
+  const auto poor = poor_cells(result);
   const auto bad = sorted_union(inverted, poor);
   if (bad.empty()) return;
   PipelineReport& figures = result.report;
@@ -148,9 +150,8 @@ void judge(const MorphBase& base, MorphResult& result) {
   const auto positions_at = [&](double share) -> Points {
     return base.mesh().points + share * (full - base.mesh().points);
   };
-  figures.diagnosis = diagnose(*base.cad, base.mesh(), base.boundary, base.surface->association(),
-                               bad, base.orientation, positions_at);
-  figures.diagnosis->folded_shells = static_cast<Index>(folded_shells(base, result).size());
+  figures.diagnosis = diagnose(base, bad, positions_at);
+  figures.diagnosis->folded_shells = static_cast<Index>(folded_shells(result).size());
   figures.after.invalid += figures.diagnosis->folded_shells;
   figures.diagnosis->poor_in_base = std::ranges::count_if(
       poor, [&](Index c) { return base.quality.values[c] < *base.options.min_scaled_jacobian; });

@@ -1,6 +1,7 @@
 #include "apps/pipeline/volume_stage.h"
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -17,14 +18,14 @@ constexpr Index kFewCells = 10'000;
 constexpr double kWorthSliding = 1.1;
 constexpr int kMostFirstRings = 4;
 
-SteppingOptions stepping(const MorphBase& base) {
+SteppingOptions stepping(const BaseSide& base) {
   SteppingOptions result = base.options.stepping;
   if (base.options.untangle == UntangleMode::Always && result.steps == 0) result.steps = 1;
   if (base.options.untangle == UntangleMode::Never) result.least_gain_share = 1;
   return result;
 }
 
-void untangle_result(const MorphBase& base, MorphResult& result) {
+void untangle_result(const BaseSide& base, MorphResult& result) {
   if (base.options.untangle == UntangleMode::Never || result.validity.invalid == 0) return;
   UntangleOptions how;
   how.progress = base.options.progress;
@@ -35,13 +36,13 @@ void untangle_result(const MorphBase& base, MorphResult& result) {
   result.validity = std::move(repaired.report.validity);
 }
 
-void step_and_untangle(const MorphBase& base, const Points& surface_positions,
+void step_and_untangle(const BaseSide& base, const Points& surface_positions,
                        const SteppingOptions& how, PhaseClock& clock, MorphResult& result,
                        VolumeMorphResult* one_step) {
   clock.start("volume morph");
   SteppingResult stepped =
-      morph_in_steps(base.mesh(), *base.volume, surface_positions, base.orientation, how,
-                     base.path(surface_positions), one_step);
+      morph_in_steps(base.mesh(), *base.volume, {surface_positions, base.path(surface_positions)},
+                     base.orientation, how, one_step);
   result.positions = std::move(stepped.positions);
   result.validity = stepped.report.validity;
   result.report.solver = stepped.report.rbf;
@@ -51,7 +52,7 @@ void step_and_untangle(const MorphBase& base, const Points& surface_positions,
 }
 
 // Steps, then repair. When few elements are inverted, repair comes before further steps.
-void morph_volume(const MorphBase& base, PhaseClock& clock, MorphResult& result,
+void morph_volume(const BaseSide& base, PhaseClock& clock, MorphResult& result,
                   VolumeMorphResult* one_step) {
   SteppingOptions how = stepping(base);
   const bool is_free = how.steps == 0 && base.options.untangle != UntangleMode::Never;
@@ -72,7 +73,7 @@ void morph_volume(const MorphBase& base, PhaseClock& clock, MorphResult& result,
 }
 
 // Nodes that slid lie within the wires of their faces.
-void settle_slid_nodes(const MorphBase& base, MorphResult& result) {
+void settle_slid_nodes(const BaseSide& base, MorphResult& result) {
   SurfaceMorphResult& surface = result.surface;
   for (std::size_t i = 0; i < base.boundary.nodes.size(); ++i)
     if (surface.beyond_wires[i] > 0 &&
@@ -83,12 +84,11 @@ void settle_slid_nodes(const MorphBase& base, MorphResult& result) {
 // The surface's nodes that slide, set up when first asked for.
 class Sliding {
  public:
-  Sliding(const MorphBase& base, const CadModel& variant, const SurfaceMorphResult& surface)
-      : base_(base), variant_(variant), surface_(surface) {}
+  explicit Sliding(const MorphResult& result)
+      : base_(*result.base), variant_(*result.variant), surface_(result.surface) {}
 
   const SlidingNodes* nodes() {
-    if (!nodes_)
-      nodes_ = slide_on_cad(variant_, base_.surface->association(), base_.boundary, surface_);
+    if (!nodes_) nodes_ = slide_on_cad(variant_, base_.association(), base_.boundary, surface_);
     return &*nodes_;
   }
 
@@ -96,19 +96,19 @@ class Sliding {
 
   // Whether a repair slid nodes over each other, so that valid cells overlap.
   bool is_folded(const Points& positions, const RowMatrix& slides) const {
-    return count_turned_facets(base_.mesh(), base_.surface->association(), base_.boundary, *nodes_,
+    return count_turned_facets(base_.mesh(), base_.association(), base_.boundary, *nodes_,
                                positions, slides) > 0;
   }
 
  private:
-  const MorphBase& base_;
+  const BaseSide& base_;
   const CadModel& variant_;
   const SurfaceMorphResult& surface_;
   std::optional<SlidingNodes> nodes_;
 };
 
 // Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
-void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result) {
+void slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   const auto& left = result.validity.invalid_cells;
   if (base.options.untangle == UntangleMode::Never ||
       std::ranges::includes(base.validity.invalid_cells, left))  // for the input mesh to repair
@@ -140,7 +140,7 @@ void slide_surface(const MorphBase& base, Sliding& sliding, MorphResult& result)
 
 // Surface nodes that may slide to repair a mesh, but not to raise its cells: those at rest, and
 // those that match others on the opposite side of a periodic mesh.
-std::vector<Index> nodes_to_hold(const MorphBase& base, const SurfaceMorphResult& surface) {
+std::vector<Index> nodes_to_hold(const BaseSide& base, const SurfaceMorphResult& surface) {
   std::vector<Index> result;
   for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
     if (const Index node = base.boundary.nodes[row];
@@ -153,13 +153,13 @@ std::vector<Index> nodes_to_hold(const MorphBase& base, const SurfaceMorphResult
 // Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
 // its border, on CAD edges, at rest, or amid straight edges. Surface nodes that nothing prescribes
 // stay where the morph put them, on their surface.
-std::vector<char> nodes_to_leave(const MorphBase& base, const SurfaceMorphResult& surface) {
+std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult& surface) {
   const Mesh& mesh = base.mesh();
   std::vector<char> result = base.fixed_nodes();
   for (const Index node : base.boundary.nodes) result[node] = 1;
   if (flat_axis(mesh, mesh.points) < 0) return result;
   const std::vector<char> is_border = border_nodes(mesh, mesh.points);
-  const Association& association = base.surface->association();
+  const Association& association = base.association();
   for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
     if (const Index node = base.boundary.nodes[row];
         association.dimension[row] == CadDimension::Face && !association.is_amid[row] &&
@@ -171,7 +171,7 @@ std::vector<char> nodes_to_leave(const MorphBase& base, const SurfaceMorphResult
 }
 
 // Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
-void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& result) {
+void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   const PipelineOptions& options = base.options;
   if (options.quality == QualityMode::Fast || options.untangle == UntangleMode::Never ||
       !options.can_repair || result.validity.invalid > base.validity.invalid)
@@ -187,8 +187,8 @@ void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& resu
     return sliding.is_folded(positions, slides);
   };
   BestMeshResult best =
-      find_best_mesh(base.mesh(), {reference, of_file ? *of_file : base.quality}, result.positions,
-                     result.quality, is_fixed, base.orientation, how);
+      find_best_mesh(base.mesh(), {reference, of_file ? *of_file : base.quality},
+                     {result.positions, result.quality}, is_fixed, base.orientation, how);
   result.report.best_mesh = std::move(best.report);
   result.positions = std::move(best.positions);
   result.quality = std::move(best.quality);
@@ -199,7 +199,7 @@ void raise_lost_cells(const MorphBase& base, Sliding& sliding, MorphResult& resu
 
 // Moves nodes near poor cells, the inner ones or those on CAD edges and faces, too. Returns whether
 // that lifts the worst cell; all stays as it was where it does not.
-bool raise(const MorphBase& base, Sliding* sliding, MorphResult& result) {
+bool raise(const BaseSide& base, Sliding* sliding, MorphResult& result) {
   UntangleOptions how;
   how.progress = base.options.progress;
   how.attempts = 1;
@@ -220,7 +220,7 @@ bool raise(const MorphBase& base, Sliding* sliding, MorphResult& result) {
 
 // Raises poor cells: by the inner nodes, then where that does not do by those on CAD edges and
 // faces, too.
-void improve_result(const MorphBase& base, Sliding& sliding, MorphResult& result) {
+void improve_result(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   if (!base.options.improve_below || result.validity.invalid > 0) return;
   const double below = *base.options.improve_below;
   const auto poor = [&] { return static_cast<Index>(cells_below(below, result.quality).size()); };
@@ -252,16 +252,16 @@ std::vector<GroupFigures> figures_of_groups(const Mesh& mesh, const Points& posi
   return result;
 }
 
-std::vector<char> on_cad(const MorphBase& base) {
+std::vector<char> on_cad(const BaseSide& base) {
   std::vector<char> result(static_cast<std::size_t>(base.mesh().node_count()), 0);
-  const Association& association = base.surface->association();
+  const Association& association = base.association();
   for (std::size_t row = 0; row < association.dimension.size(); ++row)
     result[base.boundary.nodes[row]] =
         association.dimension[row] != CadDimension::None || association.is_amid[row];
   return result;
 }
 
-void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
+void measure(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
   raise_lost_cells(base, sliding, result);
   improve_result(base, sliding, result);
@@ -277,12 +277,12 @@ void measure(const MorphBase& base, Sliding& sliding, MorphResult& result) {
   figures.layers = measure_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points,
                                   result.positions);
   figures.groups = figures_of_groups(base.mesh(), result.positions, figures.mesh_unit_mm);
-  judge(base, result);
+  judge(result);
 }
 
-void describe_surface(const MorphBase& base, MorphResult& result) {
+void describe_surface(const BaseSide& base, MorphResult& result) {
   const SurfaceMorphResult& surface = result.surface;
-  const Association& association = base.surface->association();
+  const Association& association = base.association();
   PipelineReport& figures = result.report;
   const Index matched =
       surface.distance.size() - std::ranges::count(association.dimension, CadDimension::None);
@@ -297,25 +297,30 @@ void describe_surface(const MorphBase& base, MorphResult& result) {
 
 }  // namespace
 
-std::vector<VolumeMorphResult> first_steps(const MorphBase& base,
-                                           std::vector<MorphAttempt>& attempts) {
-  std::vector<VolumeMorphResult> result;
-  if (stepping(base).steps > 1) return result;
-  std::vector<Points> targets;
-  for (const MorphAttempt& attempt : attempts) targets.push_back(attempt.result.surface_positions);
-  try {
-    result = base.volume->morph_each(targets);
-  } catch (...) {
-    for_each_good(attempts, [](std::size_t, const MorphResult&) { throw; });
+std::vector<std::optional<VolumeMorphResult>> first_steps(std::vector<MorphAttempt>& attempts) {
+  std::vector<std::optional<VolumeMorphResult>> steps(attempts.size());
+  std::map<const BaseSide*, std::vector<std::size_t>> attempts_of;
+  for_each_good(attempts, [&](std::size_t i, const MorphResult& result) {
+    if (stepping(*result.base).steps <= 1) attempts_of[result.base.get()].push_back(i);
+  });
+  for (const auto& [base, members] : attempts_of) {
+    std::vector<Points> targets;
+    for (const std::size_t i : members) targets.push_back(attempts[i].result.surface_positions);
+    try {
+      std::vector<VolumeMorphResult> moved = base->volume->morph_each(targets);
+      for (std::size_t k = 0; k < members.size(); ++k) steps[members[k]] = std::move(moved[k]);
+    } catch (...) {
+      for (const std::size_t i : members) attempts[i].error = std::current_exception();
+    }
   }
-  return result;
+  return steps;
 }
 
-void finish(const MorphBase& base, const CadModel& variant, MorphResult& result,
-            VolumeMorphResult* one_step) {
+void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
+  const BaseSide& base = *result.base;
   PhaseClock clock(base.options.progress);
   morph_volume(base, clock, result, one_step);
-  Sliding sliding(base, variant, result.surface);
+  Sliding sliding(result);
   slide_surface(base, sliding, result);
   clock.start("quality after");
   measure(base, sliding, result);

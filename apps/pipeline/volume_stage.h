@@ -1,18 +1,21 @@
 #pragma once
 
-#include "apps/pipeline/morph_base.h"
+#include <optional>
+#include <vector>
+
+#include "apps/pipeline/morph_job.h"
 
 namespace cadmorph {
 
-/// Moves the volume in one step for all attempts without an error together (see
-/// VolumeMorph::morph_each); an error becomes that of each. Empty where more steps were asked for.
-std::vector<VolumeMorphResult> first_steps(const MorphBase& base,
-                                           std::vector<MorphAttempt>& attempts);
+/// Moves the volume in one step for all attempts without an error, those of a base side together
+/// (see VolumeMorph::morph_each), whose error becomes that of each. Nothing where more steps were
+/// asked for.
+std::vector<std::optional<VolumeMorphResult>> first_steps(std::vector<MorphAttempt>& attempts);
 
 /// From the surface's new positions to a judged result: the volume in steps (`one_step`, if not
-/// null, is the result of the first), then repair, then quality, all told in the report.
-void finish(const MorphBase& base, const CadModel& variant, MorphResult& result,
-            VolumeMorphResult* one_step);
+/// null, is the result of the first, and used up), then repair, then quality, all told in the
+/// report.
+void move_volume(MorphResult& result, VolumeMorphResult* one_step);
 
 /// Calls on the attempts without an error; what a call throws becomes its attempt's.
 template <class Call>

@@ -30,19 +30,19 @@ bool try_to_write(const std::filesystem::path& file, const std::string& text, Sh
 
 }  // namespace
 
-void MorphShowing::collect(const MorphJob& job, const MorphResult& result) {
+void MorphShowing::collect(const MorphResult& result) {
   try {
-    draw(job, result);
-    if (!files_.report.empty()) describe(job, result);
+    draw(result);
+    if (!files_.report.empty()) describe(result);
   } catch (const std::exception& error) {
     failure_ = error.what();
   }
 }
 
-void MorphShowing::draw(const MorphJob& job, const MorphResult& result) {
-  const DrawnMesh drawn{.mesh = job.mesh(),
-                        .neighbours = job.neighbours(),
-                        .before = job.base_quality(),
+void MorphShowing::draw(const MorphResult& result) {
+  const DrawnMesh drawn{.mesh = result.base->mesh(),
+                        .neighbours = result.base->neighbours,
+                        .before = result.base->quality,
                         .moved = &result.positions,
                         .after = &result.quality,
                         .unit = unit_name(result.report.mesh_unit_mm)};
@@ -56,14 +56,14 @@ void MorphShowing::draw(const MorphJob& job, const MorphResult& result) {
   drawing_.emplace(drawn, std::move(pictures));
 }
 
-void MorphShowing::describe(const MorphJob& job, const MorphResult& result) {
+void MorphShowing::describe(const MorphResult& result) {
   contents_.pictured_base = result.report.base_cad.file;
   contents_.pictured_move = result.report.max_displacement;
-  contents_.details = gather_details(job, result);
-  contents_.matches = match_tables(job.base(), *result.variant, result.match);
+  contents_.details = gather_details(result);
+  contents_.matches = match_tables(*result.base->cad, *result.variant, result.match);
   for (const CadFace& face : result.variant->faces())
     contents_.variant_face_types.emplace_back(to_string(face.type));
-  const nlohmann::ordered_json surface = surface_data(job, result);
+  const nlohmann::ordered_json surface = surface_data(result);
   contents_.surface = surface.dump();
   contents_.surface_note = surface_note(surface);
 }

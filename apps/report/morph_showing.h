@@ -32,15 +32,15 @@ class MorphShowing {
 
   /// Takes what is to be shown from the result and starts to draw. Call before the job is gone.
   /// Throws nothing, for the result is yet to be written: failures are told by `write`.
-  void collect(const MorphJob& job, const MorphResult& result);
+  void collect(const MorphResult& result);
 
   /// Waits for the pictures and writes the files. What can't be drawn is left out and told in the
   /// warnings.
   ShowReport write(PipelineReport& report, int exit_code);
 
  private:
-  void draw(const MorphJob& job, const MorphResult& result);
-  void describe(const MorphJob& job, const MorphResult& result);
+  void draw(const MorphResult& result);
+  void describe(const MorphResult& result);
 
   ShowFiles files_;
   std::string overview_;  ///< name of the picture for `files_.picture`

@@ -121,9 +121,10 @@ std::vector<float> deviations(const Association& association, const Eigen::Vecto
 
 }  // namespace
 
-Json surface_data(const MorphJob& job, const MorphResult& result, Index most_triangles) {
-  const Mesh& mesh = job.mesh();
-  const Boundary& boundary = job.boundary();
+Json surface_data(const MorphResult& result, Index most_triangles) {
+  const BaseSide& base = *result.base;
+  const Mesh& mesh = base.mesh();
+  const Boundary& boundary = base.boundary;
   Polygons polygons = polygons_of(boundary);
   const std::vector<std::uint32_t> triangles = triangles_of(polygons);
   const auto triangle_count = static_cast<Index>(triangles.size() / 3);
@@ -136,7 +137,7 @@ Json surface_data(const MorphJob& job, const MorphResult& result, Index most_tri
   const Points before = mesh.points(nodes, Eigen::all);
   const Points after = result.positions(nodes, Eigen::all);
   RowMatrix jacobian(nodes.size(), 2);
-  jacobian.col(0) = least_at_nodes(mesh, job.base_quality().values)(nodes);
+  jacobian.col(0) = least_at_nodes(mesh, base.quality.values)(nodes);
   jacobian.col(1) = least_at_nodes(mesh, result.quality.values)(nodes);
   return {{"nodes", nodes.size()},
           {"facets", polygons.sizes.size()},
@@ -146,7 +147,7 @@ Json surface_data(const MorphJob& job, const MorphResult& result, Index most_tri
           {"position", quantised(before)},
           {"displacement", quantised(after - before)},
           {"jacobian", quantised(jacobian)},
-          {"deviation", encoded(deviations(job.association(), result.surface.distance, rows))},
+          {"deviation", encoded(deviations(base.association(), result.surface.distance, rows))},
           {"sizes", encoded(polygons.sizes)},
           {"corners", encoded(polygons.corners)}};
 }

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 
 namespace cadmorph {
 
@@ -14,7 +14,6 @@ namespace cadmorph {
 /// - sizes (uint8) and corners (uint32): the facets' polygons.
 /// All arrays in base64, little-endian. A surface of more than `most_triangles` is simplified to
 /// about that many triangles between nodes it keeps.
-nlohmann::ordered_json surface_data(const MorphJob& job, const MorphResult& result,
-                                    Index most_triangles = 200'000);
+nlohmann::ordered_json surface_data(const MorphResult& result, Index most_triangles = 200'000);
 
 }  // namespace cadmorph

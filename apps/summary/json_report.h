@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_report.h"
 
 namespace cadmorph {
 

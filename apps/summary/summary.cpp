@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "apps/summary/text_table.h"
+#include "core/remedies.h"
 
 namespace cadmorph {
 namespace {
@@ -70,7 +71,8 @@ std::string group_table(const std::vector<GroupFigures>& groups) {
                     millimetres(groups[i].max_displacement)});
   std::string text = align(rows);
   if (groups.size() > kShown)
-    text += format("and %zu more: --json has all\n", groups.size() - kShown);
+    text += format("and %zu more: %s has all\n", groups.size() - kShown,
+                   words_for(Remedy::AllFigures).c_str());
   return text;
 }
 
@@ -165,11 +167,12 @@ std::string quality_hint(const PipelineReport& report) {
   const std::string worst = format("the worst element's scaled Jacobian is %.4f", after);
   const std::string of_input = format(", in the input %.4f", before);
   if (report.improving)
-    return worst + of_input + ": --improve could not raise it further; " +
-           (before < kPoor ? "the input mesh is poor there already: mesh anew with other sizes"
-                           : "go by CAD models between (--via), or mesh finer there");
+    return worst + of_input + ": improving could not raise it further; " +
+           (before < kPoor
+                ? "the input mesh is poor there already: mesh anew with other sizes"
+                : "go by CAD models between (" + words_for(Remedy::Via) + "), or mesh finer there");
   if (after < kLoss * before || before < kPoor)
-    return worst + of_input + format(": try --improve %g", kPoor);
+    return worst + of_input + format(": try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
   return "";
 }
 

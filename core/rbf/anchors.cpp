@@ -275,11 +275,10 @@ double overshoot(const RowMatrix& values, const RowMatrix& displacements) {
 
 Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
                      const std::vector<Index>& carriers, const Kernel& kernel,
-                     const RowMatrix& targets, const Anchors& before,
-                     const RowMatrix& displacements) {
+                     const RowMatrix& targets, const TriedAnchors& before) {
   Search search(centres, values, carriers, kernel, targets);
-  if (!before.targets.empty()) search.add(before);
-  if (displacements.rows() > 0) search.add_farthest(displacements, targets, nullptr);
+  if (!before.anchors.targets.empty()) search.add(before.anchors);
+  if (before.displacements.rows() > 0) search.add_farthest(before.displacements, targets, nullptr);
   search.run();
   return std::move(search.anchors());
 }
@@ -411,7 +410,7 @@ BoundedField bounded_field(const RowMatrix& centres, const RowMatrix& values, co
     for (int hold = 0; hold < kMostHolds && overshoot(values, field.displacements) > kMostOvershoot;
          ++hold) {
       field.anchors =
-          find_anchors(centres, values, field.all, kernel, targets, field.anchors, held);
+          find_anchors(centres, values, field.all, kernel, targets, {field.anchors, held});
       const Anchors& anchors = field.anchors;
       field.holds.emplace_back(static_cast<Index>(anchors.targets.size()),
                                RbfSystem(stack(centres, select(targets, anchors.targets)), kernel));

@@ -33,6 +33,12 @@ struct Anchors {
 /// The largest displacement of the targets over the largest of the values; 0 where all values are.
 double overshoot(const RowMatrix& values, const RowMatrix& displacements);
 
+/// Anchors that turned out too few, and what all targets did with them (T x M).
+struct TriedAnchors {
+  Anchors anchors = {};
+  RowMatrix displacements = {};
+};
+
 /// Chooses anchors among T x D targets for displacements at N x D centres (N x M values): few, the
 /// nearer to the centres the closer to each other, until the interpolant by `kernel` keeps within
 /// kMostOvershoot at a graded choice of the targets. An anchor's value is a mean of all values with
@@ -42,13 +48,11 @@ double overshoot(const RowMatrix& values, const RowMatrix& displacements);
 /// anchors given their values are linear in the values.
 ///
 /// `carriers`: rows of the centres that carry the values well enough to choose by, a few thousand
-/// at most. `before`, `displacements`: anchors known to be too few, and what all targets did with
-/// them; those that moved too far become anchors, too. Throws SolverError where the carriers nearly
-/// coincide.
+/// at most. Those `before` stay, and the targets that moved too far with them become anchors, too.
+/// Throws SolverError where the carriers nearly coincide.
 Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
                      const std::vector<Index>& carriers, const Kernel& kernel,
-                     const RowMatrix& targets, const Anchors& before = {},
-                     const RowMatrix& displacements = {});
+                     const RowMatrix& targets, const TriedAnchors& before = {});
 
 /// Tells of displacements, at little cost, whether anchors may be needed: by some centres that move
 /// and some that rest, at the graded choice of the targets that find_anchors goes by.

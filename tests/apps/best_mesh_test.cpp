@@ -35,7 +35,7 @@ TEST_CASE("No other method or kernel has a better mesh than the default", "[apps
     for (const double change : {0.5, 1.0}) {
       const MorphResult result = job.morph(family_cad("bore", change));
       REQUIRE(result.report.best_mesh);
-      CHECK(invalid_cells(job.mesh(), result.positions) == 0);
+      CHECK(invalid_cells(job.base().mesh(), result.positions) == 0);
       for (std::size_t i = 0; i < others.size(); ++i) {
         INFO(mesh << ' ' << change << ", other " << i);
         const WorstCells other = alone(mesh, others[i], change);
@@ -79,14 +79,14 @@ TEST_CASE("A morph that costs no shape, and one asked to be fast, are left as th
 TEST_CASE("Cells are judged against the mesh file's after a morph, too", "[apps][families]") {
   const MorphJob there = family_job("bore", "hex");
   const MorphResult full = there.morph(family_cad("bore", 1));
-  CHECK(full.report.best_mesh->base.min == there.base_quality().min);
+  CHECK(full.report.best_mesh->base.min == there.base().quality.min);
   // Back again: what counts is the file's mesh, not the one that went on this way.
   const MorphJob back(std::make_shared<const CadModel>(family_cad("bore", 1)),
                       std::make_shared<const MeshFile>(model_file("bore/hex.vtu")), {},
                       full.positions);
   const MorphResult again = back.morph(family_cad("bore", 0));
-  CHECK(again.report.best_mesh->base.min == there.base_quality().min);
-  CHECK(again.quality.min > 0.85 * there.base_quality().min);
+  CHECK(again.report.best_mesh->base.min == there.base().quality.min);
+  CHECK(again.quality.min > 0.85 * there.base().quality.min);
 }
 
 }  // namespace cadmorph

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 #include "background.h"
 #include "batch_folder.h"
 #include "cad/step_reader.h"
@@ -36,7 +36,7 @@ class BoxJob {
 
   Points morph() {
     const MorphJob job(base_, mesh_, options);
-    cache = job.cache();
+    cache = job.base().report.cache;
     return job.morph(variant_).positions;
   }
 

@@ -122,9 +122,9 @@ double miss(const MorphJob& job, const SurfaceVelocity& velocity,
             const std::function<std::optional<Vector3d>(const Vector3d& x)>& expected) {
   double worst = 0;
   Index known = 0;
-  const auto& nodes = job.volume().surface_nodes();
+  const auto& nodes = job.base().volume->surface_nodes();
   for (std::size_t i = 0; i < nodes.size(); ++i)
-    if (const auto v = expected(job.mesh().points.row(nodes[i]))) {
+    if (const auto v = expected(job.base().mesh().points.row(nodes[i]))) {
       worst =
           std::max(worst, (velocity.velocity.row(static_cast<Index>(i)).transpose() - *v).norm());
       ++known;
@@ -204,8 +204,9 @@ TEST_CASE("Velocities of a tube are those of the closed forms", "[apps][derivati
         }) < 1e-7);
   // Stretched evenly, also inside.
   const NodeVelocity inside = carry_inside(job, length);
-  for (Index n = 0; n < job.mesh().node_count(); ++n)
-    CHECK((inside.velocity.row(n) - Eigen::RowVector3d(0, 0, job.mesh().points(n, 2) / kTubeLength))
+  for (Index n = 0; n < job.base().mesh().node_count(); ++n)
+    CHECK((inside.velocity.row(n) -
+           Eigen::RowVector3d(0, 0, job.base().mesh().points(n, 2) / kTubeLength))
               .norm() < 1e-7);
 }
 
@@ -238,7 +239,7 @@ TEST_CASE("A gradient is the sum of dJ/dX times the velocity of all nodes", "[ap
   const SurfaceVelocity velocity = surface_velocity(
       job, {block(place, "p.step", kLength, kBoreX + kStep, kBoreRadius + kStep),
             block(place, "m.step", kLength, kBoreX - kStep, kBoreRadius - kStep), kStep});
-  RowMatrix slopes(job.mesh().node_count(), 3);
+  RowMatrix slopes(job.base().mesh().node_count(), 3);
   for (Index i = 0; i < slopes.size(); ++i)
     slopes.data()[i] = std::sin(static_cast<double>(i * i % 1009));
   const double expected = slopes.cwiseProduct(carry_inside(job, velocity).velocity).sum();

@@ -16,7 +16,7 @@ void check_over_range(const std::string& family, const std::string& mesh, Outcom
   INFO(family << ' ' << mesh);
   const MorphJob job = family_job(family, mesh, options);
   const MorphResult result = job.morph(family_cad(family, change));
-  const Index invalid = invalid_cells(job.mesh(), result.positions);
+  const Index invalid = invalid_cells(job.base().mesh(), result.positions);
   CHECK(result.report.outcome == expected);
   CHECK(result.report.after.invalid == invalid);
   if (expected == Outcome::Done) {
@@ -37,7 +37,8 @@ void check_over_range(const std::string& family, const std::string& mesh, Outcom
   const MorphJob direct = family_job(family, mesh, one_step);
   const Points full = direct.morph(family_cad(family, change)).positions;
   const auto invalid_at = [&](double share) {
-    return invalid_cells(job.mesh(), job.mesh().points + share * (full - job.mesh().points));
+    return invalid_cells(job.base().mesh(),
+                         job.base().mesh().points + share * (full - job.base().mesh().points));
   };
   CHECK(invalid_at(diagnosis.first_inversion - 0.011) == 0);
   CHECK(invalid_at(diagnosis.first_inversion) > 0);
@@ -91,7 +92,7 @@ TEST_CASE("The bore's hexahedra are valid at 220 % where surface nodes may slide
   const Index slid = result.report.untangling->slid_nodes;
   CHECK(slid > 0);
   CHECK(result.report.warnings.empty());
-  const auto& nodes = job.boundary().nodes;
+  const auto& nodes = job.base().boundary.nodes;
   Index moved = 0;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const Eigen::Vector3d at = result.positions.row(nodes[i]);
@@ -100,7 +101,7 @@ TEST_CASE("The bore's hexahedra are valid at 220 % where surface nodes may slide
     // Off its old place, and still on its own face or edge.
     const int entity = result.surface.entity[i];
     const Eigen::Vector2d uv = result.surface.uv.row(i);
-    const double off = job.association().dimension[i] == CadDimension::Face
+    const double off = job.base().association().dimension[i] == CadDimension::Face
                            ? project_globally(variant, entity, at).distance
                            : project_on_edge(variant, entity, at, uv[0]).distance;
     CHECK(off < 1e-9 * variant.diagonal());
@@ -115,7 +116,7 @@ TEST_CASE("The families' tetrahedra are valid at steps 1 to 20", "[apps][familie
       INFO(family << " step " << step);
       const MorphResult result = job.morph(family_cad(family, step / 20.0));
       CHECK(result.report.outcome == Outcome::Done);
-      CHECK(invalid_cells(job.mesh(), result.positions) == 0);
+      CHECK(invalid_cells(job.base().mesh(), result.positions) == 0);
     }
   }
 }

@@ -1,10 +1,9 @@
-#include "apps/pipeline/pipeline.h"
-
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "apps/pipeline/morph_files.h"
 #include "cad/step_reader.h"
 #include "command_line.h"
 #include "core/mesh_file.h"
@@ -31,7 +30,7 @@ TEST_CASE("A job serves many variants, each as if it were alone", "[apps][pipeli
   const MorphResult again = job.morph(longer);
   CHECK(first.positions == again.positions);
   CHECK(first.positions.col(0).maxCoeff() == Approx(12));
-  CHECK((identity.positions - job.mesh().points).cwiseAbs().maxCoeff() < 3.7e-8);
+  CHECK((identity.positions - job.base().mesh().points).cwiseAbs().maxCoeff() < 3.7e-8);
   CHECK(first.report.outcome == Outcome::Done);
 }
 

@@ -1,6 +1,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
+#include "apps/pipeline/morph_files.h"
 #include "cad/step_reader.h"
 #include "cad_variants.h"
 #include "command_line.h"
@@ -113,14 +114,14 @@ TEST_CASE("A pipe's wall gets to the same places by one leg or many", "[apps][se
   const MorphJob job = family_job("pipe", "hex");
   const Points direct = job.morph(family_cad("pipe", 1)).positions;
   const MeshFile written(series.output());
-  const Association& association = job.association();
+  const Association& association = job.base().association();
   const CadModel base = read_step(series.files().base_cad);
   double worst = 0;
-  for (std::size_t i = 0; i < job.boundary().nodes.size(); ++i) {
+  for (std::size_t i = 0; i < job.base().boundary.nodes.size(); ++i) {
     const bool is_on_end = association.dimension[i] == CadDimension::Face &&
                            base.faces()[association.entity[i]].type == SurfaceType::Plane;
     if (is_on_end) continue;
-    const Index node = job.boundary().nodes[i];
+    const Index node = job.base().boundary.nodes[i];
     worst = std::max(worst, (written.mesh().points.row(node) - direct.row(node)).norm());
   }
   CHECK(worst < 1e-8 * report.variant_cad.diagonal);

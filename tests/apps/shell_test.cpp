@@ -6,7 +6,7 @@
 #include <gp_Pln.hxx>
 #include <memory>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 #include "cad_variants.h"
 #include "command_line.h"
 

@@ -77,9 +77,9 @@ double six_volumes(const Points& points, std::span<const Index> tetra) {
 
 TEST_CASE("The histograms of a morph count each element and each surface node once",
           "[apps][report]") {
-  const MorphDetails details = gather_details(bore().job, bore().result);
+  const MorphDetails details = gather_details(bore().result);
   const Histogram& jacobian = details.scaled_jacobian;
-  const Mesh& mesh = bore().job.mesh();
+  const Mesh& mesh = bore().job.base().mesh();
   std::vector<Index> expected(jacobian.after.size(), 0);
   for (Index c = 0; c < mesh.cell_count(); ++c) {
     const double share = (scaled_jacobian(mesh, bore().result.positions, c) - jacobian.low) /
@@ -93,7 +93,7 @@ TEST_CASE("The histograms of a morph count each element and each surface node on
     return std::accumulate(counts.begin(), counts.end(), Index{0});
   };
   CHECK(sum(jacobian.before) == mesh.cell_count());
-  const auto matched = static_cast<Index>(bore().job.boundary().nodes.size());
+  const auto matched = static_cast<Index>(bore().job.base().boundary.nodes.size());
   CHECK(sum(details.deviation.before) + details.exact_before == matched);
   CHECK(sum(details.deviation.after) + details.exact_after == matched);
 }
@@ -101,14 +101,15 @@ TEST_CASE("The histograms of a morph count each element and each surface node on
 TEST_CASE("The worst elements are listed worst first, with the CAD face nearest to them",
           "[apps][report]") {
   const auto& [variant, job, result] = bore();
-  const MorphDetails details = gather_details(job, result, {.worst = 30});
+  const MorphDetails details = gather_details(result, {.worst = 30});
   REQUIRE(details.worst.size() == 30);
   std::vector<double> sorted = result.quality.values;
   std::ranges::sort(sorted);
   for (std::size_t i = 0; i < details.worst.size(); ++i) {
     const WorstElement& element = details.worst[i];
     CHECK(element.after == sorted[i]);
-    CHECK(element.before == scaled_jacobian(job.mesh(), job.mesh().points, element.cell));
+    CHECK(element.before ==
+          scaled_jacobian(job.base().mesh(), job.base().mesh().points, element.cell));
     // The face is that of the nearest facet: within an element's size as near as any.
     const double size = 2 * 4.6;  // millimetres: the mesh's edge length, doubled by the morph
     const double distance = project_globally(variant, element.face, element.centre).distance;
@@ -122,11 +123,11 @@ TEST_CASE("The worst elements are listed worst first, with the CAD face nearest 
 TEST_CASE("The surface in the page is the mesh's, to half a step of its numbers",
           "[apps][report]") {
   const auto& [variant, job, result] = bore();
-  const nlohmann::ordered_json surface = surface_data(job, result);
-  const auto& nodes = job.boundary().nodes;
+  const nlohmann::ordered_json surface = surface_data(result);
+  const auto& nodes = job.base().boundary.nodes;
   REQUIRE(surface["nodes"] == nodes.size());
   REQUIRE(surface["is_simplified"] == false);
-  const Points before = job.mesh().points(nodes, Eigen::all);
+  const Points before = job.base().mesh().points(nodes, Eigen::all);
   const RowMatrix moved = result.positions(nodes, Eigen::all) - before;
   const RowMatrix position = dequantised(surface["position"]);
   const RowMatrix displacement = dequantised(surface["displacement"]);
@@ -135,15 +136,15 @@ TEST_CASE("The surface in the page is the mesh's, to half a step of its numbers"
 
   const auto sizes = decoded<std::uint8_t>(surface["sizes"]);
   const auto corners = decoded<std::uint32_t>(surface["corners"]);
-  REQUIRE(sizes.size() == static_cast<std::size_t>(job.boundary().facet_count()));
+  REQUIRE(sizes.size() == static_cast<std::size_t>(job.base().boundary.facet_count()));
   REQUIRE(corners.size() == 3 * sizes.size());
   for (std::size_t i = 0; i < corners.size(); ++i)
-    REQUIRE(nodes[corners[i]] == job.boundary().connectivity[i]);
+    REQUIRE(nodes[corners[i]] == job.base().boundary.connectivity[i]);
 
-  Eigen::VectorXd least = Eigen::VectorXd::Ones(job.mesh().node_count());
-  for (Index c = 0; c < job.mesh().cell_count(); ++c)
-    for (const Index node : job.mesh().cell(c))
-      least[node] = std::min(least[node], scaled_jacobian(job.mesh(), result.positions, c));
+  Eigen::VectorXd least = Eigen::VectorXd::Ones(job.base().mesh().node_count());
+  for (Index c = 0; c < job.base().mesh().cell_count(); ++c)
+    for (const Index node : job.base().mesh().cell(c))
+      least[node] = std::min(least[node], scaled_jacobian(job.base().mesh(), result.positions, c));
   const RowMatrix jacobian = dequantised(surface["jacobian"]);
   CHECK((jacobian.col(1) - least(nodes)).cwiseAbs().maxCoeff() <= half_step(surface["jacobian"]));
 }
@@ -151,14 +152,14 @@ TEST_CASE("The surface in the page is the mesh's, to half a step of its numbers"
 TEST_CASE("A large surface is simplified between nodes of the mesh, and says so",
           "[apps][report]") {
   const auto& [variant, job, result] = bore();
-  const Index most = job.boundary().facet_count() / 4;
-  const nlohmann::ordered_json surface = surface_data(job, result, most);
+  const Index most = job.base().boundary.facet_count() / 4;
+  const nlohmann::ordered_json surface = surface_data(result, most);
   CHECK(surface["is_simplified"] == true);
-  CHECK(surface["triangles"] == job.boundary().facet_count());
+  CHECK(surface["triangles"] == job.base().boundary.facet_count());
   CHECK(surface["facets"] <= most);
   CHECK(surface["facets"] >= most / 2);
   const RowMatrix position = dequantised(surface["position"]);
-  const Points all = job.mesh().points(job.boundary().nodes, Eigen::all);
+  const Points all = job.base().mesh().points(job.base().boundary.nodes, Eigen::all);
   for (Index i = 0; i < position.rows(); ++i) {
     const double nearest = (all.rowwise() - position.row(i)).rowwise().norm().minCoeff();
     REQUIRE(nearest <= std::sqrt(3) * half_step(surface["position"]));
@@ -334,16 +335,16 @@ TEST_CASE("Of a body in a far field the picture shows what lies around the body"
   const MorphJob job(std::make_shared<const CadModel>(read_step(ball + ".step")),
                      std::make_shared<const MeshFile>(ball + ".vtu"));
   const MorphResult result = job.morph(read_step(ball + "_variant.step"));
-  const CellNeighbours neighbours = find_cell_neighbours(job.mesh());
-  const QualityReport before =
-      measure_quality(job.mesh(), job.mesh().points, detect_orientation(job.mesh()));
-  DrawnMesh drawn{.mesh = job.mesh(),
+  const CellNeighbours neighbours = find_cell_neighbours(job.base().mesh());
+  const QualityReport before = measure_quality(job.base().mesh(), job.base().mesh().points,
+                                               detect_orientation(job.base().mesh()));
+  DrawnMesh drawn{.mesh = job.base().mesh(),
                   .neighbours = neighbours,
                   .before = before,
                   .moved = &result.positions,
                   .after = &result.quality};
   const ScratchFolder folder;
-  const double whole = box_of(job.mesh()).sizes().maxCoeff();
+  const double whole = box_of(job.base().mesh()).sizes().maxCoeff();
   const auto size_of = [&](const char* name) {
     return box_of(MeshFile(folder.path() / name).mesh()).sizes().maxCoeff();
   };
@@ -351,7 +352,7 @@ TEST_CASE("Of a body in a far field the picture shows what lies around the body"
   CHECK(size_of("surface.vtu") < 0.5 * whole);
   CHECK(size_of("cut.vtu") < 0.75 * whole);  // cells go beyond the box
   // What moves as a whole is shown as a whole.
-  const Points shifted = job.mesh().points.rowwise() + Eigen::RowVector3d(1, 0, 0);
+  const Points shifted = job.base().mesh().points.rowwise() + Eigen::RowVector3d(1, 0, 0);
   drawn.moved = &shifted;
   write_surfaces(drawn, folder.path());
   CHECK(size_of("surface.vtu") == whole);

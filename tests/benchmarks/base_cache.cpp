@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <string>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_job.h"
 #include "cad/step_reader.h"
 #include "core/blas.h"
 #include "core/mesh_file.h"

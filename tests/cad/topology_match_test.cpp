@@ -433,12 +433,11 @@ TEST_CASE("faces that both exporters cut are merged with those that one of them 
   const CadModel plain = to_model(whole), cut = to_model(with_cut_faces(whole));
   REQUIRE(plain.faces().size() == 6 + 4 + 2);
   REQUIRE(cut.faces().size() == plain.faces().size() + 1);
-  const auto pair = merge_cut_faces(plain, cut);
-  REQUIRE(pair);
-  CHECK(pair->base.faces().size() == 8);
-  CHECK(pair->base.merged_face_count() == 4);
-  CHECK(pair->variant.merged_face_count() == 5);
-  CHECK_NOTHROW(match_topology(pair->base, pair->variant));
+  const MatchedModels merged = match_models(plain, cut);
+  CHECK(merged.base.faces().size() == 8);
+  CHECK(merged.base.merged_face_count() == 4);
+  CHECK(merged.variant.merged_face_count() == 5);
+  CHECK(merged.match.faces == match_topology(merged.base, merged.variant).faces);
 }
 
 TEST_CASE("merged faces leave the names of the others", "[cad][match]") {
@@ -456,7 +455,7 @@ TEST_CASE("a change of the topology is no matter of merging", "[cad][match][erro
   const CadModel base = to_model(BRepPrimAPI_MakeBox(40, 30, 20).Solid());
   const CadModel drilled = to_model(drilled_plate(40, 30, 20, 3, {{10, 10}}));
   CHECK_FALSE(base.with_merged_faces());
-  CHECK_FALSE(merge_cut_faces(base, drilled));
+  CHECK_THROWS_AS(match_models(base, drilled), TopologyError);
 }
 
 TEST_CASE("the shells of solids match them", "[cad][match]") {

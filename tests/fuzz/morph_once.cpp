@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "apps/pipeline/pipeline.h"
+#include "apps/pipeline/morph_files.h"
 
 int main(int argc, char** argv) {
   if (argc != 5) return 1;

@@ -1,4 +1,5 @@
-# The dependencies between folders run one way, and each heavy package has one home.
+# The dependencies between folders run one way, each heavy package has one home, and the libraries
+# know no options of the program.
 # cmake -DSOURCE_DIR=... -P check_includes.cmake
 cmake_minimum_required(VERSION 3.25)
 set(mistakes "")
@@ -55,6 +56,17 @@ forbid("CGAL/" "CGAL belongs in the simplex-linear method"
   EXCEPT volume/baselines/simplex_linear.cpp)
 forbid("(lapacke?|cblas)" "LAPACK belongs in the dense solvers" FOLDERS core cad surface volume apps
   EXCEPT core/rbf/dense_solver.cpp)
+
+# The libraries do not know the command line: messages name remedies (core/remedies.h).
+foreach(folder core cad surface volume apps/pipeline apps/library)
+  file(GLOB_RECURSE sources RELATIVE ${SOURCE_DIR} ${SOURCE_DIR}/${folder}/*.h ${SOURCE_DIR}/${folder}/*.cpp)
+  foreach(source ${sources})
+    file(STRINGS ${SOURCE_DIR}/${source} lines REGEX "\"[^\"]*--[a-z][^\"]*\"")
+    foreach(line ${lines})
+      list(APPEND mistakes "${source}: ${line} (an option of the program)")
+    endforeach()
+  endforeach()
+endforeach()
 
 if(mistakes)
   string(REPLACE ";" "\n  " mistakes "${mistakes}")

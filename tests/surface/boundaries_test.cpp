@@ -139,7 +139,7 @@ TEST_CASE("a mesh in an unknown unit is refused with the unit to try", "[surface
   MorphCase c = shape_case("bracket");
   c.mesh.points *= 1000;  // micrometres
   CHECK_THROWS_WITH(SurfaceMorph(c.base, c.mesh, c.boundary),
-                    Catch::Matchers::Contains("--mesh-unit 0.001 "));
+                    Catch::Matchers::Contains("the mesh's unit 0.001 "));
   SurfaceMorphOptions options;
   options.association.mesh_unit_mm = 0.001;
   CHECK(SurfaceMorph(c.base, c.mesh, c.boundary, options).association().unmatched_nodes == 0);

@@ -177,12 +177,12 @@ TEST_CASE("closed faces that one exporter cut in halves leave every node in plac
         const CadModel plain = to_model(whole), cut = through_step(with_cut_faces(whole));
         REQUIRE(cut.faces().size() > plain.faces().size());
         REQUIRE_THROWS_AS(match_topology(plain, cut), TopologyError);
-        const auto pair = is_base_cut ? merge_cut_faces(cut, plain) : merge_cut_faces(plain, cut);
-        REQUIRE(pair);
-        CHECK((is_base_cut ? pair->base : pair->variant).merged_face_count() > 0);
-        CHECK((is_base_cut ? pair->variant : pair->base).merged_face_count() == 0);
-        const MorphCase c = model_case(pair->base, "shapes/" + name + ".vtu");
-        const Morphed m = morph(c, pair->variant);
+        const MatchedModels merged =
+            is_base_cut ? match_models(cut, plain) : match_models(plain, cut);
+        CHECK((is_base_cut ? merged.base : merged.variant).merged_face_count() > 0);
+        CHECK((is_base_cut ? merged.variant : merged.base).merged_face_count() == 0);
+        const MorphCase c = model_case(merged.base, "shapes/" + name + ".vtu");
+        const Morphed m = morph(c, merged.variant);
         CHECK(largest_difference(m.points, c.mesh.points) <= kKnown * c.diagonal);
       }
     }
@@ -190,7 +190,7 @@ TEST_CASE("closed faces that one exporter cut in halves leave every node in plac
 
 TEST_CASE("pieces of a closed face that OCCT can't merge are no failure", "[surface][re-export]") {
   const TopoDS_Shape torus = read_shape(model_file("shapes/torus.step"));
-  CHECK_FALSE(merge_cut_faces(to_model(torus), to_model(with_cut_faces(torus))));
+  CHECK_THROWS_AS(match_models(to_model(torus), to_model(with_cut_faces(torus))), TopologyError);
 }
 
 TEST_CASE("seams turned about the axis leave every node in place", "[surface][re-export][seam]") {

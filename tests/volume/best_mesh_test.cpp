@@ -43,8 +43,8 @@ struct FixedCube {
   }
 
   BestMeshResult raised(const Points& positions, const BestMeshOptions& options = {}) const {
-    return find_best_mesh(mesh, {mesh.points, quality}, positions,
-                          measure_quality(mesh, positions, orientation), is_fixed, orientation,
+    const QualityReport moved = measure_quality(mesh, positions, orientation);
+    return find_best_mesh(mesh, {mesh.points, quality}, {positions, moved}, is_fixed, orientation,
                           options);
   }
 

@@ -142,7 +142,7 @@ TEST_CASE("A path is followed instead of the chord", "[volume][stepping]") {
     asked.push_back(s);
     return at(s);
   };
-  const auto result = morph_in_steps(plane.mesh, morph, at(1), orientation, {.steps = 4}, path);
+  const auto result = morph_in_steps(plane.mesh, morph, {at(1), path}, orientation, {.steps = 4});
   CHECK(asked == std::vector<double>{0.25, 0.5, 0.75});
   CHECK(rows_of(result.positions, plane.prescribed) == at(1));
   CHECK(result.report.validity.invalid == 0);

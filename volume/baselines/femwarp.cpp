@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/errors.h"
+#include "core/remedies.h"
 #include "volume/baselines/interior_system.h"
 
 namespace cadmorph {
@@ -56,7 +57,7 @@ HexGradients shape_gradients(double r, double s, double t) {
 void add_gradients(const MatrixXd& local, const Matrix3d& jacobian, double weight, MatrixXd& K) {
   const double determinant = jacobian.determinant();
   if (determinant == 0)
-    throw SolverError("it has no volume, which FEMWARP needs; use --method rbf");
+    throw SolverError("it has no volume, which FEMWARP needs; use " + words_for(Remedy::RbfMethod));
   const MatrixXd gradients = local * jacobian.inverse().transpose();
   K += weight * std::abs(determinant) * gradients * gradients.transpose();
 }

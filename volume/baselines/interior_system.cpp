@@ -6,6 +6,7 @@
 #include <mutex>
 
 #include "core/errors.h"
+#include "core/remedies.h"
 
 namespace cadmorph {
 namespace {
@@ -25,9 +26,12 @@ constexpr double kAccuracy = 1e-9;
 // Meshes with inverted elements take some thousand. Factors of 150,000 unknowns cost more than all.
 constexpr int kMostIterations = 10000;
 
-const char* const kSingular =
-    "the linear system of the volume nodes is singular to rounding (elements without volume?); use "
-    "another method, such as --method rbf";
+[[noreturn]] void fail_singular() {
+  throw SolverError(
+      "the linear system of the volume nodes is singular to rounding (elements without volume?); "
+      "use another method, such as " +
+      words_for(Remedy::RbfMethod));
+}
 
 /// A solver of A x = b for many b.
 class LinearSolver {
@@ -77,7 +81,7 @@ using BiconjugateGradients =
 template <class Factorisation>
 MatrixXd solve_by_factors(const SparseColumns& A, const MatrixXd& rhs) {
   const Factorisation factors(A);
-  if (factors.info() != Eigen::Success) throw SolverError(kSingular);
+  if (factors.info() != Eigen::Success) fail_singular();
   return factors.solve(rhs);
 }
 
@@ -146,7 +150,7 @@ struct InteriorSystem::Impl {
       y = symmetry == Symmetry::PositiveDefinite
               ? solve_by_factors<Eigen::SimplicialLDLT<SparseColumns>>(inside, rhs)
               : solve_by_factors<Eigen::SparseLU<SparseColumns>>(inside, rhs);
-      if (!is_accurate(y)) throw SolverError(kSingular);
+      if (!is_accurate(y)) fail_singular();
     }
     return right.asDiagonal() * y;
   }

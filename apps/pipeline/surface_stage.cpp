@@ -1,0 +1,63 @@
+#include "apps/pipeline/surface_stage.h"
+
+#include <algorithm>
+#include <sstream>
+#include <utility>
+
+namespace cadmorph {
+namespace {
+
+// A file may name another unit than its numbers are in.
+void check_unit(const CadModel& base, const CadModel& variant, PipelineReport& figures) {
+  constexpr double kOtherUnit = 5;  // cm for mm and the like
+  const double ratio = variant.diagonal() / base.diagonal();
+  if (base.file_unit() == variant.file_unit() || (ratio < kOtherUnit && ratio * kOtherUnit > 1))
+    return;
+  std::ostringstream text;
+  text << variant.file_name() << " (unit " << variant.file_unit() << ") is " << ratio
+       << " times the size of " << base.file_name() << " (unit " << base.file_unit()
+       << "): if that is not meant, one of them names the wrong unit";
+  figures.warnings.push_back(text.str());
+}
+
+void warn_of_merge(const CadModel& model, PipelineReport& figures) {
+  if (model.merged_face_count() == 0) return;
+  figures.warnings.push_back(model.file_name() + ": " + std::to_string(model.merged_face_count()) +
+                             " faces were merged with others of the same surface, for the other "
+                             "model has them in one piece");
+}
+
+}  // namespace
+
+MorphResult begin_result(std::shared_ptr<const BaseSide> base, const CadModel& variant,
+                         TopologyMatch match) {
+  MorphResult result;
+  result.report = base->report;
+  PipelineReport& figures = result.report;
+  figures.variant_cad = figures_of(variant);
+  check_unit(*base->cad, variant, figures);
+  warn_of_merge(*base->cad, figures);
+  warn_of_merge(variant, figures);
+  figures.matched_by = match.how;
+  figures.alignment = match.alignment;
+  if (!match.face_confidence.empty())
+    figures.least_confidence = std::ranges::min(match.face_confidence);
+  result.base = std::move(base);
+  result.variant = variant;
+  result.match = std::move(match);
+  return result;
+}
+
+void move_surface(MorphResult& result) {
+  result.surface = result.base->surface->morph(*result.variant, result.match);
+  result.surface_positions = result.base->prescribed(result.surface.positions);
+  result.report.warnings.insert(result.report.warnings.end(), result.surface.warnings.begin(),
+                                result.surface.warnings.end());
+  for (const auto& [what, faces] : result.surface.remedies) {
+    std::string note = what + ": ";
+    for (const std::string& face : faces) note += (face == faces.front() ? "" : "; ") + face;
+    result.report.notes.push_back(std::move(note));
+  }
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace cadmorph {
+
+/// What a user can do about an error, a warning or a poor result: settings of a morph, each of
+/// which a program has its own words for.
+enum class Remedy {
+  MeshUnit,              ///< say what the mesh's unit is
+  AssociationTolerance,  ///< allow surface nodes farther off the CAD
+  Unmatched,             ///< choose what boundary patches on no CAD face do
+  KeepUnmatched,         ///< let them be
+  SlideUnmatched,        ///< let them slide on their own surface
+  Method,                ///< another method of the volume morph
+  RbfMethod,             ///< radial basis functions for it
+  FaceMap,               ///< give the pairs of faces
+  Via,                   ///< go there by CAD models between
+  Improve,               ///< raise elements below a quality
+  AutomaticUntangling,   ///< let inverted elements be repaired
+  AutomaticSteps,        ///< let the number of steps grow
+  AllFigures,            ///< see what a summary leaves out
+  Count
+};
+
+/// How a remedy is asked for, as a part of a message: in plain words, or in those of the program.
+std::string words_for(Remedy remedy);
+
+/// Has messages name remedies in a program's own words; remedies that are not named keep the plain
+/// ones. To be called once, before any work.
+void set_remedy_words(const std::vector<std::pair<Remedy, std::string_view>>& words);
+
+}  // namespace cadmorph
