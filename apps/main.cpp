@@ -49,6 +49,7 @@ void name_remedies() {
                     {Remedy::Improve, "--improve"},
                     {Remedy::AutomaticUntangling, "--untangle auto"},
                     {Remedy::AutomaticSteps, "--steps auto"},
+                    {Remedy::Cache, "--cache"},
                     {Remedy::AllFigures, "--json"}});
 }
 

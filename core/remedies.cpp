@@ -20,6 +20,7 @@ auto& all_words() {
       "improve below",
       "automatic repair",
       "automatic steps",
+      "another cache file",
       "the whole report",
   };
   return words;

@@ -22,6 +22,7 @@ enum class Remedy {
   Improve,               ///< raise elements below a quality
   AutomaticUntangling,   ///< let inverted elements be repaired
   AutomaticSteps,        ///< let the number of steps grow
+  Cache,                 ///< another file for what is kept of a base
   AllFigures,            ///< see what a summary leaves out
   Count
 };

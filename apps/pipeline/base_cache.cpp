@@ -13,6 +13,7 @@
 #include "core/content_hash.h"
 #include "core/parallel.h"
 #include "core/rbf/kernel_sum.h"
+#include "core/remedies.h"
 
 namespace cadmorph {
 namespace {
@@ -160,8 +161,8 @@ void check_place(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error) || is_cache(path)) return;
   throw InvalidInputError(path.string() +
-                          " is no cache of cadmorph and is left as it is; name another file for "
-                          "the cache, or remove this one");
+                          " is no cache of cadmorph and is left as it is; name another file (" +
+                          words_for(Remedy::Cache) + "), or remove this one");
 }
 
 // Does `read` with the file, if it is there; tells in the report why it can't be used.
