@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
+#include <ranges>
 #include <string>
 
 #include "core/cell_topology.h"
@@ -267,37 +269,62 @@ struct Part {
   double sum = 0;
   double min = std::numeric_limits<double>::infinity();
   Index worst_cell = -1;
-  std::vector<Index> inverted_cells;
-
-  void add(Index c, const CellMeasure& m) {
-    ++cells;
-    sum += m.value;
-    if (m.value < min) {
-      min = m.value;
-      worst_cell = c;
-    }
-    if (m.is_inverted) inverted_cells.push_back(c);
-  }
 };
 
-QualityReport merge(const std::vector<Part>& parts) {
-  QualityReport report;
-  double sum = 0;
-  report.min = std::numeric_limits<double>::infinity();
-  for (const Part& part : parts) {
-    report.cells += part.cells;
-    sum += part.sum;
-    if (part.min < report.min) {
-      report.min = part.min;
-      report.worst_cell = part.worst_cell;
+// The figures of all values, of the cells that were measured.
+void summarise(QualityReport& report) {
+  const Index count = std::ssize(report.values);
+  std::vector<Part> parts((count + kGrain - 1) / kGrain);
+  parallel_for(count, kGrain, [&](Index begin, Index end) {
+    Part& part = parts[begin / kGrain];
+    for (Index c = begin; c < end; ++c) {
+      const double value = report.values[c];
+      if (std::isnan(value)) continue;
+      ++part.cells;
+      part.sum += value;
+      if (value < part.min) {
+        part.min = value;
+        part.worst_cell = c;
+      }
     }
-    report.inverted_cells.insert(report.inverted_cells.end(), part.inverted_cells.begin(),
-                                 part.inverted_cells.end());
+  });
+  Part all;
+  for (const Part& part : parts) {
+    all.cells += part.cells;
+    all.sum += part.sum;
+    if (part.min < all.min) {
+      all.min = part.min;
+      all.worst_cell = part.worst_cell;
+    }
   }
-  report.inverted = static_cast<Index>(report.inverted_cells.size());
-  if (report.cells > 0) report.mean = sum / static_cast<double>(report.cells);
-  if (report.cells == 0) report.min = 0;
-  return report;
+  report.cells = all.cells;
+  report.min = all.cells > 0 ? all.min : 0;
+  report.mean = all.cells > 0 ? all.sum / static_cast<double>(all.cells) : 0;
+  report.worst_cell = all.worst_cell;
+  report.inverted = std::ssize(report.inverted_cells);
+}
+
+// Sets the values of cells; returns those that are inverted, in the order of `cells`.
+template <class Cells>
+std::vector<Index> measure_cells(const Mesh& mesh, const Points& points,
+                                 const Orientation& orientation, const Cells& cells,
+                                 std::vector<double>& values) {
+  const int measured = dimension(mesh);
+  const Index count = std::ssize(cells);
+  std::vector<std::vector<Index>> inverted((count + kGrain - 1) / kGrain);
+  parallel_for(count, kGrain, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      const Index c = cells[i];
+      if (dimension(mesh.types[c]) != measured) continue;
+      const int sign = orientation.at(static_cast<std::size_t>(mesh.types[c]));
+      const CellMeasure m = measure_cell(mesh, points, c, sign);
+      values[c] = m.value;
+      if (m.is_inverted) inverted[begin / kGrain].push_back(c);
+    }
+  });
+  std::vector<Index> all;
+  for (const auto& part : inverted) all.insert(all.end(), part.begin(), part.end());
+  return all;
 }
 
 }  // namespace
@@ -347,22 +374,25 @@ void check_positions(const Mesh& mesh, const Points& points) {
 QualityReport measure_quality(const Mesh& mesh, const Points& points,
                               const Orientation& orientation) {
   check_positions(mesh, points);
-  const int measured = dimension(mesh);
-  std::vector<double> values(mesh.cell_count(), std::numeric_limits<double>::quiet_NaN());
-  std::vector<Part> parts((mesh.cell_count() + kGrain - 1) / kGrain);
-  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
-    Part& part = parts[begin / kGrain];
-    for (Index c = begin; c < end; ++c) {
-      if (dimension(mesh.types[c]) != measured) continue;
-      const int sign = orientation.at(static_cast<std::size_t>(mesh.types[c]));
-      const CellMeasure m = measure_cell(mesh, points, c, sign);
-      values[c] = m.value;
-      part.add(c, m);
-    }
-  });
-  QualityReport report = merge(parts);
-  report.values = std::move(values);
+  QualityReport report;
+  report.values.assign(mesh.cell_count(), std::numeric_limits<double>::quiet_NaN());
+  report.inverted_cells = measure_cells(
+      mesh, points, orientation, std::views::iota(Index{0}, mesh.cell_count()), report.values);
+  summarise(report);
   return report;
+}
+
+QualityReport measure_again(QualityReport before, const Mesh& mesh, const Points& points,
+                            const Orientation& orientation, const std::vector<Index>& cells) {
+  check_positions(mesh, points);
+  std::vector<Index> others;
+  std::ranges::set_difference(before.inverted_cells, cells, std::back_inserter(others));
+  const std::vector<Index> inverted =
+      measure_cells(mesh, points, orientation, cells, before.values);
+  before.inverted_cells.clear();
+  std::ranges::set_union(others, inverted, std::back_inserter(before.inverted_cells));
+  summarise(before);
+  return before;
 }
 
 }  // namespace cadmorph

@@ -45,4 +45,8 @@ void check_positions(const Mesh& mesh, const Points& points);
 QualityReport measure_quality(const Mesh& mesh, const Points& points,
                               const Orientation& orientation);
 
+/// The report of measure_quality where only `cells` (ids, ascending) are other than `before`.
+QualityReport measure_again(QualityReport before, const Mesh& mesh, const Points& points,
+                            const Orientation& orientation, const std::vector<Index>& cells);
+
 }  // namespace cadmorph

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <ranges>
 #include <span>
 
 #include "core/jacobian_samples.h"
@@ -206,10 +207,11 @@ Sign polyhedron_sign(const Mesh& mesh, const Points& points, Index c, int orient
   return is_inside(centre + whole.moment / (4 * whole.volume)) ? Sign::Positive : Sign::NotPositive;
 }
 
-void test_cells(const Mesh& mesh, const Points& points, const Orientation& orientation, Index begin,
-                Index end, std::vector<Sign>& signs) {
+template <class Cells>
+void test_cells(const Mesh& mesh, const Points& points, const Orientation& orientation,
+                const Cells& cells, std::vector<Sign>& signs) {
   Batch batch(mesh, points, orientation);
-  for (Index c = begin; c < end; ++c) {
+  for (const Index c : cells) {
     const CellType type = mesh.types[c];
     const int sign = orientation[static_cast<std::size_t>(type)];
     if (dimension(type) != 3) continue;
@@ -277,17 +279,17 @@ std::vector<Index> cells_that_miss_faces(const Mesh& mesh, const CellNeighbours&
   return result;
 }
 
-}  // namespace
-
-ValidityReport check_validity(const Mesh& mesh, const Points& points,
-                              const Orientation& orientation) {
+template <class Cells>
+ValidityReport check_cells(const Mesh& mesh, const Points& points, const Orientation& orientation,
+                           const Cells& cells) {
   check_positions(mesh, points);
   std::vector<Sign> signs(mesh.cell_count(), Sign::Positive);
-  parallel_for(mesh.cell_count(), 4096, [&](Index begin, Index end) {
-    test_cells(mesh, points, orientation, begin, end, signs);
+  parallel_for(std::ssize(cells), 4096, [&](Index begin, Index end) {
+    test_cells(mesh, points, orientation,
+               std::ranges::subrange(cells.begin() + begin, cells.begin() + end), signs);
   });
   ValidityReport report;
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
+  for (const Index c : cells) {
     if (dimension(mesh.types[c]) == 3) ++report.cells;
     if (signs[c] == Sign::Positive) continue;
     report.invalid_cells.push_back(c);
@@ -295,6 +297,18 @@ ValidityReport check_validity(const Mesh& mesh, const Points& points,
   }
   report.invalid = static_cast<Index>(report.invalid_cells.size());
   return report;
+}
+
+}  // namespace
+
+ValidityReport check_validity(const Mesh& mesh, const Points& points,
+                              const Orientation& orientation) {
+  return check_cells(mesh, points, orientation, std::views::iota(Index{0}, mesh.cell_count()));
+}
+
+ValidityReport check_validity(const Mesh& mesh, const Points& points,
+                              const Orientation& orientation, const std::vector<Index>& cells) {
+  return check_cells(mesh, points, orientation, cells);
 }
 
 std::vector<Index> misordered_cells(const Mesh& mesh, const CellNeighbours& neighbours,

@@ -31,6 +31,10 @@ struct ValidityReport {
 ValidityReport check_validity(const Mesh& mesh, const Points& points,
                               const Orientation& orientation);
 
+/// The same of some cells alone (ids, ascending).
+ValidityReport check_validity(const Mesh& mesh, const Points& points,
+                              const Orientation& orientation, const std::vector<Index>& cells);
+
 /// Of `invalid_cells` (ids, ascending) of solids: those whose nodes are named in another order than
 /// the cells around expect, as when two nodes are swapped. Such a cell goes round a face it shares
 /// with a cell that is not invalid the same way as that does, or holds the corners of such a cell's

@@ -314,6 +314,12 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   return std::log(sum_) / (2 << squarings_);
 }
 
+const Points& ShapeEnergy::positions_at(const VectorXd& x) {
+  free_.move(x, positions_);
+  evaluated_.resize(0);
+  return positions_;
+}
+
 const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
   if (VectorXd gradient; evaluated_.size() == 0 || evaluated_ != x) (*this)(x, gradient);
   evaluated_.resize(0);  // the slopes become what the guess needs

@@ -41,7 +41,8 @@ class ShapeEnergy {
   const HessianGuess& guess_hessian(const Eigen::VectorXd& x);
 
   const FreeNodes& free_nodes() const { return free_; }
-  const Points& positions() const { return positions_; }
+  /// All nodes' positions (N x 3) at the unknowns.
+  const Points& positions_at(const Eigen::VectorXd& x);
 
  private:
   using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, 3>;

@@ -17,6 +17,7 @@
 
 #include "core/errors.h"
 #include "core/parallel.h"
+#include "core/validity.h"
 #include "sample_meshes.h"
 
 using namespace cadmorph;
@@ -343,6 +344,47 @@ TEST_CASE("the scaled Jacobian does not change with place, size and turn", "[cor
     for (Index c = 0; c < mesh.cell_count(); ++c)
       REQUIRE(scaled_jacobian(mesh, moved, c) ==
               Approx(scaled_jacobian(mesh, mesh.points, c)).margin(1e-12));
+  }
+}
+
+TEST_CASE("measured again, some cells alone, a mesh has the figures of all", "[core][quality]") {
+  for (CellType type : solid_types()) {
+    CAPTURE(static_cast<int>(type));
+    const Mesh mesh = cube(type, 6);
+    const Orientation orientation = detect_orientation(mesh);
+    // Far enough to invert some of the cells at the nodes that move.
+    Points moved = mesh.points;
+    std::vector<Index> cells;
+    for (Index node = 0; node < mesh.node_count(); ++node)
+      if (mesh.points(node, 0) < 0.5) moved.row(node) = shaken(mesh.points, 0.12, 3).row(node);
+    for (Index c = 0; c < mesh.cell_count(); ++c)
+      if (std::ranges::any_of(mesh.cell(c), [&](Index n) { return mesh.points(n, 0) < 0.5; }))
+        cells.push_back(c);
+    REQUIRE(std::ssize(cells) < mesh.cell_count());
+
+    const QualityReport all = measure_quality(mesh, moved, orientation);
+    const QualityReport before = measure_quality(mesh, mesh.points, orientation);
+    REQUIRE(all.inverted > before.inverted);
+    const QualityReport again = measure_again(before, mesh, moved, orientation, cells);
+    CHECK(again.values == all.values);
+    CHECK(again.inverted_cells == all.inverted_cells);
+    CHECK(again.inverted == all.inverted);
+    CHECK(again.cells == all.cells);
+    CHECK(again.min == all.min);
+    CHECK(again.mean == all.mean);
+    CHECK(again.worst_cell == all.worst_cell);
+    // And back, with no trace of the way.
+    const QualityReport back = measure_again(again, mesh, mesh.points, orientation, cells);
+    CHECK(back.values == before.values);
+    CHECK(back.inverted_cells == before.inverted_cells);
+    CHECK(back.mean == before.mean);
+
+    const ValidityReport valid = check_validity(mesh, moved, orientation);
+    const ValidityReport some = check_validity(mesh, moved, orientation, cells);
+    CHECK(some.invalid_cells == valid.invalid_cells);
+    CHECK(some.invalid > 0);
+    CHECK(some.cells == std::ssize(cells));
+    CHECK(check_validity(mesh, moved, orientation, {}).invalid == 0);
   }
 }
 
