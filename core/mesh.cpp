@@ -125,6 +125,44 @@ void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes) {
     mesh.polyhedron_offsets.push_back(std::ssize(mesh.polyhedron_faces));
 }
 
+void add_cells(Mesh& mesh, CellType type, std::vector<Index> nodes) {
+  const Index width = cell_node_count(type), count = std::ssize(nodes) / width;
+  const Index first = std::ssize(mesh.connectivity);
+  reserve_cells(mesh, count, first == 0 ? 0 : std::ssize(nodes));
+  if (first == 0)
+    mesh.connectivity = std::move(nodes);
+  else
+    mesh.connectivity.insert(mesh.connectivity.end(), nodes.begin(), nodes.end());
+  mesh.types.insert(mesh.types.end(), std::size_t(count), type);
+  if (mesh.offsets.empty()) mesh.offsets.push_back(0);
+  for (Index c = 1; c <= count; ++c) mesh.offsets.push_back(first + c * width);
+  if (!mesh.polyhedron_offsets.empty())
+    mesh.polyhedron_offsets.resize(mesh.types.size() + 1, std::ssize(mesh.polyhedron_faces));
+}
+
+void append_cells(Mesh& mesh, const Mesh& part) {
+  const auto append = [](const auto& more, auto& values) {
+    values.insert(values.end(), more.begin(), more.end());
+  };
+  const auto append_offsets = [](const std::vector<Index>& more, Index first,
+                                 std::vector<Index>& offsets) {
+    if (offsets.empty()) offsets.push_back(0);
+    for (std::size_t c = 1; c < more.size(); ++c) offsets.push_back(first + more[c]);
+  };
+  const bool has_polyhedra = !part.polyhedron_offsets.empty();
+  if (has_polyhedra && mesh.polyhedron_offsets.empty())
+    mesh.polyhedron_offsets.assign(mesh.types.size() + 1, 0);
+  append_offsets(part.offsets, std::ssize(mesh.connectivity), mesh.offsets);
+  if (has_polyhedra)
+    append_offsets(part.polyhedron_offsets, std::ssize(mesh.polyhedron_faces),
+                   mesh.polyhedron_offsets);
+  append(part.types, mesh.types);
+  append(part.connectivity, mesh.connectivity);
+  append(part.polyhedron_faces, mesh.polyhedron_faces);
+  if (!mesh.polyhedron_offsets.empty())
+    mesh.polyhedron_offsets.resize(mesh.types.size() + 1, std::ssize(mesh.polyhedron_faces));
+}
+
 void add_polyhedron(Mesh& mesh, std::span<const std::vector<Index>> faces) {
   if (mesh.polyhedron_offsets.empty()) mesh.polyhedron_offsets.assign(mesh.types.size() + 1, 0);
   std::vector<Index> nodes;

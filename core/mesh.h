@@ -77,6 +77,13 @@ void reserve_cells(Mesh& mesh, Index cells, Index nodes);
 /// Appends a cell. Its nodes are in VTK's order; a polyhedron needs add_polyhedron.
 void add_cell(Mesh& mesh, CellType type, std::span<const Index> nodes);
 
+/// Appends cells of one type: the nodes of the first, those of the second, and so on. Not for types
+/// whose numbers of nodes vary.
+void add_cells(Mesh& mesh, CellType type, std::vector<Index> nodes);
+
+/// Appends all cells of a part of the mesh, whose ids of nodes are those of the mesh.
+void append_cells(Mesh& mesh, const Mesh& part);
+
 /// Appends a polyhedron of faces, each the ids of its nodes.
 void add_polyhedron(Mesh& mesh, std::span<const std::vector<Index>> faces);
 

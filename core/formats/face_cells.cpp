@@ -120,7 +120,7 @@ bool find_nodes(const Shape& shape, std::span<Face> faces, std::vector<Index>& n
   return has_faces(faces, shape.type, nodes);
 }
 
-/// Makes some cells, in buffers of its own. A polyhedron has its faces alone, no nodes.
+/// Makes some cells, in buffers of its own.
 class SolidCells {
  public:
   const Mesh& cells() const { return cells_; }
@@ -150,59 +150,13 @@ class SolidCells {
       if (find_nodes(shape, faces, nodes_)) return add_cell(cells_, shape.type, nodes_);
       for (std::size_t i = 0; i < faces.size(); ++i) orient(list, cell_faces[i], cell, faces[i]);
     }
-    add_polyhedron(faces);
+    add_polyhedron(cells_, faces);
   }
 
  private:
-  void add_polyhedron(std::span<const Face> faces) {
-    if (cells_.polyhedron_offsets.empty())
-      cells_.polyhedron_offsets.assign(cells_.types.size() + 1, 0);
-    for (const Face& face : faces) {
-      cells_.polyhedron_faces.push_back(std::ssize(face));
-      cells_.polyhedron_faces.insert(cells_.polyhedron_faces.end(), face.begin(), face.end());
-    }
-    add_cell(cells_, CellType::Polyhedron, {});
-  }
-
   Mesh cells_;
   std::vector<Face> faces_;
   std::vector<Index> nodes_;
-};
-
-/// Appends cells as SolidCells makes them, and the nodes of polyhedra.
-class CellAppender {
- public:
-  explicit CellAppender(Mesh& mesh) : mesh_(mesh) {}
-
-  void append(const Mesh& cells) {
-    for (Index c = 0; c < cells.cell_count(); ++c) {
-      if (cells.types[c] == CellType::Polyhedron)
-        append_polyhedron(cells, c);
-      else
-        add_cell(mesh_, cells.types[c], cells.cell(c));
-    }
-  }
-
- private:
-  void append_polyhedron(const Mesh& cells, Index c) {
-    if (mesh_.polyhedron_offsets.empty())
-      mesh_.polyhedron_offsets.assign(mesh_.types.size() + 1, 0);
-    last_cell_.resize(std::size_t(mesh_.node_count()), -1);
-    const auto at = [&](Index i) { return cells.polyhedron_faces.begin() + i; };
-    mesh_.polyhedron_faces.insert(mesh_.polyhedron_faces.end(), at(cells.polyhedron_offsets[c]),
-                                  at(cells.polyhedron_offsets[c + 1]));
-    nodes_.clear();
-    for_each_polyhedron_face(cells, c, [&](std::span<const Index> face) {
-      for (const Index node : face)
-        if (std::exchange(last_cell_[node], mesh_.cell_count()) != mesh_.cell_count())
-          nodes_.push_back(node);
-    });
-    add_cell(mesh_, CellType::Polyhedron, nodes_);
-  }
-
-  Mesh& mesh_;
-  std::vector<Index> nodes_;
-  std::vector<Index> last_cell_;  ///< the last polyhedron with each node
 };
 
 /// Ids of the cells whose element has no valid map; none where points are not finite.
@@ -248,7 +202,6 @@ void add_solid_cells(Mesh& mesh, const FaceList& faces, Index cells, const fs::p
     result.points = mesh.points;
     constexpr Index kUsual = 8;  // nodes of a cell
     reserve_cells(result, cells, kUsual * cells);
-    CellAppender appender(result);
     struct Block {
       Index begin = 0;
       SolidCells made = {};
@@ -265,7 +218,7 @@ void add_solid_cells(Mesh& mesh, const FaceList& faces, Index cells, const fs::p
       for (Index c = block.begin; c < std::min(block.begin + kBlock, cells); ++c)
         block.made.add(faces, of_cells.of(c), c, is_element[c] != 0);
     };
-    const auto append = [&](Index slot) { appender.append(blocks[slot].made.cells()); };
+    const auto append = [&](Index slot) { append_cells(result, blocks[slot].made.cells()); };
     parallel_pipeline(std::ssize(blocks), begin, make, append);
     return result;
   };

@@ -230,7 +230,7 @@ class Reader {
     block.references.resize(std::size_t(count));
     auto node = block.nodes.begin();
     for (Index& reference : block.references) {
-      const std::size_t place = in_.place();
+      const std::size_t place = in_.position();
       for (std::size_t i = 0; i < width; ++i) {
         *node = in_.index("vertex", int_size(), 1, kMostNodes) - 1;
         if (*node > highest_node_) {
@@ -244,11 +244,12 @@ class Reader {
   }
 
   /// Elements may stand before the vertices.
-  void check_nodes() const {
+  void check_nodes() {
     const Index count = result_.mesh.node_count();
     if (highest_node_ >= count)
-      in_.fail_at(highest_place_, "an element has the vertex " + std::to_string(highest_node_ + 1) +
-                                      ", but there are only " + std::to_string(count));
+      in_.fail_behind(highest_place_, "an element has the vertex " +
+                                          std::to_string(highest_node_ + 1) +
+                                          ", but there are only " + std::to_string(count));
   }
 
   /// Cells are the elements of the highest dimension; the references of faces, and of edges where
@@ -258,25 +259,21 @@ class Reader {
     int highest = 0;
     for (const Block& block : blocks_)
       if (!block.references.empty()) highest = std::max(highest, dimension(block.type));
-    for (const Block& block : blocks_) {
-      if (dimension(block.type) == highest) add_cells(block);
+    for (Block& block : blocks_) {
       const bool is_face = dimension(block.type) == 2 && dimension_ == 3;
       const bool is_edge = dimension(block.type) == 1 && highest == 2;
       if (is_face || is_edge) add_groups(block, is_face ? "reference " : "edge reference ");
+      if (dimension(block.type) == highest) add_cells(std::move(block));
     }
     mesh.region_array = "reference";
     tidy_groups(mesh);
     if (!of_base_.empty()) result_.remarks.push_back(of_base_ + " in the file are of the base");
   }
 
-  void add_cells(const Block& block) {
+  void add_cells(Block block) {
     Mesh& mesh = result_.mesh;
-    const auto width = std::size_t(cell_node_count(block.type));
-    reserve_cells(mesh, std::ssize(block.references), std::ssize(block.nodes));
-    for (std::size_t i = 0; i < block.references.size(); ++i) {
-      add_cell(mesh, block.type, std::span(block.nodes).subspan(width * i, width));
-      mesh.regions.push_back(int(block.references[i]));
-    }
+    cadmorph::add_cells(mesh, block.type, std::move(block.nodes));
+    for (const Index reference : block.references) mesh.regions.push_back(int(reference));
   }
 
   void add_groups(const Block& block, const std::string& prefix) {

@@ -28,6 +28,9 @@ class NumberInput {
     return text_.place();
   }
 
+  /// Where it is; white space may stand before the next number.
+  std::size_t position() const { return is_binary_ ? bytes_.place() : text_.place(); }
+
   /// An integer, of `size` 4 or 8 bytes in binary. Throw IoError where there is none.
   Index integer(std::string_view what, int size) {
     return is_binary_ ? bytes_.integer(what, size) : text_.integer(what);
@@ -44,6 +47,10 @@ class NumberInput {
   /// Throw IoError that names the line or byte.
   [[noreturn]] void fail_at(std::size_t place, const std::string& why) const {
     is_binary_ ? bytes_.fail_at(place, why) : text_.fail_at(place, why);
+  }
+  /// The same of the number behind a place.
+  [[noreturn]] void fail_behind(std::size_t place, const std::string& why) {
+    is_binary_ ? bytes_.fail_at(place, why) : text_.fail_behind(place, why);
   }
   [[noreturn]] void fail(const std::string& why) { fail_at(place(), why); }
 

@@ -10,7 +10,7 @@ namespace {
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
-constexpr std::size_t kLongestToken = 0xffff, kLongestAhead = 0x7fff;
+constexpr std::size_t kLongestToken = 0xffff, kLongestAhead = 0x3fff;
 
 // What a thread reads ahead at once, and how many of these: they stay in the cache.
 constexpr std::size_t kAheadBlock = 1 << 16;
@@ -154,17 +154,21 @@ void TextScanner::read_numbers(std::size_t begin, std::size_t end,
   const auto ends = [&](const char* at) {
     return at == text_end || ends_word(*at) || *at == comment_;
   };
+  bool is_next = false;
   for (std::size_t at = begin; at < end;) {
     if (ends_word(text[at])) {
+      is_next = is_next && is_space(text[at]);
       ++at;
       continue;
     }
     if (comment_ && text[at] == comment_) {
       at = std::min(text_.find('\n', at), end);
+      is_next = false;
       continue;
     }
     Ahead number;
     number.place = at;
+    number.is_next = is_next;
     std::int64_t integer = 0;
     double real = 0;
     std::size_t length = read_short_integer(text + at, text_end, integer);
@@ -182,7 +186,9 @@ void TextScanner::read_numbers(std::size_t begin, std::size_t end,
     if (is_number) {
       number.length = length;
       numbers.push_back(number);
+      is_next = true;
     } else {
+      is_next = false;
       for (length = 1; at + length < end && !ends(text + at + length);) ++length;
     }
     at += length;
@@ -235,14 +241,10 @@ Index TextScanner::count(std::string_view what, std::size_t least_bytes) {
   return count;
 }
 
-Index TextScanner::index(std::string_view what, Index first, Index end) {
-  if (!skip_space()) fail_expected(what);
-  const std::size_t place = at_;
-  const Index value = integer(what);
-  if (value < first || value >= end)
-    fail_at(place, std::string(what) + " " + std::to_string(value) + " is not in [" +
-                       std::to_string(first) + ", " + std::to_string(end - 1) + "]");
-  return value;
+void TextScanner::fail_range(std::size_t before, std::string_view what, Index value, Index first,
+                             Index end) {
+  fail_behind(before, std::string(what) + " " + std::to_string(value) + " is not in [" +
+                          std::to_string(first) + ", " + std::to_string(end - 1) + "]");
 }
 
 Index TextScanner::line_number(std::size_t place) const {
@@ -252,6 +254,12 @@ Index TextScanner::line_number(std::size_t place) const {
 
 void TextScanner::fail_at(std::size_t place, const std::string& why) const {
   fail_reading(path_, "line " + std::to_string(line_number(place)) + ": " + why);
+}
+
+void TextScanner::fail_behind(std::size_t place, const std::string& why) {
+  at_ = place;
+  skip_space();
+  fail(why);
 }
 
 void TextScanner::fail_expected(std::string_view what) const {

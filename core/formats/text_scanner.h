@@ -79,7 +79,12 @@ class TextScanner {
   /// negative, or more than the rest of the text can hold.
   Index count(std::string_view what, std::size_t least_bytes = 2);
   /// An integer of [first, end); throws IoError.
-  Index index(std::string_view what, Index first, Index end);
+  Index index(std::string_view what, Index first, Index end) {
+    const std::size_t before = at_;
+    const Index value = integer(what);
+    if (value < first || value >= end) fail_range(before, what, value, first, end);
+    return value;
+  }
 
   /// 1-based number of the line that holds a place.
   Index line_number(std::size_t place) const;
@@ -87,6 +92,8 @@ class TextScanner {
   /// Throws IoError: "can't read the mesh PATH: line N: WHY".
   [[noreturn]] void fail(const std::string& why) const { fail_at(at_, why); }
   [[noreturn]] void fail_at(std::size_t place, const std::string& why) const;
+  /// The same of what follows a place and white space.
+  [[noreturn]] void fail_behind(std::size_t place, const std::string& why);
   /// "line N: expected WHAT, found ..." at the present place.
   [[noreturn]] void fail_expected(std::string_view what) const;
 
@@ -94,8 +101,9 @@ class TextScanner {
   /// A number that was read ahead.
   struct Ahead {
     std::uint64_t place : 48 = 0;
-    std::uint64_t length : 15 = 0;
+    std::uint64_t length : 14 = 0;
     std::uint64_t is_real : 1 = 0;
+    std::uint64_t is_next : 1 = 0;  ///< nothing but white space since the one before
     union {
       std::int64_t integer = 0;
       double real;
@@ -110,6 +118,8 @@ class TextScanner {
 
   template <class Number>
   TextToken parse(std::string_view what, Number& value, const auto&... base);
+  [[noreturn]] void fail_range(std::size_t before, std::string_view what, Index value, Index first,
+                               Index end);
   TextToken parse_number(std::string_view what, double& value);
   Index parse_integer(std::string_view what);
 
@@ -117,7 +127,8 @@ class TextScanner {
   const Ahead* next_ahead() {
     const bool is_here =
         ahead_ != ahead_last_ &&
-        (ahead_->place == at_ || (ahead_->place == at_ + 1 && is_space(text_[at_])));
+        (ahead_->place == at_ ||
+         (ahead_->is_next && ahead_[-1].place + ahead_[-1].length == at_));
     return is_here ? ahead_ : find_ahead();
   }
   const Ahead* find_ahead();
