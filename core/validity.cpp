@@ -61,6 +61,28 @@ Grid bilinear_grid(const Vector3d& at_00, const Vector3d& at_10, const Vector3d&
           at_01, high, at_11};
 }
 
+// The derivatives of a hexahedron's map in one direction, means of four edges with any weights.
+struct Derivatives {
+  std::array<Vector3d, 4> edges;
+  Vector3d middle = (edges[0] + edges[1] + edges[2] + edges[3]) / 4;
+  double length = middle.norm();
+  double spread =
+      std::sqrt(std::max({(edges[0] - middle).squaredNorm(), (edges[1] - middle).squaredNorm(),
+                          (edges[2] - middle).squaredNorm(),
+                          (edges[3] - middle).squaredNorm()}));  ///< from the middle
+
+  Grid grid() const { return bilinear_grid(edges[0], edges[1], edges[2], edges[3]); }
+};
+
+// Whether the determinant at the middle is larger than any change of the three columns within their
+// spreads: so it is in cells near to a parallelepiped, and quickly told.
+bool is_positive_near_middle(const Derivatives& r, const Derivatives& s, const Derivatives& t,
+                             int orientation) {
+  const double longest = (r.length + r.spread) * (s.length + s.spread) * (t.length + t.spread);
+  const double change = longest - r.length * s.length * t.length;
+  return orientation * r.middle.dot(s.middle.cross(t.middle)) > change + kRounding * longest;
+}
+
 // Values of a quadratic at 0, 1/2, 1 -> its Bernstein coefficients: the middle one changes.
 void to_bernstein(double* middle, Index stride) {
   *middle = 2 * *middle - (middle[-stride] + middle[stride]) / 2;
@@ -73,9 +95,11 @@ bool is_surely_valid_hexahedron(const Mesh& mesh, const Points& points, Index c,
   const auto edge = [&](int from, int to) -> Vector3d {
     return (points.row(cell[to]) - points.row(cell[from])).transpose();
   };
-  const Grid r = bilinear_grid(edge(0, 1), edge(3, 2), edge(4, 5), edge(7, 6));  // of (s, t)
-  const Grid s = bilinear_grid(edge(0, 3), edge(1, 2), edge(4, 7), edge(5, 6));  // of (r, t)
-  const Grid t = bilinear_grid(edge(0, 4), edge(1, 5), edge(3, 7), edge(2, 6));  // of (r, s)
+  const Derivatives by_r{{edge(0, 1), edge(3, 2), edge(4, 5), edge(7, 6)}};  // of (s, t)
+  const Derivatives by_s{{edge(0, 3), edge(1, 2), edge(4, 7), edge(5, 6)}};  // of (r, t)
+  const Derivatives by_t{{edge(0, 4), edge(1, 5), edge(3, 7), edge(2, 6)}};  // of (r, s)
+  if (is_positive_near_middle(by_r, by_s, by_t, orientation)) return true;
+  const Grid r = by_r.grid(), s = by_s.grid(), t = by_t.grid();
   std::array<double, 27> b;
   for (int k = 0; k < 3; ++k)
     for (int i = 0; i < 3; ++i)

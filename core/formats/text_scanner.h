@@ -127,8 +127,7 @@ class TextScanner {
   const Ahead* next_ahead() {
     const bool is_here =
         ahead_ != ahead_last_ &&
-        (ahead_->place == at_ ||
-         (ahead_->is_next && ahead_[-1].place + ahead_[-1].length == at_));
+        (ahead_->place == at_ || (ahead_->is_next && ahead_[-1].place + ahead_[-1].length == at_));
     return is_here ? ahead_ : find_ahead();
   }
   const Ahead* find_ahead();
