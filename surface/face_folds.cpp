@@ -2,11 +2,15 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <optional>
+
+#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
 
 using Eigen::Vector2d;
+using Eigen::Vector3d;
 
 // At a pole one parameter is arbitrary, and so is the normal that it gives.
 bool is_at_pole(const FaceSide& side, Index i, double local_length) {
@@ -16,34 +20,56 @@ bool is_at_pole(const FaceSide& side, Index i, double local_length) {
   return std::min(s.du.norm() * size[0], s.dv.norm() * size[1]) < 0.1 * local_length;
 }
 
-// Of a facet's area with the face's normal at its node i.
-double facing(const SurfaceMesh& surface, const FaceSide& side, int facet, Index i) {
-  return area_vector(surface, side.points, facet).dot(side.model.normal(side.face, side.uv.row(i)));
+Vector3d normal_at(const FaceSide& side, Index i) {
+  return side.model.normal(side.face, side.uv.row(i));
 }
 
 }  // namespace
 
-std::vector<Index> find_folds(const SurfaceMesh& surface, const std::vector<int>& facets,
-                              const std::vector<int>& rows, const FaceSide& before,
-                              const FaceSide& after) {
-  std::vector<Index> turned, kept, dented;
+FaceFolds::FaceFolds(const SurfaceMesh& surface, const std::vector<int>& facets,
+                     const std::vector<int>& rows, const FaceSide& before) {
+  std::vector<Vector3d> normals(rows.size(), Vector3d::Zero());  // none at poles
+  parallel_for(std::ssize(rows), 256, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      if (!is_at_pole(before, i, surface.local_length[rows[i]])) normals[i] = normal_at(before, i);
+  });
   for (const int f : facets) {
-    if (surface.corners[f] > 3 &&
-        inward_corners(surface, after.points, f) > inward_corners(surface, before.points, f))
-      dented.push_back(f);
+    facets_.push_back(
+        {.facet = f,
+         .inward_corners = surface.corners[f] > 3 ? inward_corners(surface, before.points, f) : 0,
+         .first = static_cast<int>(witnesses_.size())});
+    const Vector3d area = area_vector(surface, before.points, f);
     for (const int n : surface.facets[f]) {
       const auto it = std::ranges::lower_bound(rows, n);
       if (it == rows.end() || *it != n) continue;
-      const Index i = it - rows.begin();
-      if (is_at_pole(before, i, surface.local_length[n])) continue;
-      const double was = facing(surface, before, f, i), is = facing(surface, after, f, i);
-      if (was == 0 || is == 0) continue;
-      ((was > 0) != (is > 0) ? turned : kept).push_back(f);
+      const auto node = static_cast<int>(it - rows.begin());
+      const double facing = area.dot(normals[node]);
+      if (facing != 0) witnesses_.push_back({node, facing > 0});
+    }
+  }
+}
+
+std::vector<Index> FaceFolds::find(const SurfaceMesh& surface, const FaceSide& after) const {
+  std::vector<Index> turned, kept, dented;
+  std::vector<std::optional<Vector3d>> normals(after.uv.rows());
+  for (std::size_t i = 0; i < facets_.size(); ++i) {
+    const Facet& facet = facets_[i];
+    if (surface.corners[facet.facet] > 3 &&
+        inward_corners(surface, after.points, facet.facet) > facet.inward_corners)
+      dented.push_back(facet.facet);
+    const Vector3d area = area_vector(surface, after.points, facet.facet);
+    const std::size_t last = i + 1 < facets_.size() ? facets_[i + 1].first : witnesses_.size();
+    for (std::size_t w = facet.first; w < last; ++w) {
+      std::optional<Vector3d>& normal = normals[witnesses_[w].node];
+      if (!normal) normal = normal_at(after, witnesses_[w].node);
+      const double facing = area.dot(*normal);
+      if (facing == 0) continue;
+      ((facing > 0) != witnesses_[w].looks_out ? turned : kept).push_back(facet.facet);
       break;
     }
   }
   // The mesh's own orientation may be that of the complement: what counts is a mixed sign.
-  std::vector<Index> folds = 2 * turned.size() <= facets.size() ? turned : kept;
+  std::vector<Index> folds = 2 * turned.size() <= facets_.size() ? turned : kept;
   folds.insert(folds.end(), dented.begin(), dented.end());
   std::ranges::sort(folds);
   folds.erase(std::unique(folds.begin(), folds.end()), folds.end());

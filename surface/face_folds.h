@@ -16,10 +16,32 @@ struct FaceSide {
   const Points& points;
 };
 
-/// Facets of a face that look to the wrong side of its surface, or turn a corner inwards, `after`
-/// and not `before`; ascending. `rows`: of the nodes that lie on the face, ascending.
-std::vector<Index> find_folds(const SurfaceMesh& surface, const std::vector<int>& facets,
-                              const std::vector<int>& rows, const FaceSide& before,
-                              const FaceSide& after);
+/// Tells the folds that moved nodes make of a face, by how its facets look before: found once for
+/// all motions.
+class FaceFolds {
+ public:
+  FaceFolds() = default;
+  /// `facets` of the face, `rows` of the nodes that lie on it, ascending.
+  FaceFolds(const SurfaceMesh& surface, const std::vector<int>& facets,
+            const std::vector<int>& rows, const FaceSide& before);
+
+  /// Facets that look to the wrong side of the surface, or turn a corner inwards, `after` and not
+  /// before; ascending. `surface` as before.
+  std::vector<Index> find(const SurfaceMesh& surface, const FaceSide& after) const;
+
+ private:
+  /// A node by which a facet is judged.
+  struct Witness {
+    int node = 0;  ///< of the face's
+    bool looks_out = false;
+  };
+  struct Facet {
+    int facet = 0;
+    int inward_corners = 0;
+    int first = 0;  ///< of its witnesses, which follow each other up to those of the next
+  };
+  std::vector<Facet> facets_;
+  std::vector<Witness> witnesses_;
+};
 
 }  // namespace cadmorph

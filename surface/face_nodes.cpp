@@ -96,6 +96,16 @@ FaceBorder collect_border(const CadModel& base, const SurfaceMesh& surface,
   return {base, nodes.face, std::move(samples), surface.points(rows, Eigen::all), widest};
 }
 
+std::vector<int> nodes_around(const SurfaceMesh& surface, const FaceNodes& nodes) {
+  std::vector<int> result;
+  for (const int f : nodes.facets)
+    result.insert(result.end(), surface.facets[f].begin(), surface.facets[f].end());
+  std::ranges::sort(result);
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  std::erase_if(result, [&](int n) { return std::ranges::binary_search(nodes.rows, n); });
+  return result;
+}
+
 }  // namespace
 
 std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMesh& surface,
@@ -116,10 +126,12 @@ std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMes
     collect_joints(association, joints.of_face[f], nodes);
     nodes.uv = association.uv(nodes.rows, Eigen::all);
     nodes.points = feet(nodes.rows, Eigen::all);
+    nodes.around = nodes_around(surface, nodes);
     if (nodes.rows.empty()) continue;
     nodes.samples_per_curve = samples_per_curve(base, f, nodes_on_edge);
     nodes.domain = std::make_unique<FaceDomain>(base, f, nodes.samples_per_curve, nodes.joint_uv);
     nodes.border = collect_border(base, surface, association, nodes);
+    nodes.folds = FaceFolds(surface, nodes.facets, nodes.rows, {base, f, nodes.uv, surface.points});
   }
   return faces;
 }

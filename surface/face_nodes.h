@@ -5,6 +5,7 @@
 
 #include "surface/face_border.h"
 #include "surface/face_domain.h"
+#include "surface/face_folds.h"
 #include "surface/joints.h"
 #include "surface/surface_mesh.h"
 
@@ -15,8 +16,9 @@ struct FaceNodes {
   int face = -1;
   std::vector<int> rows;  ///< nodes on the face alone, ascending
   std::vector<int> facets;
-  Parameters uv;  ///< of the nodes
-  Points points;  ///< S(uv)
+  std::vector<int> around;  ///< the other nodes of the facets, ascending
+  Parameters uv;            ///< of the nodes
+  Points points;            ///< S(uv)
 
   std::vector<int> joints;  ///< nodes within the face that move with something else
   Parameters joint_uv;
@@ -25,6 +27,7 @@ struct FaceNodes {
   int samples_per_curve = 0;           ///< of the domain
   std::unique_ptr<FaceDomain> domain;  ///< null where no node lies on the face
   FaceBorder border;                   ///< empty but where thin cells stand on it
+  FaceFolds folds;
 };
 
 /// The nodes of all faces of `surface`, by face. `feet`: of all rows on the base.

@@ -184,7 +184,8 @@ std::vector<ImagePair> find_image_pairs(const SurfaceMesh& surface, const Points
                                         const std::vector<Sheet>& sheets, double tolerance) {
   std::vector<Shape> shapes;
   for (const Sheet& sheet : sheets)
-    shapes.push_back(sheet.border.empty() ? Shape() : shape_of(surface, sheet));
+    shapes.push_back(sheet.border.empty() || sheet.inner.empty() ? Shape()
+                                                                 : shape_of(surface, sheet));
   std::vector<ImagePair> pairs;
   std::vector<char> is_image(sheets.size(), 0);
   for (std::size_t a = 0; a < sheets.size(); ++a)

@@ -139,9 +139,11 @@ struct SurfaceMorph::Impl {
   std::string crack;  // what to tell of one inside of the mesh
   std::vector<FaceNodes> faces;
   Joints joints;
-  Points feet;  // of all nodes on the base CAD, millimetres
+  Points feet;     // of all nodes on the base CAD, millimetres
+  Points offsets;  // of the nodes from these; of those on faces in the face's own frame
 
   void find_feet();
+  void find_offsets();
   void find_forms();
   void check_policy() const;
   GroupConstraint constraint(const FreePatch& patch) const;
@@ -164,9 +166,6 @@ struct SurfaceMorph::Impl {
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
   VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
-  Vector3d offset(int row) const {
-    return options.snap ? Vector3d::Zero() : Vector3d(surface.points.row(row) - feet.row(row));
-  }
   double least_stretch(int row, const Points& moved_feet) const;
   void move_amid(Points& moved) const;
   std::vector<FreePatch> sliding_patches() const;
@@ -194,6 +193,16 @@ void SurfaceMorph::Impl::find_feet() {
           break;
       }
     }
+  });
+}
+
+void SurfaceMorph::Impl::find_offsets() {
+  offsets = surface.points - feet;
+  if (options.snap) offsets.setZero();
+  parallel_for(offsets.rows(), 1024, [&](Index begin, Index end) {
+    for (Index n = begin; n < end; ++n)
+      if (association.dimension[n] == CadDimension::Face && !offsets.row(n).isZero(0))
+        offsets.row(n) *= frame(base->evaluate(association.entity[n], association.uv.row(n)));
   });
 }
 
@@ -241,7 +250,7 @@ void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const std::vector<C
   for (int n = 0; n < static_cast<int>(placed.feet.rows()); ++n) {
     if (association.dimension[n] != CadDimension::Vertex) continue;
     placed.feet.row(n) = map_vertex(pair, maps, association.entity[n]);
-    placed.offsets.row(n) = a.rotation * offset(n);
+    placed.offsets.row(n) = a.rotation * offsets.row(n).transpose();
   }
 }
 
@@ -257,7 +266,7 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<Cur
       placed.feet.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point;
       placed.uv.row(n) << l.t, 0;
       placed.entity[n] = l.edge;
-      placed.offsets.row(n) = a.rotation * offset(static_cast<int>(n));
+      placed.offsets.row(n) = a.rotation * offsets.row(n).transpose();
     }
   });
 }
@@ -266,19 +275,17 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
                                Placement& placed) const {
   const FaceNodes& nodes = faces[face];
   const int variant = pair.match.faces[face];
+  const bool is_turned_over =
+      base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed;
   parallel_for(nodes.uv.rows(), 256, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const int n = nodes.rows[static_cast<std::size_t>(i)];
-      const SurfacePoint from = base->evaluate(face, nodes.uv.row(i));
       const Vector2d uv = place_on_face(pair.variant, variant, placed, n, mapped.uv.row(i));
       const SurfacePoint to = pair.variant.evaluate(variant, uv);
-      Matrix3d turn = frame(to) * frame(from).transpose();
-      const bool is_turned_over =
-          base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed;
-      if (is_turned_over)
-        turn = frame(to) * Vector3d(1, -1, -1).asDiagonal() * frame(from).transpose();
+      Vector3d offset = offsets.row(n);
+      if (is_turned_over) offset.tail<2>() *= -1;
       placed.feet.row(n) = to.point;
-      placed.offsets.row(n) = turn * offset(n);
+      placed.offsets.row(n) = frame(to) * offset;
       placed.uv.row(n) = uv;
       placed.entity[n] = variant;
     }
@@ -320,12 +327,7 @@ std::vector<ImagePair> SurfaceMorph::Impl::image_faces(const ModelPair& pair,
     sheet.is_planar = base->faces()[f].type == SurfaceType::Plane &&
                       pair.variant.faces()[pair.match.faces[f]].type == SurfaceType::Plane;
     if (!(moved - surface.points)(nodes.rows, Eigen::all).isZero(0)) sheet.inner = nodes.rows;
-    for (const int facet : nodes.facets)
-      sheet.border.insert(sheet.border.end(), surface.facets[facet].begin(),
-                          surface.facets[facet].end());
-    std::ranges::sort(sheet.border);
-    sheet.border.erase(std::unique(sheet.border.begin(), sheet.border.end()), sheet.border.end());
-    std::erase_if(sheet.border, [&](int n) { return std::ranges::binary_search(nodes.rows, n); });
+    sheet.border = nodes.around;
     sheets.push_back(std::move(sheet));
   }
   return find_image_pairs(surface, moved, sheets, tolerance);
@@ -358,9 +360,7 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
   const int variant = pair.match.faces[face];
   std::string note = mapped.note;
   const auto find = [&](const Parameters& uv) {
-    const FaceSide before{*base, face, nodes.uv, surface.points};
-    const FaceSide after{pair.variant, variant, uv, placed.feet};
-    return find_folds(surface, nodes.facets, nodes.rows, before, after);
+    return nodes.folds.find(surface, {pair.variant, variant, uv, placed.feet});
   };
   std::vector<Index> folds = find(mapped.uv);
   // Keeps the other map where it folds less. One that fails leaves what is there.
@@ -430,7 +430,7 @@ VectorXd SurfaceMorph::Impl::distances_beyond_wires(const ModelPair& pair,
 // and no growth where the surface stretches one way only.
 double SurfaceMorph::Impl::least_stretch(int row, const Points& moved_feet) const {
   double least = std::numeric_limits<double>::infinity();
-  if (offset(row).isZero(0)) return 1;
+  if (offsets.row(row).isZero(0)) return 1;
   for (int i = surface.incident_offsets[row]; i < surface.incident_offsets[row + 1]; ++i)
     for (const int other : surface.facets[surface.incident_facets[i]]) {
       if (association.dimension[other] == CadDimension::None) continue;
@@ -580,6 +580,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
   impl_->find_feet();
+  impl_->find_offsets();
   impl_->joints = find_joints(*impl_->base, impl_->surface, impl_->association);
   impl_->faces = collect_face_nodes(*impl_->base, impl_->surface, impl_->association, impl_->joints,
                                     impl_->feet);

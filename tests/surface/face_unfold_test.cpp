@@ -51,10 +51,13 @@ struct Side {
     return result;
   }
 
+  std::size_t folds_of(const FaceSide& after) const {
+    const FaceFolds folds(surface, facets, rows, {model, face, uv, surface.points});
+    return folds.find(surface, after).size();
+  }
+
   std::size_t folds(const Parameters& other) const {
-    return find_folds(surface, facets, rows, {model, face, uv, surface.points},
-                      {model, face, other, at(other)})
-        .size();
+    return folds_of({model, face, other, at(other)});
   }
 
   CadModel model;
@@ -115,9 +118,7 @@ TEST_CASE("a facet that the wires hold folded leaves the others free to unfold",
   }
   REQUIRE(held > 0);
   const FaceSide mapped{side.model, side.face, folded, points};
-  REQUIRE(find_folds(side.surface, side.facets, side.rows,
-                     {side.model, side.face, side.uv, side.surface.points}, mapped)
-              .size() > side.facets.size() / 5);
+  REQUIRE(side.folds_of(mapped) > side.facets.size() / 5);
   const Parameters found = unfold_face(side.surface, side.facets, side.rows, mapped);
   CHECK(side.folds(found) == 0);
 }
