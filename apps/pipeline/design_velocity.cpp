@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <future>
 #include <limits>
 #include <sstream>
@@ -106,7 +107,7 @@ void add_new(std::vector<std::string>& to, const std::vector<std::string>& lines
     if (std::ranges::find(to, line) == to.end()) to.push_back(line);
 }
 
-// STEP models in their order, the next read while the one before it is at work.
+// STEP models in their order, a pair read while the one before it is at work.
 class StepQueue {
  public:
   explicit StepQueue(std::vector<fs::path> files) : files_(std::move(files)) {
@@ -115,20 +116,34 @@ class StepQueue {
   }
 
   CadModel next() {
-    CadModel model = coming_.get();
-    read_ahead();
+    if (ready_.empty()) {
+      ready_ = coming_.get();
+      read_ahead();
+    }
+    CadModel model = std::move(ready_.front());
+    ready_.pop_front();
     return model;
   }
 
  private:
+  // The base alone, then pairs.
   void read_ahead() {
-    if (at_ < files_.size())
-      coming_ = std::async(std::launch::async, [path = files_[at_++]] { return read_step(path); });
+    const std::size_t end = std::min(at_ + (at_ == 0 ? 1 : 2), files_.size());
+    const std::vector<fs::path> paths(files_.begin() + std::ptrdiff_t(at_),
+                                      files_.begin() + std::ptrdiff_t(end));
+    at_ = end;
+    if (paths.empty()) return;
+    coming_ = std::async(std::launch::async, [paths] {
+      std::deque<CadModel> models;
+      for (const fs::path& path : paths) models.push_back(read_step(path));
+      return models;
+    });
   }
 
   std::vector<fs::path> files_;
   std::size_t at_ = 0;
-  std::future<CadModel> coming_;
+  std::deque<CadModel> ready_;
+  std::future<std::deque<CadModel>> coming_;
 };
 
 ParameterModels next_pair(StepQueue& queue, double step) {
