@@ -61,26 +61,28 @@ Grid bilinear_grid(const Vector3d& at_00, const Vector3d& at_10, const Vector3d&
           at_01, high, at_11};
 }
 
-// The derivatives of a hexahedron's map in one direction, means of four edges with any weights.
+// The derivatives of a hexahedron's map in one direction: bilinear in the other two, so none is
+// farther from the mean of the four edges than these are.
 struct Derivatives {
   std::array<Vector3d, 4> edges;
-  Vector3d middle = (edges[0] + edges[1] + edges[2] + edges[3]) / 4;
-  double length = middle.norm();
+  Vector3d mean = (edges[0] + edges[1] + edges[2] + edges[3]) / 4;
+  double length = mean.norm();
   double spread =
-      std::sqrt(std::max({(edges[0] - middle).squaredNorm(), (edges[1] - middle).squaredNorm(),
-                          (edges[2] - middle).squaredNorm(),
-                          (edges[3] - middle).squaredNorm()}));  ///< from the middle
+      std::sqrt(std::max({(edges[0] - mean).squaredNorm(), (edges[1] - mean).squaredNorm(),
+                          (edges[2] - mean).squaredNorm(),
+                          (edges[3] - mean).squaredNorm()}));  ///< of the edges about their mean
 
   Grid grid() const { return bilinear_grid(edges[0], edges[1], edges[2], edges[3]); }
 };
 
-// Whether the determinant at the middle is larger than any change of the three columns within their
-// spreads: so it is in cells near to a parallelepiped, and quickly told.
-bool is_positive_near_middle(const Derivatives& r, const Derivatives& s, const Derivatives& t,
-                             int orientation) {
+// Whether the determinant of the means is larger than any change of its columns within their
+// spreads, which by multilinearity and Hadamard's inequality is at most the product of the lengths
+// with spreads less that without. So it is in cells near to a parallelepiped, and soon told.
+bool is_positive_about_mean(const Derivatives& r, const Derivatives& s, const Derivatives& t,
+                            int orientation) {
   const double longest = (r.length + r.spread) * (s.length + s.spread) * (t.length + t.spread);
   const double change = longest - r.length * s.length * t.length;
-  return orientation * r.middle.dot(s.middle.cross(t.middle)) > change + kRounding * longest;
+  return orientation * r.mean.dot(s.mean.cross(t.mean)) > change + kRounding * longest;
 }
 
 // Values of a quadratic at 0, 1/2, 1 -> its Bernstein coefficients: the middle one changes.
@@ -98,7 +100,7 @@ bool is_surely_valid_hexahedron(const Mesh& mesh, const Points& points, Index c,
   const Derivatives by_r{{edge(0, 1), edge(3, 2), edge(4, 5), edge(7, 6)}};  // of (s, t)
   const Derivatives by_s{{edge(0, 3), edge(1, 2), edge(4, 7), edge(5, 6)}};  // of (r, t)
   const Derivatives by_t{{edge(0, 4), edge(1, 5), edge(3, 7), edge(2, 6)}};  // of (r, s)
-  if (is_positive_near_middle(by_r, by_s, by_t, orientation)) return true;
+  if (is_positive_about_mean(by_r, by_s, by_t, orientation)) return true;
   const Grid r = by_r.grid(), s = by_s.grid(), t = by_t.grid();
   std::array<double, 27> b;
   for (int k = 0; k < 3; ++k)

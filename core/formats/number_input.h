@@ -28,7 +28,7 @@ class NumberInput {
     return text_.place();
   }
 
-  /// Where it is; white space may stand before the next number.
+  /// Where it is, without a look at the text: white space may stand before the next number.
   std::size_t position() const { return is_binary_ ? bytes_.place() : text_.place(); }
 
   /// An integer, of `size` 4 or 8 bytes in binary. Throw IoError where there is none.

@@ -92,7 +92,7 @@ class TextScanner {
   /// Throws IoError: "can't read the mesh PATH: line N: WHY".
   [[noreturn]] void fail(const std::string& why) const { fail_at(at_, why); }
   [[noreturn]] void fail_at(std::size_t place, const std::string& why) const;
-  /// The same of what follows a place and white space.
+  /// The same of the word behind a place; white space may stand between.
   [[noreturn]] void fail_behind(std::size_t place, const std::string& why);
   /// "line N: expected WHAT, found ..." at the present place.
   [[noreturn]] void fail_expected(std::string_view what) const;
