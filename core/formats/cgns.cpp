@@ -805,10 +805,8 @@ Recognition recognise(const FileStart& start) {
 }
 
 ReadMesh read(const fs::path& path) {
-  return read_safely(path, [&] {
-    const std::unique_ptr<const CgnsTree> tree = read_cgns_tree(path);
-    return Reader(*tree).run();
-  });
+  const std::unique_ptr<const CgnsTree> tree = read_cgns_tree(path);
+  return Reader(*tree).run();
 }
 
 }  // namespace

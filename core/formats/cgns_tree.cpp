@@ -8,7 +8,7 @@
 #include <map>
 
 #include "core/formats/coordinate_places.h"
-#include "core/formats/hdf5_file.h"
+#include "core/formats/hdf5_coordinates.h"
 #include "core/formats/source_file.h"
 
 namespace fs = std::filesystem;
@@ -42,7 +42,7 @@ class Hdf5Tree : public CgnsTree {
                      .count = std::ssize(run.nodes),
                      .component = run.component,
                      .nodes = run.nodes});
-    return file_.read_coordinates(all, points);
+    return read_hdf5_coordinates(file_, all, points);
   }
 
  private:

@@ -188,33 +188,32 @@ class Reader {
     block.count = shape[0];
     block.shape = shape_of(type, shape[1]);
     elements_ += block.count;
-    const std::vector<Index> connectivity = file_.integers(variable);
+    std::vector<Index> connectivity = file_.integers(variable);
     check_nodes(variable, connectivity);
     if (block.shape)
-      add_block(*block.shape, shape[1], connectivity, variable, type, number);
+      add_block(*block.shape, shape[1], std::move(connectivity), variable, type, number);
     else
       result_.remarks.push_back(std::to_string(block.count) + " elements of type '" + type +
                                 "' in " + name + " are no cells; their nodes follow the others");
     blocks_.push_back(block);
   }
 
-  void add_block(Shape shape, Index size, const std::vector<Index>& connectivity,
-                 const std::string& variable, const std::string& type, int number) {
+  void add_block(Shape shape, Index size, std::vector<Index> nodes, const std::string& variable,
+                 const std::string& type, int number) {
     const std::optional<Element> kind = element(shape, size);
     if (!kind)
       file_.fail(variable, "elements of type " + type + " with " + std::to_string(size) +
                                " nodes are not known");
-    std::vector<Index> nodes;
-    reserve_cells(result_.mesh, std::ssize(connectivity) / size, std::ssize(connectivity));
-    for (std::size_t at = 0; at < connectivity.size(); at += std::size_t(size)) {
-      nodes.clear();
-      if (kind->order.empty())
-        for (Index i = 0; i < size; ++i) nodes.push_back(connectivity[at + std::size_t(i)] - 1);
-      else
-        for (const int i : kind->order) nodes.push_back(connectivity[at + std::size_t(i)] - 1);
-      add_cell(result_.mesh, kind->type, nodes);
-      result_.mesh.regions.push_back(number);
+    for (Index& node : nodes) --node;
+    if (!kind->order.empty()) {
+      std::vector<Index> ordered;
+      ordered.reserve(nodes.size());
+      for (std::size_t cell = 0; cell < nodes.size(); cell += std::size_t(size))
+        for (const int i : kind->order) ordered.push_back(nodes[cell + std::size_t(i)]);
+      nodes.swap(ordered);
     }
+    add_cells(result_.mesh, kind->type, std::move(nodes));
+    result_.mesh.regions.resize(result_.mesh.types.size(), number);
   }
 
   void check_nodes(const std::string& variable, const std::vector<Index>& nodes) const {
@@ -302,9 +301,7 @@ Recognition recognise(const FileStart& start) {
                                                              : Recognition::Possible;
 }
 
-ReadMesh read(const fs::path& path) {
-  return read_safely(path, [&] { return Reader(*open_netcdf(path)).run(); });
-}
+ReadMesh read(const fs::path& path) { return Reader(*open_netcdf(path)).run(); }
 
 }  // namespace
 

@@ -5,7 +5,7 @@
 
 #include "core/formats/fluent/fluent_mesh.h"
 #include "core/formats/formats.h"
-#include "core/formats/hdf5_file.h"
+#include "core/formats/hdf5_coordinates.h"
 
 namespace fs = std::filesystem;
 
@@ -99,7 +99,7 @@ class Reader {
     }
     if (listed != count) file_.fail(group, "it does not hold all nodes");
     mesh_.points = Points::Zero(count, 3);
-    return file_.read_coordinates(runs, mesh_.points);
+    return read_hdf5_coordinates(file_, runs, mesh_.points);
   }
 
   /// The cells on one side of the faces; those of the last faces, without one, may be missing.
@@ -193,9 +193,7 @@ Recognition recognise(const FileStart& start) {
   return recognise_hdf5(start, kMesh + "/faces/nodes", "zoneTopology");
 }
 
-ReadMesh read(const fs::path& path) {
-  return read_safely(path, [&] { return Reader(path).run(); });
-}
+ReadMesh read(const fs::path& path) { return Reader(path).run(); }
 
 }  // namespace
 

@@ -1,12 +1,12 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "core/formats/hdf5_library.h"
 #include "core/formats/mesh_format.h"
 
 namespace cadmorph {
@@ -16,29 +16,14 @@ namespace cadmorph {
 Recognition recognise_hdf5(const FileStart& start, const std::string& object,
                            std::string_view mark);
 
-/// Calls `read` twice, first in a process of its own, and throws IoError when that one dies: the
-/// HDF5 library crashes on some damaged files. Whatever reads an HDF5 file runs in it.
-ReadMesh read_safely(const std::filesystem::path& path, const std::function<ReadMesh()>& read);
+/// Makes the library run in this process from now on: for a fuzzer, which is to see where a reading
+/// fails.
+void read_without_process();
 
-/// Makes read_safely and its like call once, in this process, from now on: for a fuzzer, which is
-/// to see where a reading fails.
-void read_without_trial();
-
-/// Coordinates of one component in a dataset of float32 or float64: every `step`-th number, in
-/// row-major order, from `first` on.
-struct Hdf5Run {
-  std::string dataset;
-  Index first = 0;
-  Index step = 1;
-  Index count = 0;
-  int component = 0;
-  Index first_node = 0;
-  std::vector<Index> nodes = {};  ///< of each number; empty: first_node and those that follow
-};
-
-/// An HDF5 file open for reading. Objects are named by their path ("/mesh/points"). Its members
-/// throw IoError, naming the file and the object, for what is missing, damaged or of another type
-/// or size than asked for; the library itself prints nothing.
+/// An HDF5 file open for reading. The library runs in a process of its own, for it crashes on some
+/// damaged files: each member asks that process. Objects are named by their path ("/mesh/points").
+/// Members throw IoError, naming the file and the object, for what is missing, damaged or of
+/// another type or size than asked for; the library itself prints nothing.
 class Hdf5File {
  public:
   explicit Hdf5File(const std::filesystem::path& path);
@@ -69,13 +54,10 @@ class Hdf5File {
   std::vector<double> number_attribute(const std::string& object, const std::string& name) const;
   std::string text_attribute(const std::string& object, const std::string& name) const;
 
-  /// Reads the coordinates of `runs` into `points`, which has its rows (of a node with several, the
-  /// last counts), and returns what copies the file. In a copy, numbers stored as they are
-  /// (contiguous, or in uncompressed chunks of whole rows) are replaced in place, no other byte
-  /// changes; a dataset stored otherwise (compressed) is written anew when a number in it changes.
-  /// Cost: one reading of the whole file.
-  std::unique_ptr<const MeshCopier> read_coordinates(const std::vector<Hdf5Run>& runs,
-                                                     Points& points) const;
+  /// How a dataset of float32 or float64 is stored; others throw.
+  Hdf5Number coordinate_type(const std::string& dataset) const;
+  /// Where a dataset's numbers lie; nothing for one that is compressed, scattered or the like.
+  std::vector<Hdf5Extent> extents(const std::string& dataset) const;
 
   /// Throws IoError: "can't read the mesh PATH: 'OBJECT': WHY".
   [[noreturn]] void fail(const std::string& object, const std::string& why) const;

@@ -5,7 +5,7 @@
 
 #include "core/cell_topology.h"
 #include "core/formats/formats.h"
-#include "core/formats/hdf5_file.h"
+#include "core/formats/hdf5_coordinates.h"
 
 namespace fs = std::filesystem;
 
@@ -106,7 +106,7 @@ class Reader {
     for (int c = 0; c < dimensions; ++c)
       runs.push_back({.dataset = data, .first = nodes * c, .count = nodes, .component = c});
     result_.mesh.points = Points::Zero(nodes, 3);
-    result_.copier = file_.read_coordinates(runs, result_.mesh.points);
+    result_.copier = read_hdf5_coordinates(file_, runs, result_.mesh.points);
     const std::vector<Index> families = families_in(group, nodes);
     for (Index n = 0; n < nodes; ++n)
       if (families[std::size_t(n)] != 0) add_to_groups(families[std::size_t(n)], {&n, 1});
@@ -178,16 +178,18 @@ class Reader {
                                      std::to_string(size));
     const Index count = std::ssize(nodes) / size;
     const std::vector<Index> families = families_in(group, count);
-    std::vector<Index> cell(std::size_t(size), 0);
-    reserve_cells(result_.mesh, count, std::ssize(nodes));
-    for (Index e = 0; e < count; ++e) {
-      for (Index i = 0; i < size; ++i) {
-        const Index position = kind->order.empty() ? i : kind->order[std::size_t(i)];
-        cell[std::size_t(i)] = nodes[std::size_t(position * count + e)];
-      }
-      add_cell(result_.mesh, kind->type, cell);
-      end_cell(families[std::size_t(e)]);
+    std::vector<Index> cells(nodes.size());  // the file has all first nodes, all second ones ...
+    for (Index i = 0; i < size; ++i) {
+      const Index position = kind->order.empty() ? i : kind->order[std::size_t(i)];
+      for (Index e = 0; e < count; ++e)
+        cells[std::size_t(e * size + i)] = nodes[std::size_t(position * count + e)];
     }
+    Mesh& mesh = result_.mesh;
+    const Index first = mesh.cell_count();
+    add_cells(mesh, kind->type, std::move(cells));
+    mesh.regions.insert(mesh.regions.end(), families.begin(), families.end());
+    if (groups_of_.empty()) return;
+    for (Index e = 0; e < count; ++e) add_to_groups(families[std::size_t(e)], mesh.cell(first + e));
   }
 
   void end_cell(Index family) {
@@ -253,9 +255,7 @@ Recognition recognise(const FileStart& start) {
   return recognise_hdf5(start, "/ENS_MAA", "ENS_MAA");
 }
 
-ReadMesh read(const fs::path& path) {
-  return read_safely(path, [&] { return Reader(Hdf5File(path)).run(); });
-}
+ReadMesh read(const fs::path& path) { return Reader(Hdf5File(path)).run(); }
 
 }  // namespace
 

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "core/formats/coordinate_places.h"
-#include "core/formats/hdf5_file.h"
+#include "core/formats/hdf5_coordinates.h"
 #include "core/formats/source_file.h"
 
 namespace fs = std::filesystem;
@@ -263,7 +263,7 @@ class Netcdf4File : public NetcdfFile {
                      .first = run.first,
                      .count = run.count,
                      .component = run.component});
-    return file_.read_coordinates(all, points);
+    return read_hdf5_coordinates(file_, all, points);
   }
 
  private:

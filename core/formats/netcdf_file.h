@@ -48,7 +48,7 @@ class NetcdfFile {
 /// Whether a file begins as one of netCDF but netCDF-4.
 bool is_classic_netcdf(const FileStart& start);
 
-/// Opens a file. Throws IoError. Call it in read_safely (see hdf5_file.h).
+/// Opens a file. Throws IoError.
 std::unique_ptr<const NetcdfFile> open_netcdf(const std::filesystem::path& path);
 
 }  // namespace cadmorph

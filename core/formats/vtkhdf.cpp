@@ -2,7 +2,7 @@
 
 #include "core/cell_topology.h"
 #include "core/formats/formats.h"
-#include "core/formats/hdf5_file.h"
+#include "core/formats/hdf5_coordinates.h"
 
 namespace fs = std::filesystem;
 
@@ -58,7 +58,7 @@ class Reader {
     for (int c = 0; c < 3; ++c)
       runs.push_back({.dataset = data, .first = c, .step = 3, .count = shape[0], .component = c});
     result_.mesh.points = Points::Zero(shape[0], 3);
-    result_.copier = file_.read_coordinates(runs, result_.mesh.points);
+    result_.copier = read_hdf5_coordinates(file_, runs, result_.mesh.points);
   }
 
   std::vector<Index> numbers_of_parts(const std::string& name) const {
@@ -119,9 +119,7 @@ class Reader {
 
 Recognition recognise(const FileStart& start) { return recognise_hdf5(start, kRoot, "VTKHDF"); }
 
-ReadMesh read(const fs::path& path) {
-  return read_safely(path, [&] { return Reader(Hdf5File(path)).run(); });
-}
+ReadMesh read(const fs::path& path) { return Reader(Hdf5File(path)).run(); }
 
 }  // namespace
 

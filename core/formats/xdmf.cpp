@@ -8,7 +8,7 @@
 #include "core/errors.h"
 #include "core/formats/coordinate_places.h"
 #include "core/formats/formats.h"
-#include "core/formats/hdf5_file.h"
+#include "core/formats/hdf5_coordinates.h"
 #include "core/formats/source_file.h"
 #include "core/formats/text_scanner.h"
 
@@ -307,7 +307,7 @@ class Reader {
                       .count = total / components_,
                       .component = c});
     result_.mesh.points = Points::Zero(total / components_, 3);
-    copier_->copier = file.read_coordinates(runs, result_.mesh.points);
+    copier_->copier = read_hdf5_coordinates(file, runs, result_.mesh.points);
     copier_->heavy = reference.file;
   }
 
@@ -402,15 +402,13 @@ Recognition recognise(const FileStart& start) {
 }
 
 ReadMesh read(const fs::path& path) {
-  return read_safely(path, [&] {
-    try {
-      return Reader(path).run();
-    } catch (const IoError& error) {
-      const std::string text = error.what();
-      if (text.find(path.string()) != std::string::npos) throw;
-      fail_reading(path, text);  // of an HDF5 file that it names
-    }
-  });
+  try {
+    return Reader(path).run();
+  } catch (const IoError& error) {
+    const std::string text = error.what();
+    if (text.find(path.string()) != std::string::npos) throw;
+    fail_reading(path, text);  // of an HDF5 file that it names
+  }
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
   constexpr std::string_view kOption = "--extension=";
   for (const std::string_view argument : std::span(*argv, static_cast<std::size_t>(*argc)))
     if (argument.starts_with(kOption)) extension = argument.substr(kOption.size());
-  read_without_trial();
+  read_without_process();
   return 0;
 }
 

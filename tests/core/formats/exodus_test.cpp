@@ -1,6 +1,7 @@
 #include <netcdf.h>
 
 #include <catch2/catch.hpp>
+#include <numeric>
 #include <string>
 
 #include "tests/core/formats/format_checks.h"
@@ -205,6 +206,27 @@ TEST_CASE("Sides of Exodus elements of second order have their middle nodes", "[
   CHECK(mesh.groups[0].nodes.size() == 6);
   for (const Index node : mesh.groups[0].nodes) CHECK(mesh.points(node, 0) == 0);
   CHECK(mesh.regions.empty());
+}
+
+TEST_CASE("The node inside of an Exodus pyramid belongs to no cell", "[core][formats]") {
+  const FormatFolder folder;
+  constexpr int kNodes = 28;  // of two pyramids
+  std::vector<int> nodes(kNodes);
+  std::iota(nodes.begin(), nodes.end(), 1);
+  {
+    NetcdfWriter out(folder / "pyramids.exo", 0);
+    const int count = out.dimension("num_nodes", kNodes);
+    for (const char* name : {"coordx", "coordy", "coordz"})
+      out.numbers(name, {count}, std::vector<double>(kNodes, .5));
+    out.integers("eb_prop1", {out.dimension("num_el_blk", 1)}, {1});
+    out.block(1, "PYRAMID14", 14, nodes);
+  }
+  const MeshFile file(folder / "pyramids.exo");
+  Nodes expected;
+  for (const Index first : {0, 14})
+    for (Index i = 0; i < 13; ++i) expected.push_back(first + i);
+  CHECK(file.mesh().connectivity == expected);
+  CHECK(file.mesh().types == std::vector(2, CellType::QuadraticPyramid));
 }
 
 TEST_CASE("Bad Exodus files are refused by variable", "[core][formats]") {

@@ -1,11 +1,15 @@
-#include "core/formats/hdf5_file.h"
-
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <filesystem>
+#include <memory>
 #include <numeric>
 
 #include "core/errors.h"
+#include "core/formats/hdf5_coordinates.h"
 #include "tests/core/formats/format_checks.h"
 #include "tests/core/formats/hdf5_writer.h"
+
+namespace fs = std::filesystem;
 
 namespace cadmorph::test {
 namespace {
@@ -37,7 +41,7 @@ Index changed_bytes(const FormatFolder& folder, const Storage& storage) {
   }
   const Hdf5File file(path);
   Points points(kNodes, 3);
-  const auto copier = file.read_coordinates(rows(), points);
+  const auto copier = read_hdf5_coordinates(file, rows(), points);
   copier->write(folder / "same.h5", points, points);
   CHECK(bytes_of(folder / "same.h5") == bytes_of(path));
 
@@ -99,6 +103,43 @@ TEST_CASE("HDF5 datasets and attributes are read as what they are", "[core][form
   CHECK(!file.has_attribute("/z", "name"));
 }
 
+TEST_CASE("A dataset of many pieces is read whole", "[core][formats]") {
+  const FormatFolder folder;
+  constexpr Index kRows = 100'000;
+  std::vector<int> numbers(3 * kRows);
+  std::iota(numbers.begin(), numbers.end(), -5);
+  const hsize_t rows = kRows;
+  const std::vector<Storage> storages = {
+      {.shape = {}},
+      {.shape = {rows, 3}},
+      {.shape = {3, rows}},
+      {.shape = {rows, 3}, .chunk = {7'000, 2}, .is_compressed = true},
+      {.shape = {3, rows}, .chunk = {2, 1'000}, .is_compressed = true},
+      {.shape = {rows / 10, 5, 6}, .chunk = {400, 5, 4}}};
+  for (const Storage& storage : storages) {
+    {
+      Hdf5Writer writer(folder / "a.h5");
+      writer.integers("/numbers", numbers, storage);
+    }
+    const Hdf5File file(folder / "a.h5");
+    CHECK(std::ranges::equal(file.integers("/numbers"), numbers));
+    CHECK(std::ranges::equal(file.numbers("/numbers"), numbers));
+    fs::remove(folder / "a.h5");
+  }
+}
+
+TEST_CASE("Several HDF5 files are open at once", "[core][formats]") {
+  const FormatFolder folder;
+  for (const int i : {0, 1, 2})
+    Hdf5Writer(folder / (std::to_string(i) + ".h5")).integers("/number", {i});
+  auto first = std::make_unique<Hdf5File>(folder / "0.h5");
+  const Hdf5File second(folder / "1.h5");
+  first.reset();
+  const Hdf5File third(folder / "2.h5");
+  CHECK(second.integers("/number") == std::vector<Index>{1});
+  CHECK(third.integers("/number") == std::vector<Index>{2});
+}
+
 TEST_CASE("What is wrong in an HDF5 file is named", "[core][formats]") {
   const FormatFolder folder;
   {
@@ -124,12 +165,12 @@ TEST_CASE("What is wrong in an HDF5 file is named", "[core][formats]") {
   fails([&] { file.children("/numbers"); }, {"a.h5", "/numbers", "no group"});
   fails([&] { file.integer_attribute("/group", "size"); }, {"a.h5", "/group", "'size' is missing"});
   fails([&] { file.has("/linked"); }, {"a.h5", "/linked", "another file (other.h5)"});
-  fails([&] { file.read_coordinates(rows("/numbers"), points); },
+  fails([&] { read_hdf5_coordinates(file, rows("/numbers"), points); },
         {"a.h5", "/numbers", "float32 or float64"});
   fails([&] { const Hdf5File text(folder.put("text.h5", "no such thing")); },
         {"text.h5", "no HDF5 file"});
   Hdf5Writer(folder / "few.h5").numbers("/points", values(29));
-  fails([&] { Hdf5File(folder / "few.h5").read_coordinates(rows(), points); },
+  fails([&] { read_hdf5_coordinates(Hdf5File(folder / "few.h5"), rows(), points); },
         {"29 numbers, too few", "10 nodes"});
 }
 
