@@ -26,8 +26,8 @@ using Eigen::VectorXd;
 constexpr double kSolved = 1e-13;
 constexpr int kMaxIterations = 3000;
 
-// A map of no more numbers is worked out as a whole: some tenths of a second.
-constexpr Index kFewNumbers = 1'000'000;
+// Of the weights; each takes the error down by the condition number times 1e-16.
+constexpr int kRefinements = 2;
 
 // Part of the memory allowed that each level's matrix may take.
 constexpr double kKeptPart = 0.1;
@@ -45,19 +45,40 @@ void add_rows(MatrixXd& to, const std::vector<Index>& rows, const MatrixXd& valu
   for (Index i = 0; i < values.rows(); ++i) to.row(rows[i]) += values.row(i);
 }
 
+// Polynomials, which cost little, are summed in the processor's longest numbers.
+using Extended = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+
+Extended extended(const MatrixPair& x) {
+  return x.high.cast<long double>() + x.low.cast<long double>();
+}
+
+MatrixPair pair_of(const Extended& x) {
+  MatrixPair result(x.cast<double>());
+  result.low = (x - result.high.cast<long double>()).cast<double>();
+  return result;
+}
+
+Extended product(const MatrixXd& Q, const Extended& x) {
+  return Q.cast<long double>().lazyProduct(x);
+}
+Extended transposed_product(const MatrixXd& Q, const Extended& x) {
+  return Q.transpose().cast<long double>().lazyProduct(x);
+}
+
 // Sums of many sources at few targets; the same on any number of threads.
-MatrixXd sum_sources(const KernelSum& sum, const MatrixXd& targets, const MatrixXd& sources,
-                     const MatrixXd& weights) {
+MatrixPair sum_sources(const KernelSum& sum, const MatrixXd& targets, const MatrixXd& sources,
+                       const MatrixPair& weights) {
   const Index size = std::max(kSourceChunk, sources.rows() / kMostChunks + 1);
   const Index chunks = (sources.rows() + size - 1) / size;
-  if (chunks <= 1) return sum(targets, sources, weights);
-  std::vector<MatrixXd> parts(static_cast<std::size_t>(chunks));
+  if (chunks <= 1) return sum.pairs(targets, sources, weights);
+  std::vector<MatrixPair> parts(static_cast<std::size_t>(chunks));
   parallel_for(chunks, 1, [&](Index begin, Index end) {
     for (Index c = begin; c < end; ++c) {
       const Index first = c * size, count = std::min(size, sources.rows() - first);
-      parts[c] = MatrixXd::Zero(targets.rows(), weights.cols());
-      sum.add(targets, sources.middleRows(first, count), weights.middleRows(first, count),
-              parts[c]);
+      MatrixPair some;
+      some.high = weights.high.middleRows(first, count);
+      some.low = weights.low.middleRows(first, count);
+      parts[c] = sum.pairs(targets, sources.middleRows(first, count), some);
     }
   });
   for (Index c = 1; c < chunks; ++c) parts.front() += parts[c];
@@ -107,21 +128,18 @@ MatrixXd Level::solve(const MatrixXd& values) const {
   return result.weights * scale.asDiagonal();
 }
 
-// Points that sums are taken at, or over, again and again.
-struct Cloud {
-  explicit Cloud(MatrixXd given)
-      : points(std::move(given)), order(spatial_order(points)), ordered(select(points, order)) {}
+// Points in space in an order in which sums at them are quick.
+struct Ordered {
+  explicit Ordered(const MatrixXd& given)
+      : order(spatial_order(given)), points(select(given, order)) {}
 
-  MatrixXd in_order(const MatrixXd& values) const { return select(values, order); }
-
-  MatrixXd points;
   std::vector<Index> order;
-  MatrixXd ordered;
+  MatrixXd points;
 };
 
-void add_sums(const CompactSum& sum, const Cloud& at, const MatrixXd& weights, double sign,
+void add_sums(const CompactSum& sum, const Ordered& at, const MatrixXd& weights, double sign,
               MatrixXd& to) {
-  add_rows(to, at.order, sign * sum(at.ordered, weights));
+  add_rows(to, at.order, sign * sum(at.points, weights));
 }
 
 }  // namespace
@@ -130,22 +148,22 @@ struct FieldDerivative::Impl {
   Impl(const FrozenField& field, const MatrixXd& targets);
 
   void add_levels(std::vector<char> is_met, double spacing, double most_bytes);
-  MatrixXd weights(const MatrixXd& values, MatrixXd& coefficients) const;
-  MatrixXd transposed_weights(const MatrixXd& weights, const MatrixXd& coefficients) const;
+  MatrixPair weights(const MatrixPair& values, Extended& coefficients) const;
+  void clear_moments(MatrixPair& weights) const;
+  MatrixXd transposed_weights(MatrixPair by_weights, const Extended& by_coefficients) const;
 
   CentreFrame frame, own;  // of the points, and of the centres among them
   KernelSum sum;
-  Cloud points, targets;
+  MatrixXd points, targets;
   std::vector<Index> rows;  // of the centres
   MatrixXd centres;
   MatrixXd P, P_targets;            // polynomials of the points' frame
   MatrixXd Q, Q_points, Q_targets;  // of the centres' own
   std::shared_ptr<const DenseSolver> solver;
   std::vector<std::unique_ptr<const Level>> levels;
+  // Where there are levels:
+  std::optional<Ordered> ordered_points, ordered_targets;
   std::optional<CompactSum> over_points, over_targets;  // of any support: for their trees
-  // The whole map, N x T, of few points and targets: its numbers make both directions transposes to
-  // rounding, where weights would be large ones that cancel.
-  MatrixXd transposed;
 };
 
 FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targets)
@@ -155,20 +173,20 @@ FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targ
       points(*field.points),
       targets(given_targets),
       rows(field.centres),
-      P(frame.polynomials(points.points)),
-      P_targets(frame.polynomials(targets.points)) {
-  const Index count = points.points.rows();
+      P(frame.polynomials(points)),
+      P_targets(frame.polynomials(targets)) {
+  const Index count = points.rows();
   if (rows.empty()) {
     rows.resize(static_cast<std::size_t>(count));
     std::iota(rows.begin(), rows.end(), Index{0});
   }
-  centres = select(points.points, rows);
+  centres = select(points, rows);
   const auto polynomials = [&](const MatrixXd& x) {
     return own.polynomials(own.to_unit(RowMatrix(x)));
   };
   Q = polynomials(centres);
-  Q_points = polynomials(points.points);
-  Q_targets = polynomials(targets.points);
+  Q_points = polynomials(points);
+  Q_targets = polynomials(targets);
   solver = field.solver;
   if (!solver) {
     const double bytes =
@@ -193,7 +211,7 @@ FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targ
 // The levels of one sweep of MultiscaleCorrection where what is not met yet is worth a correction.
 void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing,
                                        double most_bytes) {
-  const Points given(points.points);
+  const Points given(points);
   const PointOrder order = farthest_point_order(given);
   const Index all = given.rows();
   Index count = 0;
@@ -216,80 +234,94 @@ void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing,
     levels.push_back(std::make_unique<const Level>(given, std::move(taken), support, most_bytes));
   }
   if (levels.empty()) return;
+  ordered_points.emplace(points);
   over_points.emplace(given, 1);
-  if (targets.points.rows() > 0) over_targets.emplace(Points(targets.points), 1);
+  if (targets.rows() == 0) return;
+  ordered_targets.emplace(targets);
+  over_targets.emplace(Points(targets), 1);
 }
 
-// The weights at the centres that meet values there, refined once, and the polynomials with them.
-// By the values this is a symmetric map.
-MatrixXd FieldDerivative::Impl::weights(const MatrixXd& values, MatrixXd& coefficients) const {
-  MatrixXd result = solver->solve(values).weights;
-  MatrixXd left = values - sum(centres, centres, result);
-  coefficients = Q.transpose() * left / static_cast<double>(Q.rows());
-  result += solver->solve(left - Q * coefficients).weights;
-  left = values - sum(centres, centres, result);
-  coefficients = Q.transpose() * left / static_cast<double>(Q.rows());
-  return result;
+// The weights at the centres that meet values there, and the polynomials with them. By the values
+// this is a symmetric map. Values that are no smooth motion have weights so large that their sums
+// cancel to a small part, so that doubles are not enough for them.
+MatrixPair FieldDerivative::Impl::weights(const MatrixPair& values, Extended& coefficients) const {
+  MatrixPair result(solver->solve(values.high).weights);
+  for (int step = 0;; ++step) {
+    clear_moments(result);
+    MatrixPair left = values;
+    left -= sum.pairs(centres, centres, result);
+    const Extended rest = extended(left);
+    coefficients = transposed_product(Q, rest) / static_cast<long double>(Q.rows());
+    if (step == kRefinements) return result;
+    result += MatrixPair(solver->solve((rest - product(Q, coefficients)).cast<double>()).weights);
+  }
+}
+
+// Takes out what rounding leaves of Q^T weights, which is zero.
+void FieldDerivative::Impl::clear_moments(MatrixPair& weights) const {
+  const Extended moments = transposed_product(Q, extended(weights));
+  weights -= pair_of(product(Q, moments / static_cast<long double>(Q.rows())));
 }
 
 // The transpose of `weights`, polynomials included.
-MatrixXd FieldDerivative::Impl::transposed_weights(const MatrixXd& by_weights,
-                                                   const MatrixXd& by_coefficients) const {
-  const MatrixXd even = Q * by_coefficients / static_cast<double>(Q.rows());
-  MatrixXd unused;
-  return even + weights(by_weights - sum(centres, centres, even), unused);
+MatrixXd FieldDerivative::Impl::transposed_weights(MatrixPair by_weights,
+                                                   const Extended& by_coefficients) const {
+  const MatrixPair even = pair_of(product(Q, by_coefficients / static_cast<long double>(Q.rows())));
+  by_weights -= sum.pairs(centres, centres, even);
+  Extended unused;
+  MatrixPair result = weights(by_weights, unused);
+  result += even;
+  return result.rounded();
 }
 
 FieldDerivative::FieldDerivative(const FrozenField& field, const MatrixXd& targets) {
-  const auto impl = std::make_shared<Impl>(field, targets);
-  impl_ = impl;
-  const Index count = targets.rows();
-  if (impl->levels.empty() && count * points() <= kFewNumbers)
-    impl->transposed = adjoint(MatrixXd::Identity(count, count));
+  impl_ = std::make_shared<const Impl>(field, targets);
 }
 
-Index FieldDerivative::points() const { return impl_->points.points.rows(); }
-Index FieldDerivative::targets() const { return impl_->targets.points.rows(); }
+Index FieldDerivative::points() const { return impl_->points.rows(); }
+Index FieldDerivative::targets() const { return impl_->targets.rows(); }
 
 MatrixXd FieldDerivative::forward(const MatrixXd& values) const {
   const Impl& s = *impl_;
-  if (s.transposed.size() > 0) return s.transposed.transpose() * values;
   const MatrixXd fit = s.P.transpose() * values / static_cast<double>(s.P.rows());
   MatrixXd left = values - s.P * fit;
-  MatrixXd coefficients;
-  const MatrixXd weights = s.weights(select(left, s.rows), coefficients);
-  MatrixXd result = s.sum(s.targets.points, s.centres, weights);
-  result += s.Q_targets * coefficients + s.P_targets * fit;
+  Extended coefficients;
+  const MatrixPair weights = s.weights(MatrixPair(select(left, s.rows)), coefficients);
+  const auto field = [&](const MatrixXd& at, const MatrixXd& Q) {
+    MatrixPair sums = s.sum.pairs(at, s.centres, weights);
+    sums += pair_of(product(Q, coefficients));
+    return sums.rounded();
+  };
+  MatrixXd result = field(s.targets, s.Q_targets) + s.P_targets * fit;
   if (s.levels.empty()) return result;
-  left -= s.sum(s.points.points, s.centres, weights) + s.Q_points * coefficients;
+  left -= field(s.points, s.Q_points);
   for (const auto& level : s.levels) {
     const MatrixXd part = level->solve(select(left, level->rows));
-    add_sums(level->sum, s.points, part, -1, left);
-    if (s.over_targets) add_sums(level->sum, s.targets, part, 1, result);
+    add_sums(level->sum, *s.ordered_points, part, -1, left);
+    if (s.ordered_targets) add_sums(level->sum, *s.ordered_targets, part, 1, result);
   }
   return result;
 }
 
 MatrixXd FieldDerivative::adjoint(const MatrixXd& slopes) const {
   const Impl& s = *impl_;
-  if (s.transposed.size() > 0) return s.transposed * slopes;
-  MatrixXd by_left = MatrixXd::Zero(s.points.points.rows(), slopes.cols());
+  MatrixXd by_left = MatrixXd::Zero(s.points.rows(), slopes.cols());
   for (auto at = s.levels.rbegin(); at != s.levels.rend(); ++at) {
     const Level& level = **at;
-    const Cloud centres(select(s.points.points, level.rows));
+    const Ordered centres(select(s.points, level.rows));
     MatrixXd by_part = MatrixXd::Zero(centres.points.rows(), slopes.cols());
     add_sums(s.over_points->with_support(level.sum.support()), centres, by_left, -1, by_part);
     if (s.over_targets)
       add_sums(s.over_targets->with_support(level.sum.support()), centres, slopes, 1, by_part);
     add_rows(by_left, level.rows, level.solve(by_part));
   }
-  MatrixXd by_weights = sum_sources(s.sum, s.centres, s.targets.points, slopes);
-  MatrixXd by_coefficients = s.Q_targets.transpose() * slopes;
+  MatrixPair by_weights = sum_sources(s.sum, s.centres, s.targets, MatrixPair(slopes));
+  Extended by_coefficients = transposed_product(s.Q_targets, slopes.cast<long double>());
   if (!s.levels.empty()) {
-    by_weights -= sum_sources(s.sum, s.centres, s.points.points, by_left);
-    by_coefficients -= s.Q_points.transpose() * by_left;
+    by_weights -= sum_sources(s.sum, s.centres, s.points, MatrixPair(by_left));
+    by_coefficients -= transposed_product(s.Q_points, by_left.cast<long double>());
   }
-  add_rows(by_left, s.rows, s.transposed_weights(by_weights, by_coefficients));
+  add_rows(by_left, s.rows, s.transposed_weights(std::move(by_weights), by_coefficients));
   const MatrixXd by_fit = s.P_targets.transpose() * slopes - s.P.transpose() * by_left;
   return by_left + s.P * by_fit / static_cast<double>(s.P.rows());
 }

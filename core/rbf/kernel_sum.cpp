@@ -34,7 +34,29 @@ simd::Form form_of(const Kernel& kernel, double log_scale) {
   return exponent == 2 && log_scale == 0 ? simd::Form::ThinPlate : simd::Form::EvenPowerLog;
 }
 
+// The sum of two doubles, and what its rounding leaves out (Knuth).
+void add_with_error(double& sum, double& low, double value) {
+  const double before = sum;
+  sum += value;
+  const double added = sum - before;
+  low += (before - (sum - added)) + (value - added);
+}
+
 }  // namespace
+
+MatrixPair& MatrixPair::operator+=(const MatrixPair& other) {
+  for (Index i = 0; i < high.size(); ++i)
+    add_with_error(high.data()[i], low.data()[i], other.high.data()[i]);
+  low += other.low;
+  return *this;
+}
+
+MatrixPair& MatrixPair::operator-=(const MatrixPair& other) {
+  for (Index i = 0; i < high.size(); ++i)
+    add_with_error(high.data()[i], low.data()[i], -other.high.data()[i]);
+  low -= other.low;
+  return *this;
+}
 
 const char* name(InstructionSet set) {
   switch (set) {
@@ -60,38 +82,66 @@ KernelSum::KernelSum(const Kernel& kernel, double log_scale, InstructionSet set)
                             " is not positive");
 }
 
-void KernelSum::add(const ColumnsView& targets, const ColumnsView& sources,
-                    const ColumnsView& weights, Eigen::Ref<Eigen::MatrixXd> out) const {
+simd::SumTask KernelSum::task(const ColumnsView& targets, const ColumnsView& sources,
+                              const ColumnsView& weights) const {
   if (targets.cols() > kMaxDimension)
     throw InvalidInputError("kernel sums in more than 8 dimensions are not supported");
-  simd::SumTask task{.form = form_of(kernel_, log_scale_),
-                     .exponent = 2 * kernel_.order - kernel_.dimension,
-                     .log_shift = log_scale_,
-                     .shape = kernel_.shape,
-                     .dimension = static_cast<int>(targets.cols()),
-                     .columns = static_cast<int>(weights.cols()),
-                     .targets = nullptr,
-                     .target_stride = targets.outerStride(),
-                     .target_count = 0,
-                     .sources = nullptr,
-                     .source_stride = sources.outerStride(),
-                     .source_count = 0,
-                     .weights = nullptr,
-                     .weight_stride = weights.outerStride(),
-                     .out = nullptr,
-                     .out_stride = out.outerStride()};
+  return {.form = form_of(kernel_, log_scale_),
+          .exponent = 2 * kernel_.order - kernel_.dimension,
+          .log_shift = log_scale_,
+          .shape = kernel_.shape,
+          .dimension = static_cast<int>(targets.cols()),
+          .columns = static_cast<int>(weights.cols()),
+          .targets = nullptr,
+          .target_stride = targets.outerStride(),
+          .target_count = 0,
+          .sources = nullptr,
+          .source_stride = sources.outerStride(),
+          .source_count = 0,
+          .weights = nullptr,
+          .weight_stride = weights.outerStride(),
+          .out = nullptr,
+          .out_stride = 0};
+}
+
+void KernelSum::add(const ColumnsView& targets, const ColumnsView& sources,
+                    const ColumnsView& weights, Eigen::Ref<Eigen::MatrixXd> out) const {
+  simd::SumTask part = task(targets, sources, weights);
+  part.out_stride = out.outerStride();
   const auto run = simd::functions(set_).sum;
   for (Index i = 0; i < targets.rows(); i += kTargetBlock) {
-    task.targets = targets.data() + i;
-    task.target_count = std::min(kTargetBlock, targets.rows() - i);
-    task.out = out.data() + i;
+    part.targets = targets.data() + i;
+    part.target_count = std::min(kTargetBlock, targets.rows() - i);
+    part.out = out.data() + i;
     for (Index j = 0; j < sources.rows(); j += kSourceBlock) {
-      task.sources = sources.data() + j;
-      task.weights = weights.data() + j;
-      task.source_count = std::min(kSourceBlock, sources.rows() - j);
-      run(task);
+      part.sources = sources.data() + j;
+      part.weights = weights.data() + j;
+      part.source_count = std::min(kSourceBlock, sources.rows() - j);
+      run(part);
     }
   }
+}
+
+MatrixPair KernelSum::pairs(const ColumnsView& targets, const ColumnsView& sources,
+                            const MatrixPair& weights) const {
+  MatrixPair result(Eigen::MatrixXd::Zero(targets.rows(), weights.high.cols()));
+  const auto run = simd::functions(set_).sum_pairs;
+  parallel_for(targets.rows(), kTargetBlock, [&](Index begin, Index end) {
+    simd::SumTask part = task(targets, sources, weights.high);
+    part.targets = targets.data() + begin;
+    part.target_count = end - begin;
+    part.out = result.high.data() + begin;
+    part.low_out = result.low.data() + begin;
+    part.out_stride = result.high.outerStride();
+    for (Index j = 0; j < sources.rows(); j += kSourceBlock) {
+      part.sources = sources.data() + j;
+      part.weights = weights.high.data() + j;
+      part.low_weights = weights.low.data() + j;
+      part.source_count = std::min(kSourceBlock, sources.rows() - j);
+      run(part);
+    }
+  });
+  return result;
 }
 
 Eigen::MatrixXd KernelSum::operator()(const ColumnsView& targets, const ColumnsView& sources,

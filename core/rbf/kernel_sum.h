@@ -1,5 +1,7 @@
 #pragma once
 
+#include <utility>
+
 #include "core/rbf/kernel.h"
 #include "core/rbf/simd.h"
 #include "core/types.h"
@@ -13,6 +15,19 @@ using simd::InstructionSet;
 
 /// Name as printed in reports: "baseline", "AVX2", "AVX-512".
 const char* name(InstructionSet set);
+
+/// A matrix in twice the precision: as rounded, and what that leaves out.
+struct MatrixPair {
+  Eigen::MatrixXd high, low;
+
+  MatrixPair() = default;
+  explicit MatrixPair(Eigen::MatrixXd values)
+      : high(std::move(values)), low(Eigen::MatrixXd::Zero(high.rows(), high.cols())) {}
+
+  Eigen::MatrixXd rounded() const { return high + low; }
+  MatrixPair& operator+=(const MatrixPair& other);
+  MatrixPair& operator-=(const MatrixPair& other);
+};
 
 /// Sums of a kernel over sources, for points in coordinates of about unit size (polyharmonic values
 /// below r = 1e-100 count as zero).
@@ -32,10 +47,19 @@ class KernelSum {
   Eigen::MatrixXd operator()(const ColumnsView& targets, const ColumnsView& sources,
                              const ColumnsView& weights) const;
 
+  /// Returns the sums in twice the precision, T x M, on all threads: weights may be large and
+  /// cancel. The kernel's values are doubles, the same when targets and sources change places, so
+  /// that sums over the ones at the others are those of a matrix and its transpose.
+  MatrixPair pairs(const ColumnsView& targets, const ColumnsView& sources,
+                   const MatrixPair& weights) const;
+
   /// Returns phi(|x_i - x_j|), N x N, on all threads.
   Eigen::MatrixXd matrix(const ColumnsView& points) const;
 
  private:
+  simd::SumTask task(const ColumnsView& targets, const ColumnsView& sources,
+                     const ColumnsView& weights) const;
+
   Kernel kernel_;
   double log_scale_;
   InstructionSet set_;

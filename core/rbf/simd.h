@@ -37,6 +37,9 @@ struct SumTask {
   std::int64_t weight_stride;
   double* out;
   std::int64_t out_stride;
+  // Of sum_pairs: what the weights and the sums are more than a double holds, with their strides.
+  const double* low_weights = nullptr;
+  double* low_out = nullptr;
 };
 
 /// Matrices of the dense functions are column-major with a stride that is a multiple of kPad; their
@@ -47,6 +50,10 @@ inline std::int64_t padded(std::int64_t rows) { return (rows + kPad - 1) / kPad 
 
 struct Functions {
   void (*sum)(const SumTask& task);
+
+  /// As `sum`, with weights and sums in twice the precision; the kernel's values are doubles, the
+  /// same where targets and sources change places. Three to four times as slow.
+  void (*sum_pairs)(const SumTask& task);
 
   /// A(i, j) = |x_i - x_j|^3 for n points with coordinates x[d * stride + i].
   void (*cubic_matrix)(std::int64_t n, const double* x, double* A, std::int64_t stride);

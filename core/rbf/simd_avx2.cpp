@@ -22,6 +22,9 @@ typedef std::uint64_t Int __attribute__((vector_size(32)));
 
 inline Vec square_root(Vec x) { return (Vec)_mm256_sqrt_pd((__m256d)x); }
 inline Vec cube(Vec r2) { return r2 * square_root(r2); }
+inline Vec fused_difference(Vec a, Vec b, Vec c) {
+  return (Vec)_mm256_fmsub_pd((__m256d)a, (__m256d)b, (__m256d)c);
+}
 
 }  // namespace
 
@@ -31,8 +34,9 @@ inline Vec cube(Vec r2) { return r2 * square_root(r2); }
 namespace cadmorph::simd {
 
 const Functions kAvx2 = {
-    sum,        cubic_matrix, add_outer_products,  cubic_block, cholesky, cholesky_solve,
-    pivoted_qr, multiply,     multiply_transposed, contract};
+    sum,      sum_pairs,      cubic_matrix, add_outer_products, cubic_block,
+    cholesky, cholesky_solve, pivoted_qr,   multiply,           multiply_transposed,
+    contract};
 
 }  // namespace cadmorph::simd
 

@@ -21,6 +21,10 @@ constexpr int kTurn = 32;
 typedef double Vec __attribute__((vector_size(64)));
 typedef std::uint64_t Int __attribute__((vector_size(64)));
 
+inline Vec fused_difference(Vec a, Vec b, Vec c) {
+  return (Vec)_mm512_fmsub_pd((__m512d)a, (__m512d)b, (__m512d)c);
+}
+
 inline Vec square_root(Vec x) { return (Vec)_mm512_maskz_sqrt_pd(0xff, (__m512d)x); }
 
 // r^2 * sqrt(r^2) for r^2 >= kLeastSquare: y = (1 - h)^(1/2) / r from the 14-bit reciprocal root,
@@ -43,8 +47,9 @@ inline Vec cube(Vec r2) {
 namespace cadmorph::simd {
 
 const Functions kAvx512 = {
-    sum,        cubic_matrix, add_outer_products,  cubic_block, cholesky, cholesky_solve,
-    pivoted_qr, multiply,     multiply_transposed, contract};
+    sum,      sum_pairs,      cubic_matrix, add_outer_products, cubic_block,
+    cholesky, cholesky_solve, pivoted_qr,   multiply,           multiply_transposed,
+    contract};
 
 }  // namespace cadmorph::simd
 

@@ -206,6 +206,43 @@ TEST_CASE("a sum is the same whatever other columns are summed with it", "[core]
   }
 }
 
+TEST_CASE("sums of pairs are those of a matrix and its transpose, in twice the precision",
+          "[core][rbf]") {
+  using Extended = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+  const auto extended = [](const MatrixPair& x) -> Extended {
+    return x.high.cast<long double>() + x.low.cast<long double>();
+  };
+  const auto random_pair = [](Index rows, Index columns) {
+    MatrixPair x(MatrixXd::Random(rows, columns));
+    x.low = 0x1p-54 * MatrixXd::Random(rows, columns);
+    return x;
+  };
+  srand(16);
+  const Index sizes[][2] = {{53, 61}, {300, 1203}, {1, 8}, {7, 2}};
+  for (const Kernel& kernel : kAll)
+    for (const InstructionSet set :
+         {InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512})
+      for (const Index dimension : {2, 3})
+        for (const auto& [targets, sources] : sizes)
+          for (const Index columns : {1, 3, 5}) {
+            MatrixXd t = MatrixXd::Random(targets, dimension);
+            const MatrixXd s = MatrixXd::Random(sources, dimension);
+            t.row(0) = s.row(0);
+            const MatrixPair x = random_pair(sources, columns), y = random_pair(targets, columns);
+            const KernelSum sum(kernel, 0, set);
+            const MatrixPair sums = sum.pairs(t, s, x);
+            const MatrixXd plain = sum(t, s, x.high);
+            const double scale = std::max(1.0, plain.cwiseAbs().maxCoeff());
+            REQUIRE((sums.high - plain).cwiseAbs().maxCoeff() < 1e-13 * scale);
+            REQUIRE(sums.low.cwiseAbs().maxCoeff() < 1e-13 * scale);
+            const Extended forward = extended(y).transpose() * extended(sums);
+            const Extended back = extended(sum.pairs(s, t, y)).transpose() * extended(x);
+            // Doubles come to 1e-16 of this size.
+            const double size = std::sqrt(static_cast<double>(targets * sources)) * 2 * scale;
+            REQUIRE(static_cast<double>((forward - back).cwiseAbs().maxCoeff()) < 1e-18 * size);
+          }
+}
+
 TEST_CASE("the kernel matrix has the kernel's values", "[core][rbf]") {
   srand(5);
   const MatrixXd x = MatrixXd::Random(70, 3);
