@@ -1,9 +1,12 @@
 #include "apps/library/derivative.h"
 
+#include <functional>
+#include <string>
 #include <utility>
 
 #include "apps/pipeline/design_velocity.h"
 #include "apps/pipeline/morph_derivative.h"
+#include "apps/pipeline/step_queue.h"
 
 namespace cadmorph::v1 {
 
@@ -16,6 +19,27 @@ ParameterModels models_of(const ParameterPair& pair) {
 Points present_surface(const MorphJob& job, const std::optional<CadModel>& present) {
   if (!present) return {};
   return job.morph_surface(*present->impl().model).surface_positions;
+}
+
+std::vector<ParameterGradient> gradient_by(const MorphJob& job, const RowMatrix& sensitivity,
+                                           const std::vector<std::string>& names,
+                                           const std::function<ParameterModels()>& next,
+                                           const std::optional<CadModel>& present,
+                                           const Teller& teller) {
+  const Points positions = present_surface(job, present);
+  teller("adjoint", 0);
+  const Gradient gradient(job, sensitivity, positions);
+  std::vector<ParameterGradient> result;
+  for (const std::string& name : names) {
+    teller("parameters", static_cast<double>(result.size()) / static_cast<double>(names.size()));
+    const SurfaceVelocity velocity = surface_velocity(job, next(), positions);
+    result.push_back({.name = name,
+                      .gradient = gradient(velocity),
+                      .max_speed = velocity.velocity.rowwise().norm().maxCoeff(),
+                      .motion_mm = velocity.motion,
+                      .warnings = velocity.warnings});
+  }
+  return result;
 }
 
 }  // namespace
@@ -77,21 +101,27 @@ std::vector<ParameterGradient> make_gradient(const MorphJob& job, const RowMatri
                                              const std::vector<Parameter>& parameters,
                                              const std::optional<CadModel>& present,
                                              const Teller& teller) {
-  const Points positions = present_surface(job, present);
-  teller("adjoint", 0);
-  const Gradient gradient(job, sensitivity, positions);
-  std::vector<ParameterGradient> result;
-  for (const auto& [name, pair] : parameters) {
-    teller("parameters",
-           static_cast<double>(result.size()) / static_cast<double>(parameters.size()));
-    const SurfaceVelocity velocity = surface_velocity(job, models_of(pair), positions);
-    result.push_back({.name = name,
-                      .gradient = gradient(velocity),
-                      .max_speed = velocity.velocity.rowwise().norm().maxCoeff(),
-                      .motion_mm = velocity.motion,
-                      .warnings = velocity.warnings});
+  std::vector<std::string> names;
+  for (const Parameter& parameter : parameters) names.push_back(parameter.name);
+  auto at = parameters.begin();
+  return gradient_by(
+      job, sensitivity, names, [&] { return models_of((at++)->pair); }, present, teller);
+}
+
+std::vector<ParameterGradient> make_gradient(const MorphJob& job, const RowMatrix& sensitivity,
+                                             const std::vector<ParameterFiles>& parameters,
+                                             const std::optional<CadModel>& present,
+                                             const Teller& teller) {
+  std::vector<std::string> names;
+  std::vector<std::filesystem::path> files;
+  for (const ParameterFiles& parameter : parameters) {
+    names.push_back(parameter.name);
+    files.insert(files.end(), {parameter.plus, parameter.minus});
   }
-  return result;
+  StepQueue queue(std::move(files));
+  auto at = parameters.begin();
+  return gradient_by(
+      job, sensitivity, names, [&] { return next_models(queue, (at++)->step); }, present, teller);
 }
 
 }  // namespace cadmorph::v1

@@ -15,4 +15,9 @@ std::vector<ParameterGradient> make_gradient(const MorphJob& job, const RowMatri
                                              const std::optional<CadModel>& present,
                                              const Teller& teller);
 
+std::vector<ParameterGradient> make_gradient(const MorphJob& job, const RowMatrix& sensitivity,
+                                             const std::vector<ParameterFiles>& parameters,
+                                             const std::optional<CadModel>& present,
+                                             const Teller& teller);
+
 }  // namespace cadmorph::v1

@@ -120,6 +120,16 @@ std::vector<ParameterGradient> Morpher::gradient(const RowMatrix& sensitivity,
   });
 }
 
+std::vector<ParameterGradient> Morpher::gradient_of_files(
+    const RowMatrix& sensitivity, const std::vector<ParameterFiles>& parameters,
+    const GradientCall& call) const {
+  return at_door([&] {
+    const auto lock = lock_or_refuse(impl_->at_work);
+    const Telling telling(impl_->teller, call.progress);
+    return make_gradient(*impl_->job, sensitivity, parameters, call.present, impl_->teller);
+  });
+}
+
 const CadModel& Morpher::base() const { return impl_->base; }
 const Mesh& Morpher::mesh() const { return impl_->mesh; }
 const Report& Morpher::report() const { return impl_->report; }

@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <future>
 #include <limits>
 #include <sstream>
 
 #include "apps/pipeline/output_file.h"
-#include "cad/step_reader.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -107,52 +105,13 @@ void add_new(std::vector<std::string>& to, const std::vector<std::string>& lines
     if (std::ranges::find(to, line) == to.end()) to.push_back(line);
 }
 
-// STEP models in their order, a pair read while the one before it is at work.
-class StepQueue {
- public:
-  explicit StepQueue(std::vector<fs::path> files) : files_(std::move(files)) {
-    for (const fs::path& file : files_) check_step_file(file);
-    read_ahead();
-  }
+}  // namespace
 
-  CadModel next() {
-    if (ready_.empty()) {
-      ready_ = coming_.get();
-      read_ahead();
-    }
-    CadModel model = std::move(ready_.front());
-    ready_.pop_front();
-    return model;
-  }
-
- private:
-  // The base alone, then pairs.
-  void read_ahead() {
-    const std::size_t end = std::min(at_ + (at_ == 0 ? 1 : 2), files_.size());
-    const std::vector<fs::path> paths(files_.begin() + std::ptrdiff_t(at_),
-                                      files_.begin() + std::ptrdiff_t(end));
-    at_ = end;
-    if (paths.empty()) return;
-    coming_ = std::async(std::launch::async, [paths] {
-      std::deque<CadModel> models;
-      for (const fs::path& path : paths) models.push_back(read_step(path));
-      return models;
-    });
-  }
-
-  std::vector<fs::path> files_;
-  std::size_t at_ = 0;
-  std::deque<CadModel> ready_;
-  std::future<std::deque<CadModel>> coming_;
-};
-
-ParameterModels next_pair(StepQueue& queue, double step) {
+ParameterModels next_models(StepQueue& queue, double step) {
   CadModel plus = queue.next();
   CadModel minus = queue.next();
   return {std::move(plus), std::move(minus), step};
 }
-
-}  // namespace
 
 SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
                                  const Points& present) {
@@ -242,9 +201,9 @@ VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions&
                             ": a velocity is an array of nodes, which this format does not hold; "
                             "name a .vtu file");
   const MorphJob job(base, mesh, options);
-  const ParameterModels pair = next_pair(queue, files.step);
+  const ParameterModels pair = next_models(queue, files.step);
   const SurfaceVelocity surface =
-      has_half ? surface_velocity(job, pair, next_pair(queue, files.step / 2))
+      has_half ? surface_velocity(job, pair, next_models(queue, files.step / 2))
                : surface_velocity(job, pair);
   const NodeVelocity nodes = carry_inside(job, surface);
 
@@ -292,7 +251,7 @@ GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const Me
     if (options.progress)
       options.progress("parameters", static_cast<double>(report.entries.size()) /
                                          static_cast<double>(parameters.size()));
-    const SurfaceVelocity velocity = surface_velocity(job, next_pair(queue, parameter.step));
+    const SurfaceVelocity velocity = surface_velocity(job, next_models(queue, parameter.step));
     for (const std::string& line : velocity.warnings)
       add_new(report.warnings, {parameter.name + ": " + line});
     report.entries.push_back({.name = parameter.name,

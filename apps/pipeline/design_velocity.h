@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apps/pipeline/morph_job.h"
+#include "apps/pipeline/step_queue.h"
 
 namespace cadmorph {
 
@@ -56,6 +57,9 @@ struct NodeVelocity {
   RowMatrix velocity, error;
 };
 NodeVelocity carry_inside(const MorphJob& job, const SurfaceVelocity& surface);
+
+/// The next two models of a queue, as a parameter's.
+ParameterModels next_models(StepQueue& queue, double step);
 
 /// dJ/dp of any number of parameters from dJ/dX of all nodes, by one adjoint of the volume morph:
 /// the sum of dJ/dX times carry_inside of the parameter's velocity, to rounding. Where anchors may

@@ -4,6 +4,7 @@
 #include <pybind11/eigen.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 
 #include <sstream>
 
@@ -449,6 +450,23 @@ std::unique_ptr<Morpher> make_morpher(
   });
 }
 
+std::vector<ParameterFiles> files_in_table(const py::object& table) {
+  py::dict rows;
+  try {
+    rows = py::module_::import("cadmorph._parameters").attr("read_table")(table);
+  } catch (py::error_already_set& error) {
+    if (!error.matches(PyExc_TypeError)) throw;
+    throw InvalidInputError("parameters: expected a dict, or the path of a table");
+  }
+  std::vector<ParameterFiles> files;
+  for (const auto& [name, row] : rows) {
+    const auto [plus, minus, step] =
+        py::cast<std::tuple<std::filesystem::path, std::filesystem::path, double>>(row);
+    files.push_back({py::str(name), plus, minus, step});
+  }
+  return files;
+}
+
 void add_morpher(py::module_& module) {
   const MorphOptions defaults;
   py::class_<Morpher>(
@@ -557,11 +575,17 @@ Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
           "SolverError.")
       .def(
           "gradient",
-          [](const Morpher& morpher, const py::object& sensitivity, const py::dict& parameters,
+          [](const Morpher& morpher, const py::object& sensitivity, const py::object& parameters,
              const std::optional<CadModel>& at, const py::object& progress) {
             const RowMatrix slopes = to_rows(sensitivity, "sensitivity");
+            if (!py::isinstance<py::dict>(parameters)) {
+              const std::vector<ParameterFiles> files = files_in_table(parameters);
+              return run_unlocked(progress, [&](const Progress& tell) {
+                return morpher.gradient_of_files(slopes, files, {.present = at, .progress = tell});
+              });
+            }
             std::vector<Parameter> given;
-            for (const auto& [name, models] : parameters) {
+            for (const auto& [name, models] : py::reinterpret_borrow<py::dict>(parameters)) {
               try {
                 const auto [plus, minus, step] =
                     py::cast<std::tuple<CadModel, CadModel, double>>(models);
@@ -578,10 +602,12 @@ Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
           "sensitivity"_a, "parameters"_a, py::kw_only(), "at"_a = py::none(),
           "progress"_a = py::none(),
           "dJ/dp of parameters from dJ/dX, sensitivity (N, 3), per the mesh's unit: one adjoint of "
-          "the volume, and for each parameter the velocity of the surface alone. parameters: a "
-          "dict of names and (plus, minus, step), as read_parameters returns it. at: the model "
-          "where dJ/dX is taken; None: the base. Returns a list of ParameterGradient. Raises "
-          "TopologyError, InvalidInputError, SolverError, CancelledError.")
+          "the volume, and for each parameter the velocity of the surface alone. parameters: the "
+          "path of the table that `cadmorph gradient` takes, whose models are read while others "
+          "are at work; or a dict of names and (plus, minus, step), as read_parameters returns it. "
+          "at: the model where dJ/dX is taken; None: the base. Returns a list of "
+          "ParameterGradient. Raises TopologyError, InvalidInputError, SolverError, IoError, "
+          "CadError, CancelledError.")
       .def_property_readonly("base", &Morpher::base, py::return_value_policy::copy)
       .def_property_readonly("mesh", &Morpher::mesh, py::return_value_policy::copy)
       .def_property_readonly("report", &Morpher::report, py::return_value_policy::copy,

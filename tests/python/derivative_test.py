@@ -78,6 +78,7 @@ class Derivatives(unittest.TestCase):
             table = Path(folder) / "parameters.csv"
             table.write_text("name,plus,minus,step\nlength,box_variant.step,box.step,0.5\n\"a, b\",box.step,box_variant.step,1\n")
             parameters = cadmorph.read_parameters(table)
+            by_files = self.morpher.gradient(slopes, table)
             for line, text in [("x,box.step,box.step,fast", "'fast' is no number"), ("x,box.step,,1", "no minus"),
                                ("length,box.step,box.step,1\nlength,box.step,box.step,1", "twice"), ("", "no parameter")]:
                 table.write_text(f"name,plus,minus,step\n{line}\n")
@@ -91,6 +92,12 @@ class Derivatives(unittest.TestCase):
         self.assertAlmostEqual(entries[0].gradient, expected, delta=1e-9 * abs(expected))
         self.assertAlmostEqual(entries[1].gradient, -expected / 2, delta=1e-9 * abs(expected))
         self.assertIn(("parameters", 0.5), told)
+        self.assertEqual([(entry.name, entry.gradient) for entry in by_files],
+                         [(entry.name, entry.gradient) for entry in entries])
+        with self.assertRaises(cadmorph.IoError):
+            self.morpher.gradient(slopes, "none.csv")
+        with self.assertRaisesRegex(cadmorph.InvalidInputError, "path of a table"):
+            self.morpher.gradient(slopes, 7)
         at_variant = self.morpher.gradient(slopes, {"length": (variant, base, 0.5)}, at=variant)[0]
         expected = np.vdot(slopes, self.morpher.velocity(variant, base, 0.5, at=variant).nodes)
         self.assertAlmostEqual(at_variant.gradient, expected, delta=1e-9 * abs(expected))

@@ -348,7 +348,7 @@ class Morpher:
     def gradient(
         self,
         sensitivity: ArrayLike,
-        parameters: Mapping[str, tuple[CadModel, CadModel, float]],
+        parameters: Mapping[str, tuple[CadModel, CadModel, float]] | str | PathLike[str],
         *,
         at: CadModel | None = None,
         progress: Progress | None = None,

@@ -15,8 +15,17 @@ def read_parameters(path: str | PathLike[str]) -> dict[str, tuple[CadModel, CadM
     """Reads the table that `cadmorph gradient` takes, and its STEP files.
 
     Columns name,plus,minus,step; the paths count from the table's folder. Returns what
-    Morpher.gradient takes. Raises IoError, CadError, InvalidInputError.
+    Morpher.gradient takes; given the table itself, that reads the files while others are at work.
+    Raises IoError, CadError, InvalidInputError.
     """
+    return {
+        name: (CadModel.from_step(plus), CadModel.from_step(minus), step)
+        for name, (plus, minus, step) in read_table(path).items()
+    }
+
+
+def read_table(path: str | PathLike[str]) -> dict[str, tuple[Path, Path, float]]:
+    """The names of a table's parameters, with the paths of their STEP files and the step."""
     path = Path(path)
     try:
         rows = list(csv.DictReader(path.read_text().splitlines(), skipinitialspace=True))
@@ -33,8 +42,7 @@ def read_parameters(path: str | PathLike[str]) -> dict[str, tuple[CadModel, CadM
             step = float(row["step"])
         except ValueError:
             raise InvalidInputError(f"{path}:{number}: {row['step']!r} is no number") from None
-        plus, minus = (CadModel.from_step(path.parent / row[side]) for side in ("plus", "minus"))
-        parameters[row["name"]] = (plus, minus, step)
+        parameters[row["name"]] = (path.parent / row["plus"], path.parent / row["minus"], step)
     if not parameters:
         raise InvalidInputError(f"{path}: no parameter")
     return parameters

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -90,6 +91,13 @@ class Velocity {
 struct Parameter {
   std::string name;
   ParameterPair pair;
+};
+
+/// A CAD parameter and the STEP files of its pair.
+struct ParameterFiles {
+  std::string name;
+  std::filesystem::path plus, minus;
+  double step;
 };
 
 struct GradientCall {

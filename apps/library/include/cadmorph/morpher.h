@@ -101,6 +101,12 @@ class Morpher {
                                           const std::vector<Parameter>& parameters,
                                           const GradientCall& call = {}) const;
 
+  /// The same, a pair of files read while the one before it is at work. Throws IoError and
+  /// CadError, too.
+  std::vector<ParameterGradient> gradient_of_files(const RowMatrix& sensitivity,
+                                                   const std::vector<ParameterFiles>& parameters,
+                                                   const GradientCall& call = {}) const;
+
   const CadModel& base() const;
   const Mesh& mesh() const;
   const Report& report() const;  ///< of the base: what `after` and the like would say is empty
