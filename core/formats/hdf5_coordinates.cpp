@@ -84,10 +84,12 @@ class Hdf5Copier : public MeshCopier {
     TemporaryFile file(target);
     file.write(bytes.data(), bytes.size(), 0);
     const ChildProcess process(bytes.size(), [&](const Socket& socket) {
-      const Hdf5Library library(file.path(), Hdf5Library::Mode::Write);
-      for (const Change& change : changes)
-        library.replace(change.dataset, change.positions, change.values);
-      library.flush();
+      {
+        const Hdf5Library library(file.path(), Hdf5Library::Mode::Write);
+        for (const Change& change : changes)
+          library.replace(change.dataset, change.positions, change.values);
+        library.flush();
+      }  // closed: else the file stays marked as being written
       constexpr char kDone = 1;
       socket.send(&kDone, 1);
     });

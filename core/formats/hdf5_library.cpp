@@ -278,8 +278,9 @@ struct Hdf5Library::Impl {
         return {{.first = 0, .count = total, .place = place}};
       }
       case H5D_CHUNKED:
-        return H5Pget_nfilters(made.get()) == 0 ? chunk_extents(dataset.get(), made.get(), sizes)
-                                                : std::vector<Hdf5Extent>{};
+        return H5Pget_nfilters(made.get()) == 0
+                   ? chunk_extents(dataset.get(), space.get(), made.get(), sizes)
+                   : std::vector<Hdf5Extent>{};
       case H5D_VIRTUAL:
         fail(object, "its data are in other datasets; put them into one");
       default:
@@ -287,7 +288,7 @@ struct Hdf5Library::Impl {
     }
   }
 
-  static std::vector<Hdf5Extent> chunk_extents(hid_t dataset, hid_t made,
+  static std::vector<Hdf5Extent> chunk_extents(hid_t dataset, hid_t space, hid_t made,
                                                const std::vector<Index>& sizes) {
     std::vector<hsize_t> chunk(sizes.size());
     if (H5Pget_chunk(made, int(chunk.size()), chunk.data()) != int(sizes.size())) return {};
@@ -297,14 +298,14 @@ struct Hdf5Library::Impl {
       row *= sizes[d];
     }
     hsize_t count = 0;
-    if (H5Dget_num_chunks(dataset, H5S_ALL, &count) < 0) return {};
+    if (H5Dget_num_chunks(dataset, space, &count) < 0) return {};
     std::vector<Hdf5Extent> extents;
     for (hsize_t i = 0; i < count; ++i) {
       std::vector<hsize_t> origin(sizes.size());
       unsigned mask = 0;
       haddr_t place = HADDR_UNDEF;
       hsize_t bytes = 0;
-      if (H5Dget_chunk_info(dataset, H5S_ALL, i, origin.data(), &mask, &place, &bytes) < 0 ||
+      if (H5Dget_chunk_info(dataset, space, i, origin.data(), &mask, &place, &bytes) < 0 ||
           place == HADDR_UNDEF || Index(origin[0]) >= sizes[0])
         return {};
       const Index rows = std::min(Index(chunk[0]), sizes[0] - Index(origin[0]));

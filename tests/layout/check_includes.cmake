@@ -42,7 +42,7 @@ forbid("vtk[A-Za-z]+\\.h" "VTK belongs in the mesh file and the picture"
     core/formats/vtk/writer.cpp apps/picture/picture.cpp
     apps/picture/picture_renderer.cpp)
 forbid("hdf5" "HDF5 belongs in its file" FOLDERS core cad surface volume apps
-  EXCEPT core/formats/hdf5_file.cpp)
+  EXCEPT core/formats/hdf5_library.cpp)
 forbid("(netcdf|exodusII|cgnslib|med)\\.h" "only HDF5 is linked, the others read with it"
   FOLDERS core cad surface volume apps)
 forbid("pugixml" "XML belongs in the XDMF reader" FOLDERS core cad surface volume apps

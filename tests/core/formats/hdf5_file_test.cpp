@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <numeric>
@@ -54,6 +55,8 @@ Index changed_bytes(const FormatFolder& folder, const Storage& storage) {
   const Points expected = readable.size() > 0 ? readable : moved;
   CHECK(Eigen::Map<const Points>(found.data(), kNodes, 3) == expected);
   CHECK(copy.numbers("/field") == values(5));
+  // Not left marked as being written.
+  CHECK_NOTHROW(Hdf5Library(folder / "copy.h5", Hdf5Library::Mode::Write));
   const std::string a = bytes_of(path), b = bytes_of(folder / "copy.h5");
   if (a.size() != b.size()) return -1;
   return std::inner_product(a.begin(), a.end(), b.begin(), Index{0}, std::plus<>(),
@@ -101,6 +104,37 @@ TEST_CASE("HDF5 datasets and attributes are read as what they are", "[core][form
   CHECK(file.text_attribute("/z", "title") == "a mesh");
   CHECK(file.has_attribute("/z", "title"));
   CHECK(!file.has_attribute("/z", "name"));
+}
+
+TEST_CASE("The places of a dataset's numbers are told", "[core][formats]") {
+  const FormatFolder folder;
+  {
+    Hdf5Writer writer(folder / "a.h5");
+    const hsize_t rows = kNodes;
+    writer.numbers("/whole", values(3 * kNodes), {.shape = {rows, 3}});
+    writer.numbers("/chunks", values(3 * kNodes), {.shape = {rows, 3}, .chunk = {4, 3}});
+    writer.numbers("/columns", values(3 * kNodes), {.shape = {rows, 3}, .chunk = {4, 2}});
+    writer.numbers("/packed", values(3 * kNodes),
+                   {.shape = {rows, 3}, .chunk = {4, 3}, .is_compressed = true});
+  }
+  const Hdf5File file(folder / "a.h5");
+  const std::string bytes = bytes_of(folder / "a.h5");
+  for (const auto& [name, count] : {std::pair("/whole", 1), {"/chunks", 3}}) {
+    const std::vector<Hdf5Extent> extents = file.extents(name);
+    CHECK(std::ssize(extents) == count);
+    Index all = 0;
+    for (const Hdf5Extent& extent : extents) {
+      std::vector<double> found(std::size_t(extent.count), 0);
+      REQUIRE(extent.place + 8 * found.size() <= bytes.size());
+      std::memcpy(found.data(), bytes.data() + extent.place, 8 * found.size());
+      for (Index i = 0; i < extent.count; ++i)
+        CHECK(found[std::size_t(i)] == values(3 * kNodes)[std::size_t(extent.first + i)]);
+      all += extent.count;
+    }
+    CHECK(all == 3 * kNodes);
+  }
+  CHECK(file.extents("/columns").empty());
+  CHECK(file.extents("/packed").empty());
 }
 
 TEST_CASE("A dataset of many pieces is read whole", "[core][formats]") {
