@@ -24,19 +24,22 @@ enum class Sign { Positive, NotPositive, Undecided };
 
 // Cutting 12 times leaves parts of 2^-12 of the cell: what is undecided then touches zero.
 constexpr int kMaxDepth = 12;
+// Of a cell, that are looked at: one whose determinant is zero in a whole region would have 8^12.
+constexpr int kMostParts = 100'000;
 // Rounding of a 3 x 3 determinant of columns a, b, c, in |a| |b| |c|, and of the change of basis.
 constexpr double kRounding = 256 * std::numeric_limits<double>::epsilon();
 constexpr Index kBatch = 32;
 
-Sign sign_of(const JacobianSamples& samples, const VectorXd& coefficients, double least,
-             int depth) {
+// `parts`: how many may still be looked at.
+Sign sign_of(const JacobianSamples& samples, const VectorXd& coefficients, double least, int depth,
+             int& parts) {
   if (coefficients.minCoeff() > least) return Sign::Positive;
   for (const int corner : samples.corners)
-    if (coefficients[corner] <= least) return Sign::NotPositive;
-  if (depth == kMaxDepth) return Sign::Undecided;
+    if (!(coefficients[corner] > least)) return Sign::NotPositive;
+  if (depth == kMaxDepth || --parts < 0) return Sign::Undecided;
   Sign result = Sign::Positive;
   for (const MatrixXd& child : samples.children) {
-    const Sign sign = sign_of(samples, child * coefficients, least, depth + 1);
+    const Sign sign = sign_of(samples, child * coefficients, least, depth + 1, parts);
     if (sign == Sign::NotPositive) return sign;
     if (sign == Sign::Undecided) result = sign;
   }
@@ -172,7 +175,8 @@ class Batch {
     if (column.maxCoeff() <= noise) return Sign::NotPositive;
     if (column.minCoeff() > noise) return Sign::Positive;
     const bool may_vanish = names_a_node_twice(mesh_.cell(cells_[i]));
-    return sign_of(samples, column, may_vanish ? -noise : noise, 0);
+    int parts = kMostParts;
+    return sign_of(samples, column, may_vanish ? -noise : noise, 0, parts);
   }
 
   const Mesh& mesh_;

@@ -158,6 +158,22 @@ TEST_CASE("A hexahedron with eight good corners can be invalid", "[core][validit
   CHECK(found == 3);
 }
 
+TEST_CASE("Cells of immense size are judged soon", "[core][validity]") {
+  // Their determinants overflow, or are all but zero in whole regions.
+  for (const double size : {1e60, 1e100, 1e135, 1e160, 1e300})
+    for (const CellType type : kMappedTypes)
+      for (int component = 0; component < 3; ++component) {
+        const Mesh mesh = parametric_cell(type);
+        const Orientation orientation = detect_orientation(mesh);
+        Points points = mesh.points;
+        points(0, component) = size;
+        INFO("type " << static_cast<int>(type) << ", " << size << " in " << component);
+        CHECK(check_validity(mesh, points, orientation).cells == 1);
+        points.row(0).setConstant(size);
+        CHECK(check_validity(mesh, points, orientation).cells == 1);
+      }
+}
+
 TEST_CASE("Flat cells are invalid wherever they lie", "[core][validity]") {
   for (const CellType type : kMappedTypes) {
     const Mesh mesh = parametric_cell(type);
