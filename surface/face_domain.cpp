@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
@@ -23,6 +24,10 @@ constexpr double kLeastSamples = 2, kFewSamples = 6;
 constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
 constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave at a vertex
 constexpr double kSameSample = 1e-6;  // of the size of the domain
+// Of the distance to the nearest node that is asked for: samples closer to each other than this are
+// one to it. Where a short edge grows many times over, they would ask for a slope that the warp
+// carries on far into the face.
+constexpr double kUnresolved = 0.02;
 
 constexpr double kFoot = 0.5;  // of a pcurve's deviation: a foot is that much nearer at least
 
@@ -90,7 +95,7 @@ bool fills_gap(const CadModel& model, int coedge) {
 }
 
 FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve,
-                       const Parameters& joints)
+                       const Parameters& joints, const Parameters& asked)
     : face_(face), scale_(mean_derivatives(base, face)), period_(base.faces()[face].period) {
   const CadFace& f = base.faces()[face];
   size_ = f.upper - f.lower;
@@ -121,31 +126,41 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve,
     }
   for (Index i = 0; i < joints.rows(); ++i)
     samples_.push_back({-1, 0, joints.row(i), f.tolerance, static_cast<int>(i)});
-  thin_out();
+  thin_out(asked);
   sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
   for (std::size_t i = 0; i < samples_.size(); ++i)
     sample_uv_.row(static_cast<Index>(i)) = samples_[i].uv;
 }
 
 // Samples that nearly coincide, of edges far shorter than the face or on both sides of a slit,
-// would make the system singular to rounding.
-void FaceDomain::thin_out() {
+// would make the system singular to rounding. Those nearest to a node come first: the order of the
+// wires has no say.
+void FaceDomain::thin_out(const Parameters& asked) {
   if (samples_.empty()) return;
   Parameters uv(static_cast<Index>(samples_.size()), 2);
   for (Index i = 0; i < uv.rows(); ++i) uv.row(i) = samples_[static_cast<std::size_t>(i)].uv;
   const RowMatrix at = embed(uv);
   const KdTree tree(at);
-  const double reach = kSameSample * scale_.cwiseProduct(size_).norm();
-  std::vector<char> is_kept(samples_.size(), 1);
-  std::vector<Sample> kept;
-  for (Index i = 0; i < at.rows(); ++i) {
-    const auto near = tree.within(at.row(i).data(), reach);
-    const bool is_clear = std::none_of(near.begin(), near.end(), [&](const Neighbour& other) {
-      return other.index < i && is_kept[static_cast<std::size_t>(other.index)];
-    });
-    is_kept[static_cast<std::size_t>(i)] = is_clear;
-    if (is_clear) kept.push_back(samples_[static_cast<std::size_t>(i)]);
+  Eigen::VectorXd reach =
+      Eigen::VectorXd::Constant(at.rows(), kSameSample * scale_.cwiseProduct(size_).norm());
+  std::vector<Index> order(samples_.size());
+  std::iota(order.begin(), order.end(), Index{0});
+  if (asked.rows() > 0) {
+    const KdTree nodes(embed(asked));
+    for (Index i = 0; i < at.rows(); ++i)
+      reach[i] =
+          std::max(reach[i],
+                   kUnresolved * std::sqrt(nodes.nearest(at.row(i).data(), 1)[0].squared_distance));
+    std::ranges::stable_sort(order, {}, [&](Index i) { return reach[i]; });
   }
+  std::vector<char> is_kept(samples_.size(), 0);
+  for (const Index i : order) {
+    const auto near = tree.within(at.row(i).data(), reach[i]);
+    is_kept[i] = std::ranges::none_of(near, [&](const Neighbour& n) { return is_kept[n.index]; });
+  }
+  std::vector<Sample> kept;
+  for (std::size_t i = 0; i < samples_.size(); ++i)
+    if (is_kept[i]) kept.push_back(samples_[i]);
   samples_ = std::move(kept);
 }
 

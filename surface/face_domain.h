@@ -29,9 +29,11 @@ class FaceDomain {
 
   /// `samples_per_curve`: samples along each edge; where a face has so many edges that this makes
   /// too many, long edges keep more of them. `joints`: parameters of points within the wires that
-  /// do not follow them.
+  /// do not follow them. `asked`: parameters of the nodes that will be asked for: samples closer to
+  /// each other than these can tell apart count once.
   FaceDomain(const CadModel& base, int face, int samples_per_curve,
-             const Parameters& joints = Parameters(0, 2));
+             const Parameters& joints = Parameters(0, 2),
+             const Parameters& asked = Parameters(0, 2));
 
   int face() const { return face_; }
   const std::vector<Sample>& samples() const { return samples_; }
@@ -48,7 +50,7 @@ class FaceDomain {
   bool is_closed() const { return period_[0] > 0 || period_[1] > 0; }
 
  private:
-  void thin_out();
+  void thin_out(const Parameters& asked);
   bool is_within_tolerance(const Parameters& misfit) const;
   Eigen::MatrixXd linear_basis(const Parameters& uv) const;
   Eigen::MatrixXd fit_linear(const Parameters& values) const;

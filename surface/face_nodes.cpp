@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include "surface/straight_nodes.h"
+
 namespace cadmorph {
 namespace {
 
@@ -128,8 +130,12 @@ std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMes
     nodes.points = feet(nodes.rows, Eigen::all);
     nodes.around = nodes_around(surface, nodes);
     if (nodes.rows.empty()) continue;
+    if (base.faces()[f].type == SurfaceType::Plane)
+      for (Index i = 0; i < std::ssize(nodes.rows); ++i)
+        if (is_amid_straight(surface, nodes.rows[i])) nodes.straight.push_back(i);
     nodes.samples_per_curve = samples_per_curve(base, f, nodes_on_edge);
-    nodes.domain = std::make_unique<FaceDomain>(base, f, nodes.samples_per_curve, nodes.joint_uv);
+    nodes.domain =
+        std::make_unique<FaceDomain>(base, f, nodes.samples_per_curve, nodes.joint_uv, nodes.uv);
     nodes.border = collect_border(base, surface, association, nodes);
     nodes.folds = FaceFolds(surface, nodes.facets, nodes.rows, {base, f, nodes.uv, surface.points});
   }

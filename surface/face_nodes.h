@@ -16,9 +16,10 @@ struct FaceNodes {
   int face = -1;
   std::vector<int> rows;  ///< nodes on the face alone, ascending
   std::vector<int> facets;
-  std::vector<int> around;  ///< the other nodes of the facets, ascending
-  Parameters uv;            ///< of the nodes
-  Points points;            ///< S(uv)
+  std::vector<int> around;      ///< the other nodes of the facets, ascending
+  Parameters uv;                ///< of the nodes
+  Points points;                ///< S(uv)
+  std::vector<Index> straight;  ///< of the rows (by number): amid straight edges of a plane face
 
   std::vector<int> joints;  ///< nodes within the face that move with something else
   Parameters joint_uv;

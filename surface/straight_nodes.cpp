@@ -38,14 +38,19 @@ bool is_off(const CadModel& model, const SurfaceMesh& surface, const Association
 }
 
 bool is_amid_corners(const SurfaceMesh& surface, const Association& association, int n) {
-  if (surface.is_corner(n) || !is_on_voted_facet(surface, association, n)) return false;
+  if (!is_amid_straight(surface, n) || !is_on_voted_facet(surface, association, n)) return false;
   for (const int corner : surface.between[n])
     if (corner >= 0 && association.dimension[corner] == CadDimension::None) return false;
-  const Eigen::Vector3d x = surface.points.row(n);
-  return (surface.middle(n, surface.points) - x).norm() <= kStraight * surface.own_length[n];
+  return true;
 }
 
 }  // namespace
+
+bool is_amid_straight(const SurfaceMesh& surface, int node) {
+  if (surface.is_corner(node)) return false;
+  const Eigen::Vector3d x = surface.points.row(node);
+  return (surface.middle(node, surface.points) - x).norm() <= kStraight * surface.own_length[node];
+}
 
 void find_straight_nodes(const CadModel& model, const SurfaceMesh& surface,
                          const std::vector<char>& is_off_voted, Association& association) {

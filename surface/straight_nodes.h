@@ -6,6 +6,9 @@
 
 namespace cadmorph {
 
+/// Whether a node lies in the middle of a straight edge or facet of a quadratic cell.
+bool is_amid_straight(const SurfaceMesh& surface, int node);
+
 /// Marks the nodes of straight-sided quadratic cells that lie off the CAD in the middle of an edge
 /// or facet whose corners are on it (Association::is_amid): they share the motion of these, however
 /// far a coarse cell cuts off a curve. They belong to no CAD entity then. `is_off_voted`: for each

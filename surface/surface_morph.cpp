@@ -164,7 +164,7 @@ struct SurfaceMorph::Impl {
   void settle_junctions(const CadModel& variant, Placement& placed) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
-  void place(const ModelPair& pair, int face, const FaceMapResult& mapped, Placement& placed) const;
+  void place(const ModelPair& pair, int face, FaceMapResult& mapped, Placement& placed) const;
   VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
   double least_stretch(int row, const Points& moved_feet) const;
   void move_amid(Points& moved) const;
@@ -271,7 +271,8 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<Cur
   });
 }
 
-void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapResult& mapped,
+// The edges of quadratic cells that are straight within a plane face stay so; `mapped` takes that.
+void SurfaceMorph::Impl::place(const ModelPair& pair, int face, FaceMapResult& mapped,
                                Placement& placed) const {
   const FaceNodes& nodes = faces[face];
   const int variant = pair.match.faces[face];
@@ -290,6 +291,15 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, const FaceMapRes
       placed.entity[n] = variant;
     }
   });
+  if (pair.variant.faces()[variant].type != SurfaceType::Plane) return;
+  for (const Index i : nodes.straight) {
+    const int n = nodes.rows[i];
+    if (placed.is_crossing[n]) continue;
+    const FaceFoot foot =
+        project_on_face(pair.variant, variant, surface.middle(n, placed.feet), placed.uv.row(n));
+    placed.feet.row(n) = foot.point;
+    placed.uv.row(n) = mapped.uv.row(i) = foot.uv;
+  }
 }
 
 // Once corners and edges are placed.
@@ -366,7 +376,7 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
   // Keeps the other map where it folds less. One that fails leaves what is there.
   const auto improve = [&](const std::function<FaceMapResult()>& map, const char* how) {
     try {
-      const FaceMapResult other = map();
+      FaceMapResult other = map();
       const Placement kept = placed.rows(nodes.rows);
       place(pair, face, other, placed);
       auto remaining = find(other.uv);
@@ -382,7 +392,8 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
   if (!folds.empty())
     improve(
         [&] {
-          const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve, nodes.joint_uv);
+          const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve, nodes.joint_uv,
+                                nodes.uv);
           return map_face(fine, pair, motion, nodes.uv, nodes.points);
         },
         "wires sampled finer");

@@ -26,7 +26,41 @@ constexpr Pair kPairs[] = {{"ugrid/cube-cylinder.step", "ugrid/cube-cylinder.ugr
                            {"calculix/cantilever.step", "calculix/cantilever.inp", 2e-6},
                            {"calculix/zbeam.step", "calculix/zbeam_shell.inp", 2e-6}};
 
+// Real parts changed by their own parameters, in a folder that CADMORPH_CASES names, each with the
+// smallest scaled Jacobian that a user can expect.
+struct Change {
+  const char *part, *variant;
+  double least;
+};
+
+constexpr Change kChanges[] = {{"hole_seam", "stored", 0.1},
+                               {"boss_height", "f1.1", 0.15},
+                               {"boss_height", "f1.35", 0.07},
+                               {"boss_height", "f2", 0.02},
+                               {"boss_height", "f4", 0},
+                               {"offset", "f1.5", 0.0066},  // half of the base's
+                               {"offset", "f3", 0},
+                               {"quadratic_close", "p10", 0.0006},  // half of the base's
+                               {"quadratic_close", "multi", 0.0006}};
+
 }  // namespace
+
+TEST_CASE("Real parts come out valid after changes of their parameters", "[.][shared-parts]") {
+  const char* named = std::getenv("CADMORPH_CASES");
+  REQUIRE(named);
+  const fs::path folder = fs::path(named) / "parametric";
+  const Workplace place;
+  for (const Change& change : kChanges) {
+    INFO(change.part << ' ' << change.variant);
+    const std::string part = (folder / change.part).string();
+    const RunResult result = place.run(part + "/base.step " + part + "/" + change.variant +
+                                       ".step " + part + "/base.vtu -o out.vtu --json -");
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    const auto after = nlohmann::json::parse(result.out)["after"];
+    CHECK(after["min_scaled_jacobian"].get<double>() > change.least);
+  }
+}
 
 // Of NURBS a STEP writer keeps the parameters, so that an affine image moves every node by the map.
 TEST_CASE("CAD and meshes of others follow an affine change", "[.][shared-pairs]") {

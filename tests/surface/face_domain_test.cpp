@@ -2,6 +2,7 @@
 
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Face.hxx>
@@ -11,6 +12,7 @@
 #include <gp_Circ.hxx>
 #include <gp_Pln.hxx>
 #include <numbers>
+#include <utility>
 
 #include "cad_variants.h"
 
@@ -55,4 +57,38 @@ TEST_CASE("The rim of a face with hundreds of holes keeps its samples", "[surfac
   }
   const Parameters moved = domain.interpolate(values, at);
   CHECK((moved - 0.1 * at).rowwise().norm().maxCoeff() < 0.01 * 0.1 * kRim);
+}
+
+TEST_CASE("A short edge that grows many times over carries only what is near along",
+          "[surface][face_domain]") {
+  // A square, the first hundredth of whose lower side is an edge of its own; nodes every millimetre
+  // within.
+  constexpr double kSide = 10, kShort = 0.01;
+  BRepBuilderAPI_MakePolygon polygon;
+  for (const auto& [x, y] :
+       {std::pair(0.0, 0.0), {kShort, 0}, {kSide, 0}, {kSide, kSide}, {0, kSide}})
+    polygon.Add(gp_Pnt(x, y, 0));
+  polygon.Close();
+  const TopoDS_Face face = BRepBuilderAPI_MakeFace(gp_Pln(gp::XOY()), polygon.Wire());
+  const CadModel model = to_model(face);
+  Parameters nodes(81, 2);
+  for (Index i = 0; i < 81; ++i) nodes.row(i) << 1 + i % 9, 1 + i / 9;
+  // The short edge becomes a hundred times as long, the rest of the side and what is beside it
+  // moves along: all by a tenth or two of a millimetre a millimetre.
+  const auto displacement = [&](const Eigen::Vector2d& uv) {
+    const double x = uv.x();
+    if (uv.y() > 1e-9) return x > kSide - 1e-9 ? 3 : 0.3 * x;
+    return x <= kShort ? x / kShort : 1 + 2 * (x - kShort) / (kSide - kShort);
+  };
+  const auto farthest = [&](const FaceDomain& domain) {
+    Parameters values = Parameters::Zero(std::ssize(domain.samples()), 2);
+    for (Index i = 0; i < values.rows(); ++i) values(i, 0) = displacement(domain.samples()[i].uv);
+    const Parameters moved = domain.interpolate(values, nodes);
+    return (moved.col(0) - 0.3 * nodes.col(0)).cwiseAbs().maxCoeff();
+  };
+  const FaceDomain all(model, 0, 16), asked(model, 0, 16, Parameters(0, 2), nodes);
+  CHECK(farthest(all) > 1.5);
+  // The side itself moves by up to 1 more than that.
+  CHECK(farthest(asked) < 0.5);
+  CHECK(asked.samples().size() > 0.75 * double(all.samples().size()));
 }

@@ -1,5 +1,8 @@
 #include <BRepAlgoAPI_Cut.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakePrism.hxx>
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -106,6 +109,45 @@ TEST_CASE("straight-sided quadratic cells stay straight however coarse they are"
               (is_single ? 1e-6 : kKnown) * c.diagonal);
       }
     }
+}
+
+TEST_CASE("straight edges of quadratic cells within plane faces stay straight",
+          "[surface][quadratic]") {
+  // A block of 10 x 10 x 4 whose side at x = 10 becomes 4 wide: no affine map of its top.
+  const auto block = [](double width) {
+    BRepBuilderAPI_MakePolygon polygon;
+    polygon.Add(gp_Pnt(0, -5, 0));
+    polygon.Add(gp_Pnt(10, -width / 2, 0));
+    polygon.Add(gp_Pnt(10, width / 2, 0));
+    polygon.Add(gp_Pnt(0, 5, 0));
+    polygon.Close();
+    return to_model(
+        BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(polygon.Wire()).Face(), gp_Vec(0, 0, 4))
+            .Shape());
+  };
+  const Mesh mesh = with_middles(hex_grid({5, 5, 2},
+                                          [](const Vector3d& s) -> Vector3d {
+                                            return {10 * s.x(), 10 * s.y() - 5, 4 * s.z()};
+                                          }),
+                                 true);
+  const MorphCase c = mesh_case(block(10), mesh);
+  const auto result = morph_surface(c, block(4));
+  const Boundary& boundary = c.boundary;
+  Points points = mesh.points;
+  for (Index i = 0; i < std::ssize(boundary.nodes); ++i)
+    points.row(boundary.nodes[i]) = result.positions.row(i);
+  Index count = 0;
+  for (Index cell = 0; cell < mesh.cell_count(); ++cell)
+    for (std::size_t edge = 0; edge < kHexEdges.size(); ++edge) {
+      const auto nodes = mesh.cell(cell);
+      const Index a = nodes[kHexEdges[edge][0]], b = nodes[kHexEdges[edge][1]],
+                  middle = nodes[8 + edge];
+      if (!std::ranges::binary_search(boundary.nodes, middle)) continue;
+      ++count;
+      CHECK((points.row(middle) - (points.row(a) + points.row(b)) / 2).norm() <=
+            1e-12 * c.diagonal);
+    }
+  CHECK(count > 300);
 }
 
 TEST_CASE("long curved edges of slender facets may lie off the CAD by a part of their own length",
