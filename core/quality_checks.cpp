@@ -9,189 +9,19 @@
 #include <span>
 #include <vector>
 
-#include "core/cell_topology.h"
+#include "core/finite_volumes.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 
 namespace cadmorph {
 namespace {
 
-using Eigen::Vector3d;
+using namespace finite_volume;
 
-// Limits of OpenFOAM's checkMesh.
-constexpr double kSevereNonOrthogonality = 70;
-constexpr double kHighSkewness = 4;
+// Of OpenFOAM's checkMesh.
 constexpr double kHighAspectRatio = 1000;
-// Its smallest face size for the skewness: in the distance of the two centres, and in that from the
-// centre to a face on the outside.
-constexpr double kInside = 0.2, kOutside = 0.4;
 
 constexpr Index kGrain = 2048;  // cells a task
-
-// Nodes of the largest cell that is no polyhedron.
-constexpr int kMostNodes = 27;
-
-using Corners = std::span<const Vector3d>;
-
-// Centre and area vector of a polygon, split around the mean of its corners.
-struct FaceShape {
-  Vector3d centre, area;
-};
-
-FaceShape triangle_shape(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
-  return {(a + b + c) / 3, (b - a).cross(c - a) / 2};
-}
-
-FaceShape face_shape(Corners corners) {
-  if (corners.size() == 3) return triangle_shape(corners[0], corners[1], corners[2]);
-  Vector3d middle = Vector3d::Zero();
-  for (const Vector3d& x : corners) middle += x;
-  middle /= static_cast<double>(corners.size());
-  Vector3d area = Vector3d::Zero(), moment = Vector3d::Zero();
-  double total = 0;
-  Vector3d a = corners.back();
-  for (const Vector3d& b : corners) {
-    const Vector3d part = (a - middle).cross(b - middle) / 2;
-    const double size = part.norm();
-    area += part;
-    total += size;
-    moment += size * (a + b + middle) / 3;
-    a = b;
-  }
-  return {total > 0 ? Vector3d(moment / total) : middle, area};
-}
-
-// A face of a cell in place.
-struct PlacedFace {
-  Index other;  ///< cell on the other side, as CellNeighbours has it
-  Corners corners;
-};
-
-// Goes through the cells of a mesh at some node positions; its memory is reused from one to the
-// next.
-class PlacedCells {
- public:
-  PlacedCells(const Mesh& mesh, const Points& points, const CellNeighbours& neighbours,
-              const Orientation& orientation)
-      : mesh_(mesh), points_(points), neighbours_(neighbours), orientation_(orientation) {}
-
-  const Mesh& mesh() const { return mesh_; }
-  bool is_solid(Index c) const { return dimension(mesh_.types[c]) == 3; }
-  double sign(Index c) const { return orientation_.at(static_cast<std::size_t>(mesh_.types[c])); }
-  Vector3d node(Index n) const { return points_.row(n).transpose(); }
-  const Index* others(Index c) const {
-    return neighbours_.neighbour.data() + neighbours_.offsets[c];
-  }
-
-  // Calls visit(face) for each face of solid cell c that has three corners.
-  template <class Visit>
-  void for_each_face(Index c, Visit&& visit) {
-    const Index* other = others(c);
-    if (mesh_.types[c] == CellType::Polyhedron) {
-      for_each_polyhedron_face(mesh_, c, [&](std::span<const Index> nodes) {
-        corners_.clear();
-        for (const Index n : nodes) corners_.push_back(node(n));
-        if (*other != c) visit(PlacedFace{*other, corners_});
-        ++other;
-      });
-      return;
-    }
-    const auto cell = mesh_.cell(c);
-    std::array<Vector3d, kMostNodes> x;
-    for (std::size_t i = 0; i < cell.size(); ++i) x[i] = node(cell[i]);
-    std::array<Vector3d, 4> corners;
-    for (const LocalFace& face : local_faces(mesh_.types[c])) {
-      const auto count = static_cast<std::size_t>(corner_count(face.type, face.count));
-      for (std::size_t i = 0; i < count; ++i) corners[i] = x[face.nodes[i]];
-      if (*other != c) visit(PlacedFace{*other, {corners.data(), count}});
-      ++other;
-    }
-  }
-
- private:
-  const Mesh& mesh_;
-  const Points& points_;
-  const CellNeighbours& neighbours_;
-  const Orientation& orientation_;
-  std::vector<Vector3d> corners_;
-};
-
-struct CellShape {
-  Vector3d centre = Vector3d::Zero();
-  double volume = 0;
-  Vector3d projection = Vector3d::Zero();  ///< sums of |area components|
-};
-
-CellShape cell_shape(PlacedCells& cells, Index c, std::vector<FaceShape>& faces) {
-  faces.clear();
-  Vector3d guess = Vector3d::Zero();
-  cells.for_each_face(c, [&](const PlacedFace& face) {
-    faces.push_back(face_shape(face.corners));
-    guess += faces.back().centre;
-  });
-  guess /= static_cast<double>(std::max<std::size_t>(faces.size(), 1));
-  CellShape cell;
-  const double sign = cells.sign(c);
-  for (const FaceShape& face : faces) {
-    const double volume = sign * face.area.dot(face.centre - guess) / 3;
-    cell.volume += volume;
-    cell.centre += volume * (0.75 * face.centre + 0.25 * guess);
-    cell.projection += face.area.cwiseAbs();
-  }
-  cell.centre = cell.volume != 0 ? Vector3d(cell.centre / cell.volume) : guess;
-  return cell;
-}
-
-// The corners and the faces of a tetrahedron, by local_faces.
-struct Tetra {
-  std::array<Vector3d, 4> x;
-  Vector3d centre;
-
-  Tetra(const PlacedCells& cells, Index c) {
-    const auto nodes = cells.mesh().cell(c);
-    for (int i = 0; i < 4; ++i) x[i] = cells.node(nodes[i]);
-    centre = (x[0] + x[1] + x[2] + x[3]) / 4;
-  }
-
-  static constexpr std::array<std::array<int, 3>, 4> kFaces = {
-      {{0, 1, 3}, {1, 2, 3}, {2, 0, 3}, {0, 2, 1}}};
-  std::array<Vector3d, 3> corners(int face) const {
-    return {x[kFaces[face][0]], x[kFaces[face][1]], x[kFaces[face][2]]};
-  }
-};
-
-// With all corners apart every face of a tetrahedron counts, and the formulas are closed.
-bool is_proper_tetra(const PlacedCells& cells, Index c) {
-  if (cells.mesh().types[c] != CellType::Tetra) return false;
-  const Index* other = cells.others(c);
-  return other[0] != c && other[1] != c && other[2] != c && other[3] != c;
-}
-
-CellShape tetra_shape(const Tetra& tetra, double sign) {
-  CellShape cell;
-  const Vector3d a = tetra.x[1] - tetra.x[0], b = tetra.x[2] - tetra.x[0],
-                 c = tetra.x[3] - tetra.x[0];
-  const Vector3d ab = a.cross(b), bc = b.cross(c), ca = c.cross(a);
-  cell.centre = tetra.centre;
-  cell.volume = sign * a.dot(bc) / 6;
-  cell.projection = (ab.cwiseAbs() + bc.cwiseAbs() + ca.cwiseAbs() + (ab + bc + ca).cwiseAbs()) / 2;
-  return cell;
-}
-
-// Squared distance of the face centre from where the line along `d` from `from` meets the face, in
-// sizes of the face seen in that direction, which count as `least` times |d| at least.
-double squared_skewness(Corners corners, const FaceShape& face, const Vector3d& from,
-                        const Vector3d& d, double least) {
-  const Vector3d to_face = face.centre - from;
-  const double along = face.area.dot(d);
-  if (along == 0) return std::numeric_limits<double>::infinity();
-  const Vector3d offset = to_face - face.area.dot(to_face) / along * d;
-  const double length = offset.squaredNorm();
-  if (length == 0) return 0;
-  double reach = 0;
-  for (const Vector3d& x : corners) reach = std::max(reach, std::abs(offset.dot(x - face.centre)));
-  return length / std::max(least * least * d.squaredNorm(), reach * (reach / length));
-}
 
 constexpr double cubed(double x) { return x * x * x; }
 
@@ -336,8 +166,7 @@ void check_cells(PlacedCells cells, int flat_axis, Index begin, Index end, Centr
   std::vector<FaceShape> faces;
   for (Index c = begin; c < end; ++c) {
     if (!cells.is_solid(c)) continue;
-    const CellShape shape = is_proper_tetra(cells, c) ? tetra_shape(Tetra(cells, c), cells.sign(c))
-                                                      : cell_shape(cells, c, faces);
+    const CellShape shape = cell_shape(cells, c, faces);
     centres[c] = shape.centre;
     part.add_cell(shape, c, flat_axis);
   }
@@ -380,15 +209,21 @@ void check_faces(PlacedCells cells, Index begin, Index end, const Centres& centr
   check_tetra_faces(cells, tetras, centres, part);
 }
 
-QualityChecks check_solid_cells(const Mesh& mesh, const Points& points,
-                                const CellNeighbours& neighbours, const Orientation& orientation,
-                                int flat_axis) {
-  const PlacedCells cells(mesh, points, neighbours, orientation);
+}  // namespace
+
+QualityChecks check_quality(const Mesh& mesh, const Points& points,
+                            const CellNeighbours& neighbours, const Orientation& orientation) {
+  check_positions(mesh, points);
+  const FiniteVolumes volumes(mesh, points, neighbours, orientation);
+  if (!volumes.has_cells()) return {};
+  Points scratch;
+  const PlacedCells cells(volumes, volumes.place(points, scratch));
+  const int axis = volumes.is_layer() ? flat_axis(mesh, points) : -1;
   const Index count = mesh.cell_count();
   Centres centres(count);
   std::vector<Part> parts((count + kGrain - 1) / kGrain);
   parallel_for(count, kGrain, [&](Index begin, Index end) {
-    check_cells(cells, flat_axis, begin, end, centres, parts[begin / kGrain]);
+    check_cells(cells, axis, begin, end, centres, parts[begin / kGrain]);
   });
   parallel_for(count, kGrain, [&](Index begin, Index end) {
     check_faces(cells, begin, end, centres, parts[begin / kGrain]);
@@ -396,20 +231,6 @@ QualityChecks check_solid_cells(const Mesh& mesh, const Points& points,
   Part all;
   for (const Part& part : parts) all.merge(part);
   return all.result();
-}
-
-}  // namespace
-
-QualityChecks check_quality(const Mesh& mesh, const Points& points,
-                            const CellNeighbours& neighbours, const Orientation& orientation) {
-  check_positions(mesh, points);
-  if (!neighbours.neighbour.empty())
-    return check_solid_cells(mesh, points, neighbours, orientation, -1);
-  const int axis = flat_axis(mesh, points);
-  if (axis < 0) return {};
-  const Mesh layer = one_layer(mesh, points);
-  return check_solid_cells(layer, layer.points, find_cell_neighbours(layer),
-                           detect_orientation(layer), axis);
 }
 
 }  // namespace cadmorph

@@ -39,6 +39,8 @@ constexpr double kKept = 0.99;
 // little was kept, the second number of passes.
 constexpr double kMostPasses = 20, kMostPassesLost = 80;
 constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
+// An evaluation of a cell with its faces takes so many times as long as without.
+constexpr double kFacesWork = 6;
 constexpr int kIterations = 6, kIterationsLost = 20;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
 constexpr int kTrials = 3;
@@ -74,15 +76,18 @@ class BestMesh {
            const BestMeshOptions& options)
       : mesh_(mesh),
         reference_(reference),
+        came_(came),
         orientation_(orientation),
         options_(options),
         is_fixed_(std::move(is_fixed)) {
     result_.positions = at_.positions = came.points;
-    result_.quality = at_.quality = came.quality;
-    can_keep_ = result_.report.base = worst_cells(reference.quality);
+    result_.quality = at_.quality = options.volumes ? measure(came.points) : came.quality;
+    result_.report.is_by_faces = options.volumes;
+    if (options.volumes) of_faces_ = measure(reference.points);
+    can_keep_ = result_.report.base = worst_cells(reference_quality());
     for (Index n = 0; n < mesh.node_count(); ++n)
       reach_ = std::max(reach_, (is_fixed_[n] ? kMostOvershoot : 1) * moved(came.points, n));
-    result_.report.plain = result_.report.best = worst_cells(came.quality);
+    result_.report.plain = result_.report.best = worst_cells(result_.quality);
   }
 
   BestMeshResult run() {
@@ -93,15 +98,45 @@ class BestMesh {
       if (!has_lost_much() || !raise_by_sliding())
         for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
     }
+    if (options_.volumes)
+      result_.quality = result_.positions == came_.points
+                            ? came_.quality
+                            : measure_quality(mesh_, result_.positions, orientation_);
     return std::move(result_);
   }
 
  private:
   struct State {
     Points positions;
-    QualityReport quality;
+    QualityReport quality;  ///< of faces: their smallest and all values alone
     RowMatrix slides;
   };
+
+  QualityReport measure(const Points& positions) const {
+    if (!options_.volumes) return measure_quality(mesh_, positions, orientation_);
+    return of_faces(face_quality(*options_.volumes, positions));
+  }
+  QualityReport measure_after(QualityReport before, const Points& positions,
+                              const std::vector<Index>& cells) const {
+    if (!options_.volumes)
+      return measure_again(std::move(before), mesh_, positions, orientation_, cells);
+    return of_faces(
+        face_quality_again(std::move(before.values), *options_.volumes, positions, cells));
+  }
+  static QualityReport of_faces(std::vector<double> values) {
+    QualityReport result;
+    result.min = 1;
+    for (const double value : values) {
+      if (!is_measured(value)) continue;
+      ++result.cells;
+      result.min = std::min(result.min, value);
+    }
+    result.values = std::move(values);
+    return result;
+  }
+  const QualityReport& reference_quality() const {
+    return options_.volumes ? of_faces_ : reference_.quality;
+  }
 
   // Solid cells, or those of a mesh in a plane, and the same plane as the reference.
   bool can_raise() const {
@@ -140,6 +175,7 @@ class BestMesh {
     is_fixed_ = was_fixed;
     sliding_ = nullptr;
     at_ = {result_.positions, result_.quality, {}};
+    is_at_result_ = true;
     return false;
   }
 
@@ -164,7 +200,7 @@ class BestMesh {
     const double size = (image.colwise().maxCoeff() - image.colwise().minCoeff()).norm();
     if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size) return false;
     if (map.topRows(3).determinant() > 0) {
-      const WorstCells left = worst_cells(measure_quality(mesh_, image, orientation_));
+      const WorstCells left = worst_cells(measure(image));
       can_keep_.min = std::min(can_keep_.min, left.min);
       can_keep_.worst_twentieth = std::min(can_keep_.worst_twentieth, left.worst_twentieth);
     }
@@ -182,7 +218,7 @@ class BestMesh {
   void hold_flat_cells() {
     is_flat_.assign(is_fixed_.size(), 0);
     for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (result_.quality.values[c] <= kFlat)
+      if (came_.quality.values[c] <= kFlat)
         for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
     std::vector<Index> all(mesh_.cell_count());
     std::iota(all.begin(), all.end(), Index{0});
@@ -195,7 +231,7 @@ class BestMesh {
     const std::vector<double>& values = at_.quality.values;
     std::vector<Index> result;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (is_measured(values[c]) && values[c] < kKept * reference_.quality.values[c])
+      if (is_measured(values[c]) && values[c] < kKept * reference_quality().values[c])
         result.push_back(c);
     const auto most =
         static_cast<std::size_t>(std::max(1.0, kMostSeeds * double(result_.quality.cells)));
@@ -233,32 +269,36 @@ class BestMesh {
 
   void raise(RaiseBy by, int doublings) {
     if (by == RaiseBy::InnerNodes ? kept() >= kLost : kept() >= kKeptEnough) return;
+    if (spoilt_ == std::pair(by, doublings)) return;
     const std::vector<char> was_fixed = is_fixed_;
     for (int trial = 0; trial < kTrials && work_left() > 0; ++trial) {
       const Patch around = patch(result_.report.attempts.empty());
       if (around.nodes.empty()) break;
+      // What raises shapes raises faces, too, and costs less: it begins.
+      const FiniteVolumes* volumes = result_.report.attempts.empty() ? nullptr : options_.volumes;
       FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
       VectorXd x = free.start(at_.positions, at_.slides);
       ShapeEnergy energy(mesh_, reference_.points, at_.positions, std::move(free), around.cells,
-                         orientation_);
+                         orientation_, volumes);
       energy.set_power(doublings);
       RaiseAttempt attempt;
       attempt.by = by;
       attempt.power = 1 << doublings;
       attempt.cells = std::ssize(around.cells);
-      minimise(energy, x, attempt);
+      minimise(energy, x, volumes ? kFacesWork : 1, attempt);
       RowMatrix slides = at_.slides;
       energy.free_nodes().read_slides(x, slides);
       if (hold_nodes_off_surface(slides)) continue;
-      judge({energy.positions_at(x), {}, std::move(slides)}, around, attempt);
+      judge({energy.positions_at(x), {}, std::move(slides)}, around, doublings, attempt);
       result_.report.attempts.push_back(attempt);
       break;
     }
     is_fixed_ = was_fixed;  // who left the surface now may not do so from elsewhere
   }
 
-  void minimise(ShapeEnergy& energy, VectorXd& x, RaiseAttempt& attempt) {
-    const double one = double(attempt.cells), before = work_;
+  // `work`: of a cell, in evaluations of its shape.
+  void minimise(ShapeEnergy& energy, VectorXd& x, double work, RaiseAttempt& attempt) {
+    const double one = work * double(attempt.cells), before = work_;
     const auto counted = [&](const VectorXd& at, VectorXd& slope) {
       const double value = energy(at, slope);
       work_ += std::isfinite(value) ? one : one / 2;  // it ends at the first cell that is not valid
@@ -283,25 +323,25 @@ class BestMesh {
   }
 
   // The next attempt starts where this one ended, unless that is no mesh to hand out.
-  void judge(State next, const Patch& around, RaiseAttempt& attempt) {
+  void judge(State next, const Patch& around, int doublings, RaiseAttempt& attempt) {
     BestMeshReport& report = result_.report;
     take_back_far(around.nodes, next.positions);
-    next.quality =
-        measure_again(std::move(at_.quality), mesh_, next.positions, orientation_, around.cells);
-    const std::vector<Index> others = take_back_below(report.plain.min, next);
-    // Cells that were not valid have no node that moves.
-    if (!invalid_cells(next.positions, around.cells).empty() ||
-        !invalid_cells(next.positions, others).empty() ||
+    next.quality = measure_after(std::move(at_.quality), next.positions, around.cells);
+    if (!take_back_bad(around, next) ||
         (sliding_ && options_.is_folded && options_.is_folded(next.positions, next.slides))) {
       at_ = {result_.positions, result_.quality, slides_};
+      if (is_at_result_) spoilt_ = {attempt.by, doublings};
+      is_at_result_ = true;
       return;
     }
+    spoilt_.reset();
+    is_at_result_ = false;
     at_ = std::move(next);
     const WorstCells now = attempt.after = worst_cells(at_.quality);
     if (now.min < report.plain.min || now.worst_twentieth < report.plain.worst_twentieth ||
         sum_of_shares(now, report.base) <= sum_of_shares(report.best, report.base))
       return;
-    attempt.is_taken = true;
+    attempt.is_taken = is_at_result_ = true;
     report.best = now;
     result_.positions = at_.positions;
     result_.quality = at_.quality;
@@ -320,31 +360,45 @@ class BestMesh {
         positions.row(n) = result_.positions.row(n);
   }
 
-  // Puts the inner nodes of cells that fell below `least` back to where the result has them: where
-  // few did, the rest of the attempt is worth taking. Returns the cells around them.
-  std::vector<Index> take_back_below(double least, State& state) const {
-    if (state.quality.min >= least) return {};
-    State kept = state;
-    std::vector<Index> changed;
-    for (int round = 0; round < kTakeBacks && kept.quality.min < least; ++round) {
-      std::vector<Index> nodes;
-      for (Index c = 0; c < mesh_.cell_count(); ++c)
-        if (kept.quality.values[c] < least)
-          for (const Index node : mesh_.cell(c))
-            if (!is_fixed_[node] && !is_slider(node)) nodes.push_back(node);
-      for (const Index node : nodes) {
-        kept.positions.row(node) = result_.positions.row(node);
-        const auto around = incidence_->cells(node);
-        changed.insert(changed.end(), around.begin(), around.end());
-      }
+  // Puts the nodes of cells that fell below the smallest of the motion that came, or are not valid,
+  // back to where the result has them: where few are, the rest of the attempt is worth taking.
+  // Returns whether none is left.
+  bool take_back_bad(const Patch& around, State& state) const {
+    const double least = result_.report.plain.min;
+    std::vector<Index> to_check = around.cells;
+    for (int round = 0; round <= kTakeBacks; ++round) {
+      // Cells that were not valid have no node that moves.
+      std::vector<Index> bad = invalid_cells(state.positions, to_check);
+      if (state.quality.min < least)
+        for (Index c = 0; c < mesh_.cell_count(); ++c)
+          if (state.quality.values[c] < least) bad.push_back(c);
+      if (bad.empty()) return true;
+      if (round == kTakeBacks) break;
+      std::vector<Index> changed;
+      for (const Index c : bad)
+        for (const Index node : mesh_.cell(c))
+          if (!is_fixed_[node] && take_back(node, state)) {
+            const auto cells = incidence_->cells(node);
+            changed.insert(changed.end(), cells.begin(), cells.end());
+          }
+      if (changed.empty()) break;
       std::ranges::sort(changed);
       changed.erase(std::ranges::unique(changed).begin(), changed.end());
-      kept.quality =
-          measure_again(std::move(kept.quality), mesh_, kept.positions, orientation_, changed);
+      state.quality = measure_after(std::move(state.quality), state.positions, changed);
+      to_check = std::move(changed);
     }
-    if (kept.quality.min < least) return {};
-    state = std::move(kept);
-    return changed;
+    return false;
+  }
+
+  // Returns whether the node had moved.
+  bool take_back(Index node, State& state) const {
+    if (state.positions.row(node) == result_.positions.row(node)) return false;
+    state.positions.row(node) = result_.positions.row(node);
+    if (is_slider(node)) {
+      const Index i = std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
+      state.slides.row(i) = slides_.row(i);
+    }
+    return true;
   }
 
   bool is_slider(Index node) const {
@@ -352,7 +406,8 @@ class BestMesh {
   }
 
   const Mesh& mesh_;
-  const MeasuredShape& reference_;
+  const MeasuredShape &reference_, &came_;
+  QualityReport of_faces_;  ///< of the reference
   const Orientation& orientation_;
   const BestMeshOptions& options_;
   std::vector<char> is_fixed_, is_flat_;
@@ -361,7 +416,9 @@ class BestMesh {
   bool lost_much_ = false;  ///< by the motion that came
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole
   State at_;                ///< where the last attempt ended
-  RowMatrix slides_;        ///< of the result
+  bool is_at_result_ = true;
+  std::optional<std::pair<RaiseBy, int>> spoilt_;  ///< what came to nothing from the result
+  RowMatrix slides_;                               ///< of the result
   double work_ = 0, reach_ = 0;
   BestMeshResult result_;
 };

@@ -3,6 +3,7 @@
 #include <functional>
 #include <vector>
 
+#include "core/face_quality.h"
 #include "core/progress.h"
 #include "core/quality.h"
 #include "core/sliding_nodes.h"
@@ -12,8 +13,8 @@ namespace cadmorph {
 
 /// What of a mesh's elements a solver feels first.
 struct WorstCells {
-  double min = 0;              ///< smallest scaled Jacobian
-  double worst_twentieth = 0;  ///< mean scaled Jacobian of the worst 5 % of the cells
+  double min = 0;              ///< smallest scaled Jacobian, or face_quality
+  double worst_twentieth = 0;  ///< mean of it over the worst 5 % of the cells
 };
 
 /// Of the cells that a report measured.
@@ -38,6 +39,7 @@ struct RaiseAttempt {
 };
 
 struct BestMeshReport {
+  bool is_by_faces = false;  ///< the figures are those of face_quality
   WorstCells base, plain, best;
   std::vector<RaiseAttempt> attempts;  ///< in the order tried; none where little was lost
   Index slid_nodes = 0;                ///< surface nodes that are not where they started
@@ -45,6 +47,9 @@ struct BestMeshReport {
 };
 
 struct BestMeshOptions {
+  /// The mesh where its solver works by finite volumes: cells are judged by face_quality, in place
+  /// of the scaled Jacobian. Must outlive the call.
+  const FiniteVolumes* volumes = nullptr;
   /// Surface nodes that may slide, asked for when inner nodes alone do not do; may be empty.
   std::function<const SlidingNodes*()> sliding = {};
   /// Sliding nodes that stay nevertheless: ids.
@@ -55,9 +60,9 @@ struct BestMeshOptions {
 };
 
 struct BestMeshResult {
-  Points positions;  ///< N x 3
-  RowMatrix slides;  ///< SlidingNodes::slides of the result; empty where no surface node slid
-  QualityReport quality;
+  Points positions;       ///< N x 3
+  RowMatrix slides;       ///< SlidingNodes::slides of the result; empty where no surface node slid
+  QualityReport quality;  ///< scaled Jacobians
   BestMeshReport report;
 };
 

@@ -52,8 +52,9 @@ CADMORPH_INLINE Vec power(Vec x, int squarings) {
 }
 
 CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& reference,
-                              bool are_tetrahedra, int squarings, SampleEnergy& result) {
+                              bool are_tetrahedra, SamplePowers powers, SampleEnergy& result) {
   const Vec zero{};
+  const int squarings = powers.squarings;
   const Vec3 a{load(edges[0]), load(edges[1]), load(edges[2])};
   const Vec3 b{load(edges[3]), load(edges[4]), load(edges[5])};
   const Vec3 c{load(edges[6]), load(edges[7]), load(edges[8])};
@@ -87,7 +88,8 @@ CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& 
     add(energy / bb, b, by_b);
     add(energy / cc, c, by_c);
   }
-  // (|F|^2 / 3)^3 / det(F)^2 to the power p/4; its derivative is p/4 (6 / |F|^2 F J0^-T - 2 / det).
+  // (|F|^2 / 3)^3 / det(F)^2 to a power n; its derivative is n (6 / |F|^2 F J0^-T - 2 / det).
+  const double share = double(1 << powers.kept) / double(1 << squarings);
   const Vec m00 = load(reference.metric[0]), m10 = load(reference.metric[1]),
             m20 = load(reference.metric[2]), m11 = load(reference.metric[3]),
             m21 = load(reference.metric[4]), m22 = load(reference.metric[5]);
@@ -103,15 +105,15 @@ CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& 
   add(m22, c, of_c);
   const Vec norm = dot(of_a, a) + dot(of_b, b) + dot(of_c, c), third = norm / 3;
   const Vec inverse_det0 = load(reference.inverse_determinant), ratio = det * inverse_det0;
-  Vec kept = kKeep * power(third * third * third / (ratio * ratio), squarings - 1);
-  Vec by_norm = 1.5 * kept / norm;
+  Vec kept = kKeep * power(third * third * third / (ratio * ratio), powers.kept);
+  Vec by_norm = 3 * share * kept / norm;
   const auto has_shape = inverse_det0 != zero;
   kept = has_shape ? kept : zero;
   by_norm = has_shape ? by_norm : zero;
   add(by_norm, of_a, by_a);
   add(by_norm, of_b, by_b);
   add(by_norm, of_c, by_c);
-  const Vec by_det = (-0.5 * kept - energy) / det;
+  const Vec by_det = (-share * kept - energy) / det;
   add(by_det, det_by_a, by_a);
   add(by_det, det_by_b, by_b);
   add(by_det, det_by_c, by_c);
@@ -124,41 +126,41 @@ CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& 
 }
 
 void evaluate_plain(const SampleLane edges[9], const SampleReference& reference,
-                    bool are_tetrahedra, int squarings, SampleEnergy& result) {
-  evaluate(edges, reference, are_tetrahedra, squarings, result);
+                    bool are_tetrahedra, SamplePowers powers, SampleEnergy& result) {
+  evaluate(edges, reference, are_tetrahedra, powers, result);
 }
 
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) void evaluate_avx2(const SampleLane edges[9],
                                                    const SampleReference& reference,
-                                                   bool are_tetrahedra, int squarings,
+                                                   bool are_tetrahedra, SamplePowers powers,
                                                    SampleEnergy& result) {
-  evaluate(edges, reference, are_tetrahedra, squarings, result);
+  evaluate(edges, reference, are_tetrahedra, powers, result);
 }
 
 __attribute__((target("avx512f"))) void evaluate_avx512(const SampleLane edges[9],
                                                         const SampleReference& reference,
-                                                        bool are_tetrahedra, int squarings,
+                                                        bool are_tetrahedra, SamplePowers powers,
                                                         SampleEnergy& result) {
-  evaluate(edges, reference, are_tetrahedra, squarings, result);
+  evaluate(edges, reference, are_tetrahedra, powers, result);
 }
 #endif
 
 }  // namespace
 
 void evaluate_samples(const SampleLane edges[9], const SampleReference& reference,
-                      bool are_tetrahedra, int squarings, SampleEnergy& result) {
+                      bool are_tetrahedra, SamplePowers powers, SampleEnergy& result) {
 #if defined(__x86_64__)
   switch (simd::best()) {
     case simd::InstructionSet::Avx512:
-      return evaluate_avx512(edges, reference, are_tetrahedra, squarings, result);
+      return evaluate_avx512(edges, reference, are_tetrahedra, powers, result);
     case simd::InstructionSet::Avx2:
-      return evaluate_avx2(edges, reference, are_tetrahedra, squarings, result);
+      return evaluate_avx2(edges, reference, are_tetrahedra, powers, result);
     case simd::InstructionSet::Baseline:
       break;
   }
 #endif
-  evaluate_plain(edges, reference, are_tetrahedra, squarings, result);
+  evaluate_plain(edges, reference, are_tetrahedra, powers, result);
 }
 
 }  // namespace cadmorph

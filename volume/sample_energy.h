@@ -21,10 +21,16 @@ struct alignas(64) SampleEnergy {
   SampleLane by_edges[9];  ///< its derivative by the edges, over 2^(squarings + 1)
 };
 
-/// The summands of ShapeEnergy with p = 2^(squarings + 1), squarings >= 1. `edges`: x, y, z of the
-/// first edge, then of the others; `are_tetrahedra`: which span one, each of whose corners counts.
-/// The same to the last bit on every processor.
+/// The powers of ShapeEnergy.
+struct SamplePowers {
+  int squarings;  ///< p = 2^(squarings + 1), at least 1
+  int kept;       ///< that of the shape of reference: 2^kept
+};
+
+/// The summands of ShapeEnergy. `edges`: x, y, z of the first edge, then of the others;
+/// `are_tetrahedra`: which span one, each of whose corners counts. The same to the last bit on
+/// every processor.
 void evaluate_samples(const SampleLane edges[9], const SampleReference& reference,
-                      bool are_tetrahedra, int squarings, SampleEnergy& result);
+                      bool are_tetrahedra, SamplePowers powers, SampleEnergy& result);
 
 }  // namespace cadmorph

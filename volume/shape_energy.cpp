@@ -30,6 +30,12 @@ constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kFlat = 1e-9;
 // Of a cell's height: the farthest that a node goes at once.
 constexpr double kReach = 0.5;
+// The power of the faces' energy over p, by its logarithm: where the cosine is small this energy
+// rises by little.
+constexpr int kFaceDoublings = 2;
+// With finite volumes a cell that kept its shape counts as a face of 50 degrees.
+constexpr double kShapeWeight = 1.5;
+constexpr double kLeastShape = 0.01;
 // Cells that a thread takes at a time.
 constexpr Index kGrain = 256;
 
@@ -49,6 +55,15 @@ double unit_of(Shape shape) {
     default:
       return kSqrt2;
   }
+}
+
+// The largest product of three edges at a corner of a tetrahedron; that of the sample's own.
+double longest_edges(const Matrix3d& j, bool is_tetrahedron) {
+  const double a = j.col(0).norm(), b = j.col(1).norm(), c = j.col(2).norm();
+  if (!is_tetrahedron) return a * b * c;
+  const double d = (j.col(1) - j.col(0)).norm(), e = (j.col(2) - j.col(1)).norm(),
+               f = (j.col(0) - j.col(2)).norm();
+  return std::max({a * b * c, a * d * f, b * d * e, c * e * f});
 }
 
 Eigen::Matrix3d lane_of(const SampleLane rows[9], std::size_t lane) {
@@ -173,7 +188,8 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
 }
 
 ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions,
-                         FreeNodes free, std::vector<Index> cells, const Orientation& orientation)
+                         FreeNodes free, std::vector<Index> cells, const Orientation& orientation,
+                         const FiniteVolumes* volumes)
     : mesh_(mesh),
       positions_(std::move(positions)),
       free_(std::move(free)),
@@ -182,6 +198,7 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
   // Tetrahedra are evaluated in lanes of their own.
   std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
   slopes_.emplace(mesh, cells, free_);
+  if (volumes) faces_.emplace(*volumes, cells, positions_);
   cells_.reserve(cells.size());
   for (const Index c : cells)
     cells_.push_back(
@@ -237,6 +254,11 @@ void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
       reference.weight[l] = 1 / double(cell.samples->size());
       const Matrix3d j = lane_of(edges, l);
       const double det = cell.sign * j.determinant();
+      if (faces_) {
+        const double had =
+            reference.unit[l] * j.determinant() / longest_edges(j, chunk.are_tetrahedra);
+        reference.unit[l] /= kShapeWeight * std::max(had, kLeastShape);
+      }
       if (!(det > kFlat * j.colwise().norm().prod())) continue;
       const Matrix3d inverse = j.inverse(), metric = inverse * inverse.transpose();
       reference.inverse_determinant[l] = 1 / det;
@@ -271,7 +293,8 @@ double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
   SampleEnergy result;
   for_each_group(
       chunk, positions_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
-        evaluate_samples(edges, references_[group], chunk.are_tetrahedra, squarings_, result);
+        evaluate_samples(edges, references_[group], chunk.are_tetrahedra,
+                         {squarings_, faces_ ? squarings_ : squarings_ - 1}, result);
         for (std::size_t l = 0; l < lanes.size(); ++l) {
           sum += result.energy[l];
           visit(lanes[l], result.energy[l], lane_of(result.by_edges, l), lane_of(edges, l));
@@ -280,9 +303,26 @@ double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
   return sum;
 }
 
+// Adds the slopes of the faces times `factor`, and calls visit(cell, energy, stiffness) for each
+// cell; returns the energy.
+template <class Visit>
+double ShapeEnergy::add_faces(const Chunk& chunk, double factor, Visit&& visit) {
+  FaceEnergy::Work work;
+  VectorXd stiffness;
+  double sum = 0;
+  for (Index i = chunk.first; i < chunk.last; ++i) {
+    const double energy =
+        faces_->add(i, squarings_ + 1 + kFaceDoublings, factor, slopes_->of(i), stiffness, work);
+    sum += energy;
+    visit(i, energy, stiffness);
+  }
+  return sum;
+}
+
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   free_.move(x, positions_);
   evaluated_ = x;
+  if (faces_) faces_->place(positions_);
   std::vector<double> energies(chunks_.size());
   std::atomic<bool> is_infinite = false;  // then nobody needs the rest
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
@@ -301,6 +341,8 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
                                  slope.row(sample.corner[0]) -= by_edges.col(k).transpose();
                                }
                              });
+      if (faces_ && std::isfinite(energies[c]))
+        energies[c] += add_faces(chunks_[c], 1.0 / (2 << squarings_), [](auto&&...) {});
       if (!std::isfinite(energies[c])) is_infinite = true;
     }
   });
@@ -348,6 +390,12 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
         for (int i = 0; i < edges; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
         add(sample.corner[0], inverse.topRows(edges).colwise().sum().squaredNorm());
       });
+      if (faces_)
+        add_faces(chunks_[c], 0, [&](Index i, double energy, const VectorXd& stiffness) {
+          energies[i - first] += energy;
+          slopes_->stiffness_of(i).col(0) +=
+              ((1 << kFaceDoublings) / sum_ * stiffness).cast<float>();
+        });
       for (Index i = first; i < last; ++i)
         if (const double energy = energies[i - first]; energy > 0)
           slopes_->of(i) *= std::sqrt(p / (energy * sum_));

@@ -7,6 +7,7 @@
 
 #include "core/quality.h"
 #include "volume/cell_slopes.h"
+#include "volume/face_energy.h"
 #include "volume/free_nodes.h"
 #include "volume/sample_energy.h"
 
@@ -19,13 +20,16 @@ namespace cadmorph {
 ///
 /// J0 that of the same sample in a mesh of reference. The first term goes to -log min q for large
 /// p; the second keeps each cell near its shape of reference, a thin layer above all its height.
-/// Infinite where a sample is not positive.
+/// For finite volumes FaceEnergy with the power 4 p is added, q is divided by its value in the mesh
+/// of reference, and p/2 takes the place of p/4. Infinite where a sample is not positive.
 class ShapeEnergy {
  public:
   /// Of solid `cells`, or those of a plane mesh (plane_normal), at `positions` (N x 3) to start
   /// with. `reference` (N x 3): samples that are not positive there have no shape to keep.
+  /// `volumes`: null, or the mesh as finite volumes, which must outlive this.
   ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions, FreeNodes free,
-              std::vector<Index> cells, const Orientation& orientation);
+              std::vector<Index> cells, const Orientation& orientation,
+              const FiniteVolumes* volumes = nullptr);
 
   /// Sets the power p to 2^doublings, of 2 to 7.
   void set_power(int doublings) { squarings_ = doublings - 1; }
@@ -82,6 +86,8 @@ class ShapeEnergy {
   void for_each_group(const Chunk& chunk, const Points& points, Visit&& visit) const;
   template <class Visit>
   double evaluate(const Chunk& chunk, Visit&& visit) const;
+  template <class Visit>
+  double add_faces(const Chunk& chunk, double factor, Visit&& visit);
 
   const Mesh& mesh_;
   Points positions_;
@@ -92,6 +98,7 @@ class ShapeEnergy {
   std::vector<Cell> cells_;
   std::vector<Chunk> chunks_;
   std::vector<SampleReference> references_;
+  std::optional<FaceEnergy> faces_;
   std::optional<CellSlopes> slopes_;  ///< of the energy
   std::optional<NodeBlocks> hessian_;
   Eigen::VectorXd evaluated_;  ///< where the slopes are those of

@@ -143,6 +143,11 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
       "best: where elements lost shape, raise the worst by optimisation; fast: leave them as "
       "the volume morph does (default: best)")
       ->group(group);
+  add_choice(app, "--for", raw.pipeline.mesh_use,
+             {{"fe", MeshUse::FiniteElements}, {"fv", MeshUse::FiniteVolumes}},
+             "what --quality best raises: fe, the scaled Jacobian; fv, non-orthogonality and "
+             "skewness of faces (default: fv for OpenFOAM and Fluent, else fe)")
+      ->group(group);
   app.add_option("--improve", raw.pipeline.improve_below,
                  "raise elements with a scaled Jacobian below by optimisation")
       ->check(CLI::Range(0.0, 1.0))

@@ -102,6 +102,18 @@ QualityMode inner(Quality quality) {
   throw InvalidInputError("the option quality has no such choice");
 }
 
+MeshUse inner(SolverFamily family) {
+  switch (family) {
+    case SolverFamily::OfFormat:
+      return MeshUse::OfFormat;
+    case SolverFamily::FiniteElements:
+      return MeshUse::FiniteElements;
+    case SolverFamily::FiniteVolumes:
+      return MeshUse::FiniteVolumes;
+  }
+  throw InvalidInputError("the option solver_family has no such choice");
+}
+
 }  // namespace
 
 PipelineOptions inner_options(const MorphOptions& options) {
@@ -123,6 +135,7 @@ PipelineOptions inner_options(const MorphOptions& options) {
   result.stepping.max_steps = options.max_steps;
   result.untangle = inner(options.untangle);
   result.quality = inner(options.quality);
+  result.mesh_use = inner(options.solver_family);
   result.improve_below = options.improve_below;
   result.min_scaled_jacobian = options.min_scaled_jacobian;
   result.face_map = options.face_map;

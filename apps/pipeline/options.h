@@ -27,6 +27,13 @@ enum class QualityMode {
   Fast,  ///< nothing: the positions are those of the volume morph
 };
 
+/// What the mesh is for: what its solver feels of the elements.
+enum class MeshUse {
+  OfFormat,        ///< as most solvers that read the mesh's format
+  FiniteElements,  ///< the scaled Jacobian
+  FiniteVolumes,   ///< non-orthogonality and skewness of faces (face_quality)
+};
+
 struct PipelineOptions {
   SurfaceMorphOptions surface;
   VolumeMorphOptions volume;
@@ -34,6 +41,7 @@ struct PipelineOptions {
   UntangleMode untangle = UntangleMode::Auto;
   /// Has no meaning, as Fast, where `untangle` is Never or `can_repair` false.
   QualityMode quality = QualityMode::Best;
+  MeshUse mesh_use = MeshUse::OfFormat;  ///< what `quality` goes by
   /// Raises elements whose scaled Jacobian is below by optimisation.
   std::optional<double> improve_below;
   /// The result is refused when any cell's scaled Jacobian is below.

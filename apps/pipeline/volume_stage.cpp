@@ -170,6 +170,12 @@ std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult&
   return result;
 }
 
+bool is_for_finite_volumes(const BaseSide& base) {
+  const MeshUse use = base.options.mesh_use;
+  return use == MeshUse::FiniteVolumes ||
+         (use == MeshUse::OfFormat && base.mesh_file->is_of_finite_volumes());
+}
+
 // Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
 void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   const PipelineOptions& options = base.options;
@@ -181,6 +187,10 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   if (base.moved) of_file = measure_quality(base.mesh(), reference, base.orientation);
   const std::vector<char> is_fixed = nodes_to_leave(base, result.surface);
   BestMeshOptions how;
+  std::optional<FiniteVolumes> volumes;
+  if (is_for_finite_volumes(base))
+    volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
+  if (volumes && volumes->has_cells()) how.volumes = &*volumes;
   how.held = nodes_to_hold(base, result.surface);
   if (dimension(base.mesh()) == 3) how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {

@@ -67,6 +67,13 @@ Quality quality_of(const std::string& text) {
   return choose<Quality>("quality", text, {{"best", Quality::Best}, {"fast", Quality::Fast}});
 }
 
+SolverFamily solver_family_of(const std::string& text) {
+  return choose<SolverFamily>("solver_family", text,
+                              {{"auto", SolverFamily::OfFormat},
+                               {"fe", SolverFamily::FiniteElements},
+                               {"fv", SolverFamily::FiniteVolumes}});
+}
+
 std::string path_of(const py::object& path) {
   const Source source = to_source(path);
   if (!source.bytes.is_none())
@@ -424,8 +431,8 @@ std::unique_ptr<Morpher> make_morpher(
     std::vector<std::string> slide, std::vector<std::string> follow,
     std::vector<std::pair<int, int>> face_map, const std::string& method, const std::string& solver,
     double solver_tolerance, double memory_limit_bytes, int steps, int max_steps,
-    const std::string& untangle, const std::string& quality, std::optional<double> improve_below,
-    std::optional<double> min_scaled_jacobian) {
+    const std::string& untangle, const std::string& quality, const std::string& solver_family,
+    std::optional<double> improve_below, std::optional<double> min_scaled_jacobian) {
   const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
                              .association_tolerance = association_tolerance,
                              .snap = snap,
@@ -443,6 +450,7 @@ std::unique_ptr<Morpher> make_morpher(
                              .max_steps = max_steps,
                              .untangle = untangle_of(untangle),
                              .quality = quality_of(quality),
+                             .solver_family = solver_family_of(solver_family),
                              .improve_below = improve_below,
                              .min_scaled_jacobian = min_scaled_jacobian};
   return run_unlocked(progress, [&](const Progress& tell) {
@@ -482,7 +490,8 @@ void add_morpher(py::module_& module) {
           "solver_tolerance"_a = defaults.solver_tolerance,
           "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
           "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "quality"_a = "best",
-          "improve_below"_a = py::none(), "min_scaled_jacobian"_a = py::none(),
+          "solver_family"_a = "auto", "improve_below"_a = py::none(),
+          "min_scaled_jacobian"_a = py::none(),
           R"(Finds the CAD entity of each surface node, measures the mesh and sets up the volume morph.
 
 progress: called with the phase's name and the fraction of it done; returns False to cancel.
@@ -499,6 +508,8 @@ solver_tolerance: residual of the iterative solvers, in local edge lengths.
 steps: 0: one, more (up to max_steps) while elements are inverted; or how many.
 untangle: repair of inverted elements by optimisation: 'auto', 'never', 'always'.
 quality: 'best' raises the worst elements where they lost shape, 'fast' does not.
+solver_family: what 'best' goes by: 'fe', finite elements: the scaled Jacobian; 'fv', finite volumes:
+    non-orthogonality and skewness of faces; 'auto': by the format of the mesh's file.
 improve_below: raises elements with a scaled Jacobian below, by optimisation.
 min_scaled_jacobian: refuses a result with an element below.
 

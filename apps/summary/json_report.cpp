@@ -107,12 +107,16 @@ Json to_json(const LayerFigures& layers) {
           {"mean_growth_after", json_number(layers.growth_after)}};
 }
 
-Json to_json(const WorstCells& worst) {
+Json to_json(const WorstCells& worst, bool is_by_faces) {
+  if (is_by_faces)
+    return {{"worst_face_deg", json_number(face_angle(worst.min))},
+            {"worst_twentieth_deg", json_number(face_angle(worst.worst_twentieth))}};
   return {{"min_scaled_jacobian", json_number(worst.min)},
           {"worst_twentieth", json_number(worst.worst_twentieth)}};
 }
 
 Json to_json(const BestMeshReport& best) {
+  const bool is_by_faces = best.is_by_faces;
   Json attempts = Json::array();
   for (const RaiseAttempt& attempt : best.attempts)
     attempts.push_back(
@@ -120,11 +124,15 @@ Json to_json(const BestMeshReport& best) {
          {"power", attempt.power},
          {"cells", attempt.cells},
          {"passes", json_number(attempt.passes)},
-         {"after", to_json(attempt.after)},
+         {"after", to_json(attempt.after, is_by_faces)},
          {"is_taken", attempt.is_taken}});
-  return {{"base", to_json(best.base)},    {"plain", to_json(best.plain)},
-          {"best", to_json(best.best)},    {"attempts", attempts},
-          {"slid_nodes", best.slid_nodes}, {"seconds", json_number(best.seconds)}};
+  return {{"judged_by", is_by_faces ? "faces" : "scaled Jacobian"},
+          {"base", to_json(best.base, is_by_faces)},
+          {"plain", to_json(best.plain, is_by_faces)},
+          {"best", to_json(best.best, is_by_faces)},
+          {"attempts", attempts},
+          {"slid_nodes", best.slid_nodes},
+          {"seconds", json_number(best.seconds)}};
 }
 
 Json to_json(const LegReport& leg) {

@@ -142,12 +142,22 @@ std::string improve_line(const ImproveReport& report) {
 }
 
 std::string best_mesh_line(const BestMeshReport& report) {
-  const auto taken = std::ranges::count(report.attempts, true, &RaiseAttempt::is_taken);
-  return format(
-             "smallest scaled Jacobian from %.4f to %.4f, mean of the worst 5 %% from %.4f to "
-             "%.4f; %td of %td attempts taken",
-             report.plain.min, report.best.min, report.plain.worst_twentieth,
-             report.best.worst_twentieth, taken, std::ssize(report.attempts)) +
+  const WorstCells &plain = report.plain, &best = report.best;
+  const std::string figures =
+      report.is_by_faces
+          ? format(
+                "worst face from %.1f to %.1f degrees, mean of the worst 5 %% of the cells from "
+                "%.1f to %.1f",
+                face_angle(plain.min), face_angle(best.min), face_angle(plain.worst_twentieth),
+                face_angle(best.worst_twentieth))
+          : format(
+                "smallest scaled Jacobian from %.4f to %.4f, mean of the worst 5 %% from %.4f "
+                "to %.4f",
+                plain.min, best.min, plain.worst_twentieth, best.worst_twentieth);
+  return figures +
+         format("; %td of %td attempts taken",
+                std::ranges::count(report.attempts, true, &RaiseAttempt::is_taken),
+                std::ssize(report.attempts)) +
          slid_part(report.slid_nodes);
 }
 

@@ -340,8 +340,11 @@ ReadMesh read(const fs::path& path) {
 }  // namespace
 
 const MeshFormat& fluent_format() {
-  static const MeshFormat format{
-      .name = "Fluent", .extensions = {".msh", ".cas"}, .recognise = recognise, .read = read};
+  static const MeshFormat format{.name = "Fluent",
+                                 .extensions = {".msh", ".cas"},
+                                 .recognise = recognise,
+                                 .read = read,
+                                 .is_of_finite_volumes = true};
   return format;
 }
 

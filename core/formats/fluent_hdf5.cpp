@@ -201,7 +201,8 @@ const MeshFormat& fluent_hdf5_format() {
   static const MeshFormat format{.name = "Fluent HDF5",
                                  .extensions = {".msh.h5", ".cas.h5"},
                                  .recognise = recognise,
-                                 .read = read};
+                                 .read = read,
+                                 .is_of_finite_volumes = true};
   return format;
 }
 

@@ -80,6 +80,7 @@ struct MeshFormat {
   /// Throws IoError for a file that is damaged, truncated or holds what can't be read: what, where
   /// (line or byte), what was expected.
   ReadMesh (*read)(const std::filesystem::path&);
+  bool is_of_finite_volumes = false;  ///< whether its solvers work by finite volumes, the cells
 };
 
 /// All formats.

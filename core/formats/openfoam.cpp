@@ -236,8 +236,11 @@ ReadMesh read(const fs::path& given) {
 }  // namespace
 
 const MeshFormat& openfoam_format() {
-  static const MeshFormat format{
-      .name = "OpenFOAM", .extensions = {}, .recognise = recognise, .read = read};
+  static const MeshFormat format{.name = "OpenFOAM",
+                                 .extensions = {},
+                                 .recognise = recognise,
+                                 .read = read,
+                                 .is_of_finite_volumes = true};
   return format;
 }
 

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 
 #include "cad_variants.h"
 #include "core/mesh_file.h"
@@ -45,6 +47,44 @@ TEST_CASE("No other method or kernel has a better mesh than the default", "[apps
         CHECK(best(result).worst_twentieth >= 0.99 * other.worst_twentieth);
       }
     }
+  }
+}
+
+TEST_CASE("For finite volumes the faces are raised", "[apps][families]") {
+  const auto faces = [](const MorphResult& result) {
+    const BaseSide& base = *result.base;
+    const FiniteVolumes volumes(base.mesh(), base.mesh().points, base.neighbours, base.orientation);
+    QualityReport quality;
+    quality.values = face_quality(volumes, result.positions);
+    quality.min = *std::ranges::min_element(quality.values);
+    return worst_cells(quality);
+  };
+  for (const std::string mesh : {"hex", "tet"}) {
+    INFO(mesh);
+    PipelineOptions plain, elements, volumes;
+    plain.quality = QualityMode::Fast;
+    elements.mesh_use = MeshUse::FiniteElements;
+    volumes.mesh_use = MeshUse::FiniteVolumes;
+    const CadModel full = family_cad("bore", 1);
+    const auto morphed = [&](const PipelineOptions& options) {
+      return family_job("bore", mesh, options).morph(full);
+    };
+    const MorphResult without = morphed(plain), by_elements = morphed(elements),
+                      by_faces = morphed(volumes);
+    CHECK_FALSE(by_elements.report.best_mesh->is_by_faces);
+    CHECK(by_faces.report.best_mesh->is_by_faces);
+    CHECK(by_faces.report.after.invalid == 0);
+    const WorstCells fast = faces(without), fe = faces(by_elements), fv = faces(by_faces);
+    CHECK(fv.min == Approx(best(by_faces).min));
+    CHECK(fv.worst_twentieth == Approx(best(by_faces).worst_twentieth));
+    CHECK(fv.min > fast.min);
+    CHECK(fv.worst_twentieth > fast.worst_twentieth);
+    CHECK(fv.min + fv.worst_twentieth > fe.min + fe.worst_twentieth);
+    // checkMesh's own figure of the worst face.
+    const QualityChecks checks = by_faces.report.after.checks;
+    const double as_angle =
+        face_angle(1 / std::hypot(1, finite_volume::kSkewnessSlope * checks.max_skewness));
+    CHECK(face_angle(fv.min) == Approx(std::max(checks.max_non_orthogonality_deg, as_angle)));
   }
 }
 

@@ -71,6 +71,23 @@ TEST_CASE("A morph of another format gives the nodes of the same mesh as VTK", "
   CHECK(report["groups"][2]["max_displacement_mm"].get<double>() == Approx(2));
 }
 
+TEST_CASE("What is raised goes by the format, or as asked", "[apps][formats]") {
+  const Su2Workplace place;
+  const auto judged_by = [&](const std::string& rest) -> std::string {
+    const RunResult result = place.run("box.step box_moved.step " + rest + " --json -");
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    return Json::parse(result.out)["best_mesh"]["judged_by"];
+  };
+  CHECK(judged_by("box.su2") == "scaled Jacobian");
+  CHECK(judged_by("box.vtu --for fv") == "faces");
+  std::vector<std::string_view> names;
+  for (const MeshFormat& format : mesh_formats())
+    if (format.is_of_finite_volumes) names.push_back(format.name);
+  CHECK_THAT(names,
+             Catch::UnorderedEquals<std::string_view>({"Fluent", "Fluent HDF5", "OpenFOAM"}));
+}
+
 TEST_CASE("An identity gives the bytes of the file back", "[apps][formats]") {
   const Su2Workplace place;
   REQUIRE(place.run("box.step box.step box.su2 -o same.su2").exit_code == 0);

@@ -155,6 +155,7 @@ class BadMorphs(unittest.TestCase):
             "solver": {"solver": "magic"},
             "untangle": {"untangle": "magic"},
             "quality": {"quality": "magic"},
+            "solver_family": {"solver_family": "magic"},
             "mesh_unit_mm": {"mesh_unit_mm": -1.0},
             "association_tolerance": {"association_tolerance": float("nan")},
             "steps": {"steps": -1},

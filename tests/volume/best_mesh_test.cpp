@@ -11,6 +11,7 @@
 #include "core/layer_heights.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
+#include "core/quality_checks.h"
 #include "volume/shape_energy.h"
 #include "volume_meshes.h"
 
@@ -40,7 +41,10 @@ struct FixedCube {
     for (const Index node : cube_surface(mesh)) is_fixed[node] = 1;
     orientation = detect_orientation(mesh);
     quality = measure_quality(mesh, mesh.points, orientation);
+    neighbours = find_cell_neighbours(mesh);
   }
+
+  FiniteVolumes volumes() const { return {mesh, mesh.points, neighbours, orientation}; }
 
   BestMeshResult raised(const Points& positions, const BestMeshOptions& options = {}) const {
     const QualityReport moved = measure_quality(mesh, positions, orientation);
@@ -64,6 +68,7 @@ struct FixedCube {
   std::vector<char> is_fixed;
   Orientation orientation;
   QualityReport quality;
+  CellNeighbours neighbours;
 };
 
 // The side z = 0 of the unit cube, in the plane x_axis = 3.
@@ -128,6 +133,44 @@ TEST_CASE("The slope of the shape energy is that of its values", "[volume][best]
       const double behind = energy(x - h * direction, unused);
       CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-5));
       for (Index n = 0; is_plane && n < cube.mesh.node_count(); ++n) CHECK(slope[3 * n + 1] == 0);
+    }
+  }
+}
+
+TEST_CASE("With finite volumes the slope of the energy is that of its values, too",
+          "[volume][best]") {
+  std::vector<Mesh> meshes;
+  for (const CellType type : solid_types()) meshes.push_back(testing::cube(type, 3));
+  for (const CellType type : kSides) meshes.push_back(square(type, 4, 1));
+  for (Mesh& mesh : meshes) {
+    const FixedCube cube(std::move(mesh));
+    INFO(static_cast<int>(cube.mesh.types[0]));
+    const bool is_plane = dimension(cube.mesh) == 2;
+    Points start = shaken(cube.mesh.points, 0.01, 5);
+    if (is_plane) start.col(1).setConstant(3);
+    const FiniteVolumes volumes = cube.volumes();
+    // All nodes, then one with its cells alone, whose neighbours stay.
+    for (const bool is_whole : {true, false}) {
+      std::vector<Index> nodes = all(cube.mesh.node_count()), cells;
+      if (!is_whole) nodes = {cube.mesh.cell(cube.mesh.cell_count() / 2).front()};
+      for (Index c = 0; c < cube.mesh.cell_count(); ++c)
+        if (is_whole || std::ranges::count(cube.mesh.cell(c), nodes[0]) > 0) cells.push_back(c);
+      FreeNodes free(cube.mesh.node_count(), nodes, nullptr);
+      const VectorXd x = free.start(start, RowMatrix());
+      ShapeEnergy energy(cube.mesh, cube.mesh.points, start, std::move(free), cells,
+                         cube.orientation, &volumes);
+      energy.set_power(2);
+      VectorXd slope, unused;
+      REQUIRE(std::isfinite(energy(x, slope)));
+      VectorXd direction = VectorXd::Random(x.size());
+      for (Index n = 0; is_plane && n < std::ssize(nodes); ++n) {
+        CHECK(slope[3 * n + 1] == 0);
+        direction[3 * n + 1] = 0;
+      }
+      const double h = 1e-7;
+      const double ahead = energy(x + h * direction, unused);
+      const double behind = energy(x - h * direction, unused);
+      CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-4));
     }
   }
 }
@@ -269,16 +312,65 @@ TEST_CASE("Inner nodes of a mesh in a plane raise its cells, and stay in the pla
     }
 }
 
+TEST_CASE("With finite volumes the faces are raised", "[volume][best]") {
+  using enum CellType;
+  std::vector<Mesh> meshes;
+  for (const CellType type : {Tetra, Hexahedron, Wedge, Pyramid, Polyhedron})
+    meshes.push_back(testing::cube(type, 5));
+  for (const CellType type : {Tetra, Hexahedron, Polyhedron}) meshes.push_back(square(type, 6, 2));
+  for (Mesh& mesh : meshes) {
+    FixedCube cube(std::move(mesh));
+    INFO(static_cast<int>(cube.mesh.types[0]));
+    const bool is_plane = dimension(cube.mesh) == 2;
+    for (Index n = 0; is_plane && n < cube.mesh.node_count(); ++n) {
+      const auto x = cube.mesh.points.row(n).head<2>();
+      cube.is_fixed[n] = x.minCoeff() == 0 || x.maxCoeff() == 1;
+    }
+    Points positions;
+    for (double amount = 0.08; positions.size() == 0 || cube.least(positions) < 0.1;
+         amount *= 0.8) {
+      positions = shaken(cube.mesh.points, amount, 3);
+      if (is_plane) positions.col(2).setConstant(3);
+      for (Index n = 0; n < cube.mesh.node_count(); ++n)
+        if (cube.is_fixed[n]) positions.row(n) = cube.mesh.points.row(n);
+    }
+    const FiniteVolumes volumes = cube.volumes();
+    BestMeshOptions options;
+    options.volumes = &volumes;
+    const BestMeshResult result = cube.raised(positions, options);
+    const auto checked = [&](const Points& at) {
+      return check_quality(cube.mesh, at, cube.neighbours, cube.orientation);
+    };
+    const QualityChecks plain = checked(positions), best = checked(result.positions);
+    CHECK(result.report.is_by_faces);
+    CHECK(result.report.best.min > result.report.plain.min);
+    CHECK(result.report.best.worst_twentieth > result.report.plain.worst_twentieth);
+    CHECK(face_angle(result.report.best.min) >=
+          Approx(best.max_non_orthogonality_deg).epsilon(1e-9));
+    CHECK(best.max_non_orthogonality_deg + 10 * best.max_skewness <
+          plain.max_non_orthogonality_deg + 10 * plain.max_skewness);
+    const QualityReport after = measure_quality(cube.mesh, result.positions, cube.orientation);
+    CHECK(after.values == result.quality.values);
+    CHECK(after.inverted == 0);
+    if (is_plane) CHECK((result.positions.col(2).array() == 3).all());
+  }
+}
+
 TEST_CASE("The best mesh is the same for any number of threads", "[volume][best]") {
   const FixedCube cube(testing::cube(CellType::Tetra, 8));
   const Points positions = cube.disturbed(0.02);
-  set_thread_count(1);
-  const BestMeshResult one = cube.raised(positions);
-  set_thread_count(4);
-  const BestMeshResult four = cube.raised(positions);
-  set_thread_count(0);
-  CHECK(std::ranges::any_of(one.report.attempts, &RaiseAttempt::is_taken));
-  CHECK(one.positions == four.positions);
+  const FiniteVolumes volumes = cube.volumes();
+  for (const FiniteVolumes* use : {(const FiniteVolumes*)nullptr, &volumes}) {
+    BestMeshOptions options;
+    options.volumes = use;
+    set_thread_count(1);
+    const BestMeshResult one = cube.raised(positions, options);
+    set_thread_count(4);
+    const BestMeshResult four = cube.raised(positions, options);
+    set_thread_count(0);
+    CHECK(std::ranges::any_of(one.report.attempts, &RaiseAttempt::is_taken));
+    CHECK(one.positions == four.positions);
+  }
 }
 
 TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[volume][best]") {

@@ -327,6 +327,7 @@ class Morpher:
         max_steps: int = 8,
         untangle: str = "auto",
         quality: str = "best",
+        solver_family: str = "auto",
         improve_below: float | None = None,
         min_scaled_jacobian: float | None = None,
     ) -> None: ...

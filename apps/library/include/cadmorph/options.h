@@ -36,6 +36,13 @@ enum class Quality {
   Fast,  ///< nothing: the positions are those of the volume morph
 };
 
+/// How the mesh's solver works: what Quality::Best raises.
+enum class SolverFamily {
+  OfFormat,        ///< as most solvers that read the mesh's format; of no file: finite elements
+  FiniteElements,  ///< the scaled Jacobian
+  FiniteVolumes,   ///< non-orthogonality and skewness of faces
+};
+
 /// How to morph. The defaults are the program's; docs/choosing.md tells what to change when.
 struct MorphOptions {
   std::optional<double> mesh_unit_mm = {};  ///< millimetres per mesh unit; none: detected
@@ -57,6 +64,7 @@ struct MorphOptions {
   int max_steps = 8;                ///< where `steps` is 0
   Untangle untangle = Untangle::Auto;
   Quality quality = Quality::Best;
+  SolverFamily solver_family = SolverFamily::OfFormat;
   std::optional<double> improve_below = {};        ///< raises elements with a scaled Jacobian below
   std::optional<double> min_scaled_jacobian = {};  ///< refuses a result with an element below
 };
