@@ -36,6 +36,7 @@
 #include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
+#include <NCollection_DataMap.hxx>
 #include <STEPControl_Reader.hxx>
 #include <STEPControl_Writer.hxx>
 #include <ShapeUpgrade_ShapeDivideClosed.hxx>
@@ -44,6 +45,8 @@
 #include <TopExp_Explorer.hxx>
 #include <TopTools_DataMapOfShapeShape.hxx>
 #include <TopTools_ListOfShape.hxx>
+#include <TopTools_MapOfShape.hxx>
+#include <TopTools_ShapeMapHasher.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <TopoDS_Edge.hxx>
@@ -248,7 +251,7 @@ class Rebuilder {
     std::vector<TopoDS_Shape> uses;
     for (TopoDS_Iterator it(oriented.Oriented(TopAbs_FORWARD)); it.More(); it.Next()) {
       const TopoDS_Edge use = TopoDS::Edge(it.Value());
-      if (BRep_Tool::IsClosed(use, old)) is_seam_.insert(use.TShape().get());
+      if (BRep_Tool::IsClosed(use, old)) is_seam_.Add(use);
       auto parts = rebuild_edge(use);
       for (const TopoDS_Edge& edge : parts) add_pcurves(use, edge, old, face);
       if (use.Orientation() == TopAbs_REVERSED) std::reverse(parts.begin(), parts.end());
@@ -271,14 +274,16 @@ class Rebuilder {
   /// The new edge in place of an old one, or its two parts in the old one's direction.
   std::vector<TopoDS_Edge> rebuild_edge(const TopoDS_Edge& use) {
     const TopoDS_Edge old = TopoDS::Edge(use.Oriented(TopAbs_FORWARD));
-    auto& parts = edges_[old.TShape().get()];
+    // Edges of a prism share what they consist of with those at its other end.
+    if (!edges_.IsBound(old)) edges_.Bind(old, {});
+    auto& parts = edges_.ChangeFind(old);
     if (!parts.empty()) return parts;
     double first, last;
     const Handle(Geom_Curve) curve = BRep_Tool::Curve(old, first, last);
     TopoDS_Vertex start, end;
     TopExp::Vertices(old, start, end);
     BRep_Tool::Range(old, first, last);
-    const bool is_seam = is_seam_.count(old.TShape().get()) > 0;
+    const bool is_seam = is_seam_.Contains(old);
     if (!curve.IsNull() && draw(is_seam ? options_.has_split_seams : options_.has_split_edges)) {
       const double middle = 0.4 * first + 0.6 * last;
       TopoDS_Vertex cut;
@@ -385,10 +390,11 @@ class Rebuilder {
   std::mt19937 random_;
   BRep_Builder builder_;
   TopTools_DataMapOfShapeShape faces_;
-  std::map<const void*, std::vector<TopoDS_Edge>> edges_;   // of an old edge
+  // Of an old edge.
+  NCollection_DataMap<TopoDS_Shape, std::vector<TopoDS_Edge>, TopTools_ShapeMapHasher> edges_;
   std::map<const void*, std::pair<double, double>> range_;  // of a new edge on the old curve
   std::map<const void*, bool> is_flipped_, is_reversed_;
-  std::set<const void*> is_seam_;  // of old edges
+  TopTools_MapOfShape is_seam_;  // of old edges
   gp_Trsf2d mirror_;  // from parameters of the old surface to those of the current new one
 };
 
