@@ -50,7 +50,9 @@ struct CadFace {
   Eigen::Vector2d lower, upper;  ///< bounds of the trimmed parameter domain
   Eigen::Vector2d period;        ///< period in u and v where the face closes on itself, else 0
   double tolerance;
-  int solid;                            ///< of the file, -1 for a face of no solid
+  int solid;        ///< of the file, -1 for a face of no solid
+  int other_solid;  ///< of a face between two solids: the later one in the file; else -1. The
+                    ///< outside is that of `solid`: which one it is, is chance
   std::vector<std::vector<int>> wires;  ///< coedges in the order of the file
   std::string name;                     ///< from the STEP file; may be empty
 };

@@ -124,7 +124,7 @@ class ModelBuilder {
     CadFace f{};
     f.is_reversed = oriented.Orientation() == TopAbs_REVERSED;
     f.tolerance = BRep_Tool::Tolerance(face);
-    f.solid = -1;
+    f.solid = f.other_solid = -1;
     if (source_.face_name) f.name = source_.face_name(oriented);
     const Handle(Geom_Surface) surface = BRep_Tool::Surface(face);
     f.type = surface_type(GeomAdaptor_Surface(surface).GetType());
@@ -181,7 +181,9 @@ class ModelBuilder {
     for (TopExp_Explorer solid(shape_, TopAbs_SOLID); solid.More(); solid.Next()) {
       for (TopExp_Explorer face(solid.Current(), TopAbs_FACE); face.More(); face.Next()) {
         const int f = faces_.FindIndex(face.Current()) - 1;
-        if (f >= 0 && model_.faces[f].solid < 0) model_.faces[f].solid = model_.solids;
+        if (f < 0) continue;
+        CadFace& record = model_.faces[f];
+        (record.solid < 0 ? record.solid : record.other_solid) = model_.solids;
       }
       ++model_.solids;
     }

@@ -49,7 +49,8 @@ class GraphBuilder {
     const int first = graph_.size();
     add_nodes(kSolid, static_cast<std::size_t>(model_.solid_count()));
     for (int f = 0; f < graph_.faces; ++f)
-      if (model_.faces()[f].solid >= 0) connect(first + model_.faces()[f].solid, f, kSolidFace);
+      for (const int solid : {model_.faces()[f].solid, model_.faces()[f].other_solid})
+        if (solid >= 0) connect(first + solid, f, kSolidFace);
   }
 
   // All links of a chain have the same faces: the first one stands for them.
@@ -67,7 +68,9 @@ class GraphBuilder {
       const int tail = runs_back ? curve.end : curve.start;
       const int head = runs_back ? curve.start : curve.end;
       connect(use, graph_.corner_node(tail), kUseTail);
-      connect(use, graph_.corner_node(head), options_.is_oriented ? kUseHead : kUseTail);
+      const bool has_outside = model_.faces()[coedge.face].other_solid < 0;
+      connect(use, graph_.corner_node(head),
+              options_.is_oriented && has_outside ? kUseHead : kUseTail);
     }
   }
 

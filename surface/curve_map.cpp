@@ -443,6 +443,7 @@ std::optional<bool> CurveMap::runs_backward_by_faces() const {
   const CurveLink& from = base_curve_->links.front();
   const CurveLink& to = variant_curve_->links.front();
   for (const int face : base_curve_->faces) {
+    if (pair_->base.faces()[face].other_solid >= 0) continue;  // both sides are outside
     const std::optional<bool> before = runs_against(pair_->base, from, face);
     const std::optional<bool> after =
         runs_against(pair_->variant, to, pair_->match.faces[static_cast<std::size_t>(face)]);

@@ -271,13 +271,27 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<Cur
   });
 }
 
+// Whether the outside of a face is that of another solid than in the base: between two solids.
+bool is_seen_from_the_other(const ModelPair& pair, int face) {
+  const CadFace& shared = pair.base.faces()[face];
+  if (shared.other_solid < 0) return false;
+  for (std::size_t f = 0; f < pair.match.faces.size(); ++f) {
+    const CadFace& own = pair.base.faces()[f];
+    if (own.solid == shared.solid && own.other_solid < 0)
+      return pair.variant.faces()[pair.match.faces[f]].solid !=
+             pair.variant.faces()[pair.match.faces[face]].solid;
+  }
+  return false;
+}
+
 // The edges of quadratic cells that are straight within a plane face stay so; `mapped` takes that.
 void SurfaceMorph::Impl::place(const ModelPair& pair, int face, FaceMapResult& mapped,
                                Placement& placed) const {
   const FaceNodes& nodes = faces[face];
   const int variant = pair.match.faces[face];
   const bool is_turned_over =
-      base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed;
+      (base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed) !=
+      is_seen_from_the_other(pair, face);
   parallel_for(nodes.uv.rows(), 256, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const int n = nodes.rows[static_cast<std::size_t>(i)];

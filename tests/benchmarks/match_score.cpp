@@ -43,7 +43,8 @@ int main(int count, char** words) {
     const std::string wrong = outcome(pair);
     const double seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (is_verbose && !wrong.empty()) std::printf("%s\n    %s\n", to_string(row).c_str(), wrong.c_str());
+    if (is_verbose && !wrong.empty())
+      std::printf("%s\n    %s\n", to_string(row).c_str(), wrong.c_str());
     for (Score* score : {&scores[class_of(row)], &sum}) {
       score->right += wrong.empty();
       ++score->all;

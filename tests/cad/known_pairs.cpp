@@ -67,8 +67,8 @@ struct WholeMotion {
 
   TopoDS_Shape operator()(const TopoDS_Shape& shape) const {
     if (is_sheared)
-      return transformed(shape, gp_GTrsf(gp_Mat(1.2, 0.15, 0, 0, 0.9, 0.1, 0.05, 0, 1.1),
-                                         gp_XYZ(7, -3, 5)));
+      return transformed(
+          shape, gp_GTrsf(gp_Mat(1.2, 0.15, 0, 0, 0.9, 0.1, 0.05, 0, 1.1), gp_XYZ(7, -3, 5)));
     if (!is_bent) return transformed(shape, exact);
     const double size = to_model(shape).diagonal();
     return warped(shape, [size](const Vector3d& x) -> Vector3d {
@@ -102,7 +102,6 @@ Changed changed(const KnownPart& part, const std::string& change) {
   if (is_same_shape && motion.is_exact()) result.motion = motion.exact;
   return result;
 }
-
 
 KnownModel saved(NamedShape part, const std::string& how, unsigned seed) {
   const Words words = words_of(how);
@@ -165,7 +164,8 @@ SkeletonNames names_of(const CadModel& model, const std::vector<std::string>& fa
     for (const std::string& face : beside) name += face + ' ';
     names.curves.push_back(name);
     for (const int corner : {curve.start, curve.end})
-      if (corner >= 0) around[static_cast<std::size_t>(corner)].insert(beside.begin(), beside.end());
+      if (corner >= 0)
+        around[static_cast<std::size_t>(corner)].insert(beside.begin(), beside.end());
   }
   for (const auto& corner : around) {
     std::string name;

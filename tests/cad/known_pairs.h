@@ -14,8 +14,8 @@ struct KnownPair {
   /// A family of known_parts.
   const char* part;
   /// What changed: names of dimensions, each with a factor or, signed, an addition, such as
-  /// "length 1.3 x +5"; then what moved the whole: "turn" about (1, 2, 3), "spin" about z (radians),
-  /// "move" along (3, -7, 11) (millimetres), "scale", "mirror", "sheared", "bent".
+  /// "length 1.3 x +5"; then what moved the whole: "turn" about (1, 2, 3), "spin" about z
+  /// (radians), "move" along (3, -7, 11) (millimetres), "scale", "mirror", "sheared", "bent".
   const char* change;
   /// How the variant was written: "order" of entities, "planes", "edges" and "surfaces" reversed,
   /// "seams" and "splits" of them and of edges by a vertex, closed faces "cut", "nurbs", "step".
@@ -44,8 +44,9 @@ struct MadePair {
 
 MadePair make(const KnownPair& pair);
 
-/// What is wrong with a match of the pair: a line, or nothing. Faces, curves and corners must become
-/// those between faces of the same names, a known motion must be found, and what did not move stays.
+/// What is wrong with a match of the pair: a line, or nothing. Faces, curves and corners must
+/// become those between faces of the same names, a known motion must be found, and what did not
+/// move stays.
 std::string judge(const MadePair& pair, const MatchedModels& matched);
 
 /// The same of match_models; an error's text where it throws.

@@ -11,15 +11,10 @@ namespace {
 
 /// Rows that come out wrong today, and why.
 const std::map<std::string, std::string>& wrong_today() {
-  const std::string cross = "the face that two solids share counts to the first of them in the file";
   static const std::map<std::string, std::string> rows{
       {"bracket: mirror 1; written with step",
        "legs exchanged deform it less than a mirror image turned over"},
       {"sphere; written with cut step", "OCCT does not merge its halves"},
-      {"two_blocks; written with order planes edges", cross},
-      {"two_blocks: a 1.3; written with order", cross},
-      {"two_blocks: width 1.3; written with order edges", cross},
-      {"two_blocks: height 0.7 width 1.2; written with order planes edges surfaces", cross},
       {"plate12: length 1.3 x +20; written with order edges",
        "the pattern moves by more than its pitch, the plate's ends do not"},
       {"flange3: clocking +0.8; written with order planes edges surfaces",

@@ -38,9 +38,9 @@
 #include <TopoDS_Vertex.hxx>
 #include <algorithm>
 #include <cmath>
+#include <gp_Circ.hxx>
 #include <numbers>
 #include <set>
-#include <gp_Circ.hxx>
 #include <stdexcept>
 
 namespace cadmorph::testing {
@@ -282,8 +282,7 @@ NamedShape block(const Sizes& s) {
 NamedShape drilled(const Sizes& s, int columns, int rows) {
   return cut(block(s), upright_rods("hole",
                                     grid(columns, rows, s("pitch_x"), s("pitch_y"),
-                                         0.5 * s("length") + s("x"),
-                                         0.5 * s("width") + s("y")),
+                                         0.5 * s("length") + s("x"), 0.5 * s("width") + s("y")),
                                     -1, s("height") + 1, s("radius"), s("seam"),
                                     static_cast<int>(s("first"))));
 }
@@ -371,16 +370,14 @@ NamedShape elbow(const Sizes& s) {
 }
 
 NamedShape swept(const Sizes& s) {
-  const TopoDS_Edge spine =
-      spline({gp_Pnt(0, 0, 0), gp_Pnt(0.1 * s("bow"), 0, 0.3 * s("length")),
-              gp_Pnt(0.7 * s("bow"), 0.2 * s("bow"), 0.7 * s("length")),
-              gp_Pnt(s("bow"), 0.5 * s("bow"), s("length"))});
-  const TopoDS_Face face =
-      polygon({{-0.5 * s("width"), -0.5 * s("depth")},
-               {0.5 * s("width"), -0.5 * s("depth")},
-               {0.5 * s("width"), 0.5 * s("depth")},
-               {-0.5 * s("width"), 0.5 * s("depth")}},
-              [](double x, double y) { return gp_Pnt(x, y, 0); });
+  const TopoDS_Edge spine = spline({gp_Pnt(0, 0, 0), gp_Pnt(0.1 * s("bow"), 0, 0.3 * s("length")),
+                                    gp_Pnt(0.7 * s("bow"), 0.2 * s("bow"), 0.7 * s("length")),
+                                    gp_Pnt(s("bow"), 0.5 * s("bow"), s("length"))});
+  const TopoDS_Face face = polygon({{-0.5 * s("width"), -0.5 * s("depth")},
+                                    {0.5 * s("width"), -0.5 * s("depth")},
+                                    {0.5 * s("width"), 0.5 * s("depth")},
+                                    {-0.5 * s("width"), 0.5 * s("depth")}},
+                                   [](double x, double y) { return gp_Pnt(x, y, 0); });
   return made("bar", BRepOffsetAPI_MakePipe(BRepBuilderAPI_MakeWire(spine), face).Shape());
 }
 
@@ -390,8 +387,8 @@ NamedShape blade(const Sizes& s) {
     const double t = 0.5 * section, angle = s("twist") * t;
     const double chord = s("chord") * (1 - (1 - s("taper")) * t);
     const auto at = [&](double x, double side) {
-      const double y = chord * (side * s("thick") * std::sqrt(x) * (1 - x) * 2 +
-                                s("camber") * 4 * x * (1 - x));
+      const double y =
+          chord * (side * s("thick") * std::sqrt(x) * (1 - x) * 2 + s("camber") * 4 * x * (1 - x));
       const double from = chord * (x - 0.4);
       return gp_Pnt(std::cos(angle) * from - std::sin(angle) * y,
                     std::sin(angle) * from + std::cos(angle) * y, s("span") * t);
@@ -431,8 +428,8 @@ NamedShape comb(const Sizes& s) {
 
 NamedShape bolt(const Sizes& s) {
   const NamedShape head = extruded("head", circle(6, s("head"), 0), s("height"));
-  return fuse(head, {rod("shank", upright(0, 0, 0.5 * s("height"), s("seam")), s("shank"),
-                         s("length"))});
+  return fuse(head,
+              {rod("shank", upright(0, 0, 0.5 * s("height"), s("seam")), s("shank"), s("length"))});
 }
 
 NamedShape cup(const Sizes& s) {
@@ -457,9 +454,9 @@ NamedShape pins_in_plate(const Sizes& s) {
       grid(2, 2, s("pitch_x"), s("pitch_y"), 0.5 * s("length"), 0.5 * s("width"));
   std::vector<NamedShape> solids{
       cut(block(s), upright_rods("hole", places, -1, s("height") + 1, s("radius"), 0))};
-  for (const NamedShape& pin : upright_rods("pin", places, -2, s("height") + s("stud"),
-                                            s("radius") - s("gap"), s("seam"),
-                                            static_cast<int>(s("first"))))
+  for (const NamedShape& pin :
+       upright_rods("pin", places, -2, s("height") + s("stud"), s("radius") - s("gap"), s("seam"),
+                    static_cast<int>(s("first"))))
     solids.push_back(pin);
   return together(solids);
 }
@@ -494,19 +491,18 @@ NamedShape capsule(const Sizes& s) {
   BRepBuilderAPI_MakeWire outline(
       BRepBuilderAPI_MakeEdge(at(0, 0), at(r, 0)).Edge(),
       BRepBuilderAPI_MakeEdge(at(r, 0), at(r, h)).Edge(),
-      BRepBuilderAPI_MakeEdge(
-          GC_MakeArcOfCircle(at(r, h), at(m, h + m), at(0, h + r)).Value())
+      BRepBuilderAPI_MakeEdge(GC_MakeArcOfCircle(at(r, h), at(m, h + m), at(0, h + r)).Value())
           .Edge(),
       BRepBuilderAPI_MakeEdge(at(0, h + r), at(0, 0)).Edge());
-  return made("capsule", BRepPrimAPI_MakeRevol(BRepBuilderAPI_MakeFace(outline.Wire()).Face(),
-                                               gp::OZ())
-                             .Shape());
+  return made(
+      "capsule",
+      BRepPrimAPI_MakeRevol(BRepBuilderAPI_MakeFace(outline.Wire()).Face(), gp::OZ()).Shape());
 }
 
 NamedShape link(const Sizes& s) {
   const double half = 0.5 * s("length"), h = s("height");
-  const NamedShape bar = box("bar", gp_Pnt(-half, -0.5 * s("bar"), 0.2 * h),
-                             gp_Pnt(half, 0.5 * s("bar"), 0.8 * h));
+  const NamedShape bar =
+      box("bar", gp_Pnt(-half, -0.5 * s("bar"), 0.2 * h), gp_Pnt(half, 0.5 * s("bar"), 0.8 * h));
   const auto eye = [&](const std::string& name, double x, double radius, double from, double to) {
     return rod(name, upright(x, 0, from, s("seam")), radius, to - from);
   };
@@ -527,24 +523,22 @@ NamedShape pierced_ball(const Sizes& s) {
 }
 
 NamedShape pierced_ring(const Sizes& s) {
-  return cut(made("ring", BRepPrimAPI_MakeTorus(upright(0, 0, 0, s("seam")), s("radius"),
-                                                s("tube"))
-                              .Solid()),
-             {rod("hole", upright(s("radius"), s("y"), -30), s("hole"), 60)});
+  return cut(
+      made("ring",
+           BRepPrimAPI_MakeTorus(upright(0, 0, 0, s("seam")), s("radius"), s("tube")).Solid()),
+      {rod("hole", upright(s("radius"), s("y"), -30), s("hole"), 60)});
 }
 
 std::vector<KnownPart> make_parts() {
-  const Sizes plate{{"length", 120}, {"width", 80},   {"height", 8}, {"radius", 6},
-                    {"pitch_x", 50}, {"pitch_y", 36}, {"x", 0},      {"y", 0},
-                    {"seam", 0},     {"first", 0}};
-  const auto with = [](Sizes sizes,
-                       std::initializer_list<std::pair<std::string, double>> changes) {
+  const Sizes plate{{"length", 120}, {"width", 80}, {"height", 8}, {"radius", 6}, {"pitch_x", 50},
+                    {"pitch_y", 36}, {"x", 0},      {"y", 0},      {"seam", 0},   {"first", 0}};
+  const auto with = [](Sizes sizes, std::initializer_list<std::pair<std::string, double>> changes) {
     for (const auto& [name, value] : changes) sizes[name] = value;
     return sizes;
   };
-  const Sizes disc{{"outer", 30},    {"height", 6}, {"bore", 8},  {"hole", 3}, {"circle", 20},
+  const Sizes disc{{"outer", 30},     {"height", 6}, {"bore", 8}, {"hole", 3}, {"circle", 20},
                    {"clocking", 0.1}, {"shift", 0},  {"seam", 0}, {"first", 0}};
-  const Sizes stepped{{"r1", 10}, {"r2", 15}, {"r3", 7},   {"a", 20},
+  const Sizes stepped{{"r1", 10}, {"r2", 15}, {"r3", 7},  {"a", 20},
                       {"b", 25},  {"c", 25},  {"seam", 0}};
   const Sizes pipe{{"length", 80}, {"radius", 12}, {"branch", 7}, {"wall", 2},
                    {"reach", 30},  {"tilt", 0},    {"apart", 36}, {"seam", 0}};
@@ -553,7 +547,12 @@ std::vector<KnownPart> make_parts() {
       {"box", brick, block},
       {"cube", with(brick, {{"length", 20}, {"width", 20}}), block},
       {"drilled",
-       {{"length", 120}, {"width", 80}, {"height", 8}, {"radius", 6}, {"x", 50}, {"y", 48},
+       {{"length", 120},
+        {"width", 80},
+        {"height", 8},
+        {"radius", 6},
+        {"x", 50},
+        {"y", 48},
         {"seam", 0}},
        [](const Sizes& s) {
          return cut(block(s), {rod("hole", upright(s("x"), s("y"), -1, s("seam")), s("radius"),
@@ -565,8 +564,15 @@ std::vector<KnownPart> make_parts() {
       {"plate12", with(plate, {{"pitch_x", 28}, {"pitch_y", 24}}),
        [](const Sizes& s) { return drilled(s, 4, 3); }},
       {"studs",
-       {{"length", 90}, {"width", 60}, {"height", 8}, {"radius", 5}, {"pitch_x", 28},
-        {"pitch_y", 30}, {"stud", 12}, {"seam", 0}, {"first", 0}},
+       {{"length", 90},
+        {"width", 60},
+        {"height", 8},
+        {"radius", 5},
+        {"pitch_x", 28},
+        {"pitch_y", 30},
+        {"stud", 12},
+        {"seam", 0},
+        {"first", 0}},
        studded},
       {"flange3", disc, [](const Sizes& s) { return flange(s, 3); }},
       {"flange6", disc, [](const Sizes& s) { return flange(s, 6); }},
@@ -581,8 +587,14 @@ std::vector<KnownPart> make_parts() {
        {{"length", 40}, {"width", 30}, {"height", 20}, {"chamfer", 3}},
        [](const Sizes& s) { return chamfered(block(s), s("chamfer"), is_any); }},
       {"bracket",
-       {{"thickness", 6}, {"leg", 50}, {"height", 40}, {"width", 30}, {"low", 32}, {"high", 26},
-        {"radius", 5}, {"aside", 4}},
+       {{"thickness", 6},
+        {"leg", 50},
+        {"height", 40},
+        {"width", 30},
+        {"low", 32},
+        {"high", 26},
+        {"radius", 5},
+        {"aside", 4}},
        bracket},
       {"cylinder",
        {{"radius", 15}, {"length", 40}, {"seam", 0}},
@@ -609,71 +621,108 @@ std::vector<KnownPart> make_parts() {
       {"torus",
        {{"radius", 30}, {"tube", 10}, {"seam", 0}},
        [](const Sizes& s) {
-         return made("ring", BRepPrimAPI_MakeTorus(upright(0, 0, 0, s("seam")), s("radius"),
-                                                   s("tube"))
-                                 .Solid());
+         return made(
+             "ring",
+             BRepPrimAPI_MakeTorus(upright(0, 0, 0, s("seam")), s("radius"), s("tube")).Solid());
        },
        true},
       {"capsule", {{"radius", 10}, {"height", 30}, {"seam", 0}}, capsule, true},
       {"shaft", stepped, shaft, true},
       {"keyed_shaft",
-       {{"r1", 10}, {"r2", 15}, {"r3", 8}, {"a", 20}, {"b", 25}, {"c", 25}, {"seam", 0.5},
-        {"key", 4}, {"key_length", 12}, {"at", 5}},
+       {{"r1", 10},
+        {"r2", 15},
+        {"r3", 8},
+        {"a", 20},
+        {"b", 25},
+        {"c", 25},
+        {"seam", 0.5},
+        {"key", 4},
+        {"key_length", 12},
+        {"at", 5}},
        keyed_shaft},
       {"pierced_shaft",
        {{"radius", 15}, {"length", 40}, {"hole", 4}, {"at", 18}, {"seam", 0.7}},
        pierced_shaft},
       {"tee", pipe, [](const Sizes& s) { return tee(s, 1); }},
       {"two_tees", pipe, [](const Sizes& s) { return tee(s, 2); }},
-      {"elbow",
-       {{"bend", 40}, {"radius", 10}, {"wall", 2}, {"angle", 1.4}, {"seam", 0}},
-       elbow},
+      {"elbow", {{"bend", 40}, {"radius", 10}, {"wall", 2}, {"angle", 1.4}, {"seam", 0}}, elbow},
       {"swept", {{"length", 60}, {"bow", 20}, {"width", 12}, {"depth", 8}}, swept},
       {"blade",
-       {{"chord", 30}, {"span", 60}, {"twist", 0.5}, {"taper", 0.7}, {"thick", 0.1},
+       {{"chord", 30},
+        {"span", 60},
+        {"twist", 0.5},
+        {"taper", 0.7},
+        {"thick", 0.1},
         {"camber", 0.06}},
        blade},
       {"gear12",
        {{"root", 24}, {"tip", 30}, {"height", 10}, {"bore", 8}, {"seam", 0}},
        [](const Sizes& s) { return gear(s, 12); }},
       {"comb", {{"pitch", 10}, {"back", 12}, {"tooth", 15}, {"height", 6}}, comb},
-      {"bolt",
-       {{"head", 12}, {"height", 8}, {"shank", 6}, {"length", 40}, {"seam", 0}},
-       bolt},
+      {"bolt", {{"head", 12}, {"height", 8}, {"shank", 6}, {"length", 40}, {"seam", 0}}, bolt},
       {"cup", {{"radius", 20}, {"height", 40}, {"wall", 1}, {"seam", 0}}, cup, true},
       {"case", {{"length", 60}, {"width", 40}, {"height", 25}, {"wall", 1.5}}, case_of},
       {"two_blocks", {{"a", 30}, {"b", 20}, {"width", 20}, {"height", 20}}, two_blocks},
       {"pins",
-       {{"length", 60}, {"width", 60}, {"height", 10}, {"radius", 6}, {"pitch_x", 30},
-        {"pitch_y", 30}, {"stud", 10}, {"gap", 0.5}, {"seam", 0}, {"first", 0}},
+       {{"length", 60},
+        {"width", 60},
+        {"height", 10},
+        {"radius", 6},
+        {"pitch_x", 30},
+        {"pitch_y", 30},
+        {"stud", 10},
+        {"gap", 0.5},
+        {"seam", 0},
+        {"first", 0}},
        pins_in_plate},
-      {"rods", {{"pitch", 16}, {"radius", 6}, {"length", 30}, {"seam", 0}, {"first", 0}},
+      {"rods",
+       {{"pitch", 16}, {"radius", 6}, {"length", 30}, {"seam", 0}, {"first", 0}},
        row_of_rods},
       {"ball_in_box",
-       {{"length", 30}, {"width", 30}, {"height", 30}, {"radius", 4}, {"x", 15}, {"y", 15},
-        {"z", 15}, {"seam", 0}},
+       {{"length", 30},
+        {"width", 30},
+        {"height", 30},
+        {"radius", 4},
+        {"x", 15},
+        {"y", 15},
+        {"z", 15},
+        {"seam", 0}},
        ball_in_box},
       {"dumbbell", {{"length", 60}, {"bar", 5}, {"radius", 10}, {"seam", 0}}, dumbbell, true},
       {"link",
-       {{"length", 80}, {"height", 12}, {"bar", 10}, {"big", 16}, {"small", 10}, {"wall", 4},
+       {{"length", 80},
+        {"height", 12},
+        {"bar", 10},
+        {"big", 16},
+        {"small", 10},
+        {"wall", 4},
         {"seam", 0.3}},
        link},
-      {"nozzle", {{"wide", 20}, {"narrow", 10}, {"length", 50}, {"wall", 2}, {"seam", 0}}, nozzle,
+      {"nozzle",
+       {{"wide", 20}, {"narrow", 10}, {"length", 50}, {"wall", 2}, {"seam", 0}},
+       nozzle,
        true},
-      {"pierced_ball", {{"radius", 20}, {"hole", 6}, {"shift", 0}, {"seam", 0}}, pierced_ball,
+      {"pierced_ball",
+       {{"radius", 20}, {"hole", 6}, {"shift", 0}, {"seam", 0}},
+       pierced_ball,
        true},
       {"pierced_ring",
        {{"radius", 20}, {"tube", 6}, {"hole", 2.5}, {"y", 0.5}, {"seam", 1}},
        pierced_ring},
       {"mirrored",
-       {{"thickness", 6}, {"leg", 50}, {"height", 40}, {"width", 30}, {"low", 32}, {"high", 26},
-        {"radius", 5}, {"aside", 4}},
+       {{"thickness", 6},
+        {"leg", 50},
+        {"height", 40},
+        {"width", 30},
+        {"low", 32},
+        {"high", 26},
+        {"radius", 5},
+        {"aside", 4}},
        [](const Sizes& s) {
          const NamedShape part = bracket(s);
          gp_Trsf mirror;
          mirror.SetMirror(gp_Ax2(gp_Pnt(0, 0, 0), gp::DX()));
-         return NamedShape{BRepBuilderAPI_Transform(part.shape, mirror, true).Shape(),
-                           part.names};
+         return NamedShape{BRepBuilderAPI_Transform(part.shape, mirror, true).Shape(), part.names};
        }},
   };
 }
