@@ -3,8 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
+#include <tuple>
 
 #include "cad/match_search.h"
 #include "cad/motion_guess.h"
@@ -15,38 +15,35 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr const char* kFileOrder = "file order, verified";
-// Refinements that one guess may cost, and that one may where a match is known already.
+// Refinements that one guess may cost: parts of 2,000 faces need fewer than as many; and that one
+// may where a match is known already: right guesses need few.
 constexpr int kMostRefinements = 2000, kFewRefinements = 60;
-// Matches whose distances differ by less than this part of the diagonal, or this factor, are
-// equally good: symmetric parts have many.
-constexpr double kTie = 1e-5;
-constexpr double kSlack = 1.02;
-constexpr double kFarBetter = 0.3;
-// A large change of shape blurs distances: neighbours that swap may seem nearer than the truth.
-constexpr double kFileOrderSlack = 2;
+// Of the diagonal, what costs the first bit. Exchanged B-Reps are known to 1e-7 of a part's size,
+// centroids of their entities to a hundred times that; the motion of neighbours to ten times as
+// much again.
+constexpr double kRounding = 1e-5, kRough = 1e-4;
+// What costs a bit more: changes of parameters move entities by a tenth of the diagonal, on the
+// mean.
+constexpr double kDesign = 0.05;
+// Parts change in their own frame, a turn is an export's doing, which keeps the parameters. A turn
+// by a fifth of the diagonal without them costs what any change of shape costs at a hundredth of
+// it. With 10 or 14 bits rows of the corpus come out wrong.
+constexpr double kSmallTurn = 0.2, kTurnBits = 12;
+// Twice as many places of edges in their faces' parameters that are others speak as clearly as a
+// fit sixteen times worse: they change with the shape, but hardly ever come together by accident.
+constexpr double kParameterBits = 4;
+// A program writes what it wrote before in the same order: worth a fit twice as good, where that
+// order is no accident. An accident has fewer bits than this.
+constexpr double kOrder = 1, kOrderBits = 20;
 constexpr double kSamePlace = 1e-9;     // of the diagonal: coincident copies are equally near
-constexpr double kHardlyTurned = 1e-3;  // radians
-// Of the diagonal: a change of parameters moves entities by less, on the mean. And the factor by
-// which a match that turns the part moves them farther.
-constexpr double kSmallMove = 0.2, kFartherMove = 2;
-constexpr double kTurn = 0.3;  // radians
-// An order that fits by accident is no evidence: bits that it must carry.
-constexpr double kOrderBits = 20;
-constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours
-constexpr double kRougher = 3, kSmooth = 1e-4;   // factor, of the diagonal
-constexpr double kWorthImproving = 1e-3;         // of the diagonal
+constexpr double kHardlyTurned = 1e-3;  // radians: to look for other matches is of no use
+constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours: exchanged pairs among 40 stand out
+// Smoother than a thousandth of the diagonal is a change of shape, not an exchange; one that does
+// not get a tenth smoother has come to its end.
+constexpr double kWorthImproving = 1e-3, kSmoother = 1.1;
 constexpr int kImprovements = 3;
-constexpr double kAgreement = 0.75, kMoreAgreement = 0.05;  // parts of all forms
-constexpr double kManyFaces = 8;                            // more that agree are no accident
 
-struct Scored {
-  TopologyMatch match;
-  double distance;   // after the best similarity, in diagonals of the variant
-  double roughness;  // see above
-  double agreement;  // part of the forms that are the same
-  double unturned;   // distance after a shift and a change of scale alone
-  double angle() const { return Eigen::AngleAxisd(match.alignment.rotation).angle(); }
-};
+double bits(double x, double unit) { return std::log2(1 + x / unit); }
 
 // Node of the variant for each entity node of the base.
 std::vector<int> partners(const MatchSide& base, const TopologyMatch& match) {
@@ -86,15 +83,17 @@ double distance_after(const MatchSide& base, const MatchSide& variant, const Top
   return std::sqrt(sum / count) / variant.model.diagonal();
 }
 
-// The shift that carries the entities best, after the change of the part's size.
-Similarity shift_of(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
-  std::vector<Vector3d> from, to;
-  const auto nodes = partners(base, match);
-  for (std::size_t n = 0; n < nodes.size(); ++n) {
-    from.push_back(base.features[n].centre);
-    to.push_back(variant.features[nodes[n]].centre);
+// Root mean square distance by which the alignment turns the entities, in variant diagonals.
+double turned_by(const MatchSide& base, const MatchSide& variant, const Similarity& t) {
+  Vector3d mean = Vector3d::Zero();
+  for (const EntityFeature& feature : base.features) mean += feature.centre;
+  mean /= static_cast<double>(base.features.size());
+  double sum = 0;
+  for (const EntityFeature& feature : base.features) {
+    const Vector3d way = feature.centre - mean;
+    sum += (t.scale * (t.rotation * way - way)).squaredNorm();
   }
-  return fit_shift(from, to, variant.model.diagonal() / base.model.diagonal());
+  return std::sqrt(sum / static_cast<double>(base.features.size())) / variant.model.diagonal();
 }
 
 using UseForms = std::map<std::pair<int, int>, std::vector<std::uint64_t>>;
@@ -106,34 +105,44 @@ UseForms forms_of_uses(const MatchSide& side) {
   return forms;
 }
 
-double agreement_of(const UseForms& base, const UseForms& variant, const TopologyMatch& match) {
-  int same = 0, all = 0;
-  for (const auto& [use, forms] : base) {
-    const auto partner = variant.find({match.faces[use.first], match.curves[use.second]});
-    for (const std::uint64_t form : forms) {
-      ++all;
-      same +=
-          form != 0 && partner != variant.end() &&
-          std::find(partner->second.begin(), partner->second.end(), form) != partner->second.end();
-    }
+// Uses of curves by faces whose pcurve lies elsewhere in the parameters of the surface.
+int other_forms(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
+  const UseForms before = forms_of_uses(base), after = forms_of_uses(variant);
+  int others = 0;
+  for (const auto& [use, forms] : before) {
+    const auto partner = after.find({match.faces[use.first], match.curves[use.second]});
+    for (const std::uint64_t form : forms)
+      others += form == 0 || partner == after.end() ||
+                std::ranges::find(partner->second, form) == partner->second.end();
   }
-  return all > 0 ? static_cast<double>(same) / all : 0;
+  return others;
 }
 
 double log2_factorial(int n) { return std::lgamma(n + 1.0) / std::log(2.0); }
 
-// Entities in the order of the files, where that is consistent with the adjacency and hardly by
-// accident; faces alone where the files list edges differently. Symmetry may double the chances
+// Bits that the order of so many entities carries. Symmetry may double the chances that it fits
 // many times over: half of the bits count.
+double order_bits(const EntityGraph& graph, int count) {
+  double bits = log2_factorial(graph.faces);
+  if (count > graph.faces) bits += log2_factorial(graph.curves) + log2_factorial(graph.corners);
+  return bits;
+}
+
+bool keeps_order(const std::vector<int>& faces) {
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    if (faces[f] != static_cast<int>(f)) return false;
+  return true;
+}
+
+// Entities in the order of the files, where that is consistent with the adjacency and hardly by
+// accident; faces alone where the files list edges differently.
 std::optional<TopologyMatch> by_file_order(const MatchSide& base, const MatchSide& variant,
                                            const ColourRefinement& colours,
                                            const MotionGuess& guess) {
   const EntityGraph& graph = base.graph;
   for (const int count : {graph.entity_count(), graph.faces}) {
-    double bits = log2_factorial(graph.faces);
-    if (count > graph.faces) bits += log2_factorial(graph.curves) + log2_factorial(graph.corners);
     ColourRefinement trial = colours;
-    bool is_possible = bits >= kOrderBits;
+    bool is_possible = order_bits(graph, count) >= kOrderBits;
     for (int n = 0; n < count && is_possible; ++n) {
       is_possible = trial.base_colours()[n] == trial.variant_colours()[n];
       if (is_possible) trial.individualise(n, n);
@@ -148,116 +157,45 @@ std::optional<TopologyMatch> by_file_order(const MatchSide& base, const MatchSid
   return std::nullopt;
 }
 
-// Collects possible matches and chooses among them.
+// Collects possible matches, the cheapest first.
 class Selection {
  public:
-  Selection(const MatchSide& base, const MatchSide& variant)
-      : base_(base),
-        variant_(variant),
-        base_forms_(forms_of_uses(base)),
-        variant_forms_(forms_of_uses(variant)) {}
+  Selection(const MatchSide& base, const MatchSide& variant) : base_(base), variant_(variant) {}
 
   // Returns whether no other match can be better: an exact one that hardly turns, is in file order,
   // or agrees in its parameters.
   bool offer(std::optional<TopologyMatch> match) {
     if (!match) return false;
-    for (const Scored& other : all_)
-      if (other.match.faces == match->faces && other.match.curves == match->curves &&
-          other.match.corners == match->corners)
+    for (const TopologyMatch& other : all_)
+      if (other.faces == match->faces && other.curves == match->curves &&
+          other.corners == match->corners)
         return false;
-    align(base_.model, variant_.model, *match);
-    const double distance = distance_after(base_, variant_, *match, match->alignment);
-    const double agreement = distance < kTie
-                                 ? parameter_agreement(base_.model, variant_.model, *match)
-                                 : agreement_of(base_forms_, variant_forms_, *match);
-    const double rough = roughness(base_, variant_, *match);
-    const double unturned =
-        distance_after(base_, variant_, *match, shift_of(base_, variant_, *match));
-    all_.push_back({std::move(*match), distance, rough, agreement, unturned});
-    const Scored& last = all_.back();
-    return distance < kTie && (last.match.how == kFileOrder || last.angle() < kHardlyTurned ||
-                               agreement > 1 - kMoreAgreement);
+    rate(base_, variant_, *match);
+    all_.push_back(std::move(*match));
+    const TopologyMatch& last = all_.back();
+    return last.cost.deformation < 1 &&
+           (last.how == kFileOrder || last.cost.parameters == 0 ||
+            Eigen::AngleAxisd(last.alignment.rotation).angle() < kHardlyTurned);
   }
 
   bool is_empty() const { return all_.empty(); }
 
   // The smoothest of those found so far.
-  const Scored& smoothest() const {
-    return *std::min_element(all_.begin(), all_.end(), [](const Scored& a, const Scored& b) {
-      return a.roughness < b.roughness;
-    });
+  const TopologyMatch& smoothest() const {
+    return *std::ranges::min_element(
+        all_, {}, [](const TopologyMatch& match) { return match.cost.neighbours; });
   }
 
   std::optional<TopologyMatch> best() {
-    if (all_.empty()) return std::nullopt;
-    keep_near();
-    const double limit = kRougher * smoothest().roughness + kSmooth;
-    std::erase_if(all_, [&](const Scored& s) { return s.roughness > limit; });
-    keep_agreeing();
-    return std::move(choose().match);
+    std::optional<TopologyMatch> best;
+    for (TopologyMatch& match : all_) best = cheaper(std::move(best), std::move(match));
+    return best;
   }
 
  private:
-  // Where a match moves entities a little, one that turns the part and moves them far is no change
-  // of parameters: a hole that crosses the middle of a plate, not the plate turned over. The same
-  // part exported turned keeps its parameters.
-  void keep_near() {
-    double least = std::numeric_limits<double>::infinity();
-    for (const Scored& s : all_) {
-      if (s.distance < kTie && s.agreement > 1 - kMoreAgreement) return;
-      least = std::min(least, s.unturned);
-    }
-    if (least > kSmallMove) return;
-    std::erase_if(all_, [&](const Scored& s) {
-      return std::max(s.angle() / kTurn, s.unturned / kSmallMove) > 1 &&
-             s.unturned > kFartherMove * least + kTie;
-    });
-  }
-
-  void keep_agreeing() {
-    double most = 0;
-    for (const Scored& s : all_) most = std::max(most, s.agreement);
-    const auto faces = static_cast<double>(base_.graph.faces);
-    const auto agrees = [&](const Scored& s) {
-      const double less = most - s.agreement;
-      return less < kMoreAgreement || (most < kAgreement && less * faces < kManyFaces);
-    };
-    const double least = least_distance([](const Scored&) { return true; });
-    if (least_distance(agrees) <= kFileOrderSlack * least + kTie)
-      std::erase_if(all_, [&](const Scored& s) { return !agrees(s); });
-  }
-
-  // A turn must pay: matches by file order or without a turn give way only to one that fits far
-  // better. Among either, the file's order if it fits nearly as well as any; else the nearest, of
-  // equals the one of least rotation.
-  Scored& choose() {
-    const auto is_by_turn = [](const Scored& s) { return s.match.how == kTurned; };
-    const double unturned = least_distance([&](const Scored& s) { return !is_by_turn(s); });
-    const double turned = least_distance(is_by_turn);
-    const bool is_turned = turned < kFarBetter * unturned - kTie;
-    const double least = is_turned ? turned : unturned;
-    Scored* best = nullptr;
-    for (Scored& s : all_) {
-      if (is_by_turn(s) != is_turned) continue;
-      if (s.match.how == kFileOrder && s.distance <= kFileOrderSlack * least + kTie) return s;
-      if (s.distance > kSlack * least + kTie) continue;
-      if (!best || s.angle() < best->angle()) best = &s;
-    }
-    return *best;
-  }
-
-  template <class Predicate>
-  double least_distance(const Predicate& is_asked) const {
-    double result = std::numeric_limits<double>::infinity();
-    for (const Scored& s : all_)
-      if (is_asked(s)) result = std::min(result, s.distance);
-    return result;
-  }
-
   const MatchSide& base_;
   const MatchSide& variant_;
-  UseForms base_forms_, variant_forms_;
-  std::vector<Scored> all_;
+  std::vector<TopologyMatch> all_;
 };
 
 // Tries one guess after the other until nothing better can come.
@@ -273,7 +211,7 @@ class PositionMatcher {
   std::optional<TopologyMatch> run() {
     const auto guesses = first_guesses(base_, variant_, hinted_ ? *hinted_ : plain_);
     auto in_place = decide(plain_, guesses.front());
-    if (in_place && distance_after(base_, variant_, *in_place, Similarity{}) < kTie) {
+    if (in_place && distance_after(base_, variant_, *in_place, Similarity{}) < kRounding) {
       selection_.offer(std::move(in_place));
       return selection_.best();
     }
@@ -306,17 +244,15 @@ class PositionMatcher {
   // that.
   void improve() {
     for (int i = 0; i < kImprovements && !selection_.is_empty(); ++i) {
-      const Scored& best = selection_.smoothest();
-      const double before = best.roughness;
-      if (before < kWorthImproving) return;
+      const TopologyMatch& best = selection_.smoothest();
+      const double before = best.cost.neighbours;
+      if (before < bits(kWorthImproving, kRough)) return;
       const auto motion =
-          std::make_shared<EntityMotion>(motion_of(base_, variant_, best.match, kSmoothing));
-      const bool is_turned = best.match.how == kTurned;
-      const NamedGuess guess{
-          {[motion](const Vector3d& x) { return (*motion)(x); }, best.match.alignment.scale},
-          is_turned ? kTurned : kInPlace};
-      offer_both(guess);
-      if (selection_.smoothest().roughness > 0.9 * before) return;
+          std::make_shared<EntityMotion>(motion_of(base_, variant_, best, kSmoothing));
+      const bool is_turned = best.how == kTurned;
+      offer_both({{[motion](const Vector3d& x) { return (*motion)(x); }, best.alignment.scale},
+                  is_turned ? kTurned : kInPlace});
+      if (selection_.smoothest().cost.neighbours > before - std::log2(kSmoother)) return;
     }
   }
 
@@ -352,6 +288,11 @@ TopologyMatch to_match(const MatchSide& base, const ColourRefinement& colours) {
   return match;
 }
 
+namespace {
+
+// Root mean square distance of entities from where their neighbours' motion, smoothed over some
+// forty of them, would put them, in diagonals of the variant: zero for an affine change, small for
+// a smooth one, large where entities are exchanged.
 double roughness(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
   const auto nodes = partners(base, match);
   const EntityMotion motion = motion_of(base, variant, match, kSmoothing);
@@ -361,6 +302,45 @@ double roughness(const MatchSide& base, const MatchSide& variant, const Topology
         (motion(base.features[n].centre, static_cast<int>(n)) - variant.features[nodes[n]].centre)
             .squaredNorm();
   return std::sqrt(sum / static_cast<double>(nodes.size())) / variant.model.diagonal();
+}
+
+// Geometry alone tells equals apart: the lesser turn, then the lesser shift.
+bool costs_less(const TopologyMatch& a, const TopologyMatch& b) {
+  const auto key = [](const TopologyMatch& match) {
+    return std::tuple(match.cost.sum(), match.cost.turn, match.alignment.translation.norm());
+  };
+  return key(a) < key(b);
+}
+
+}  // namespace
+
+void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match) {
+  align(base.model, variant.model, match);
+  // Congruent shapes don't deform, though the sampled centroids of their faces may differ; whether
+  // they turned is told by their parameters.
+  const bool is_exact = match.is_congruent;
+  const double agreement = is_exact ? parameter_agreement(base.model, variant.model, match) : 0;
+  const double others =
+      is_exact ? (1 - agreement) * base.graph.faces : other_forms(base, variant, match);
+  const double distance = is_exact ? 0 : distance_after(base, variant, match, match.alignment);
+  const double rough = is_exact ? 0 : roughness(base, variant, match);
+  const double turned = turned_by(base, variant, match.alignment);
+  const bool is_evidence = order_bits(base.graph, base.graph.entity_count()) >= kOrderBits;
+  match.cost = {.deformation = bits(distance, kRounding) + distance / kDesign,
+                .neighbours = bits(rough, kRough) + rough / kDesign,
+                .parameters = kParameterBits * bits(others, 1),
+                .turn = kTurnBits * bits(turned, kSmallTurn) * (1 - agreement),
+                .order = is_evidence && !keeps_order(match.faces) ? kOrder : 0};
+}
+
+std::optional<TopologyMatch> cheaper(std::optional<TopologyMatch> a,
+                                     std::optional<TopologyMatch> b) {
+  if (!a || (b && costs_less(*b, *a))) std::swap(a, b);
+  if (!b || (a->faces == b->faces && a->curves == b->curves && a->corners == b->corners)) return a;
+  for (const auto& other : {std::optional(ConsideredMatch{b->how, b->cost}), b->runner_up})
+    if (other && (!a->runner_up || other->cost.sum() < a->runner_up->cost.sum()))
+      a->runner_up = other;
+  return a;
 }
 
 void set_confidence(const MatchSide& base, const MatchSide& variant,

@@ -8,21 +8,22 @@
 namespace cadmorph {
 
 /// Decides what `colours` leave open by position: under several first guesses of the motion, with
-/// and without the hints of entity_forms, and in the order of the files. Of the matches found the
-/// smooth ones count (see roughness); among them the one that most forms agree with, then the
-/// file's order where it fits and is no accident, then the nearest after the best similarity, of
-/// equals the one of least rotation; a match that turns the part must fit far better than one that
-/// does not. Nothing where no match is possible.
+/// and without the hints of entity_forms, and in the order of the files. Of the matches found it
+/// takes the one of least match_cost. Nothing where no match is possible.
 std::optional<TopologyMatch> match_by_position(const MatchSide& base, const MatchSide& variant,
                                                const ColourRefinement& colours);
 
 /// The match that `colours`, all decided, describe. Confidences are not set.
 TopologyMatch to_match(const MatchSide& base, const ColourRefinement& colours);
 
-/// Root mean square distance of entities from where their neighbours' motion, smoothed over some
-/// forty of them, would put them, in diagonals of the variant: zero for an affine change, small for
-/// a smooth one, large where entities are exchanged.
-double roughness(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match);
+/// Sets match.alignment (see align) and match.cost, but for its names. Distances x are root mean
+/// squares over entities, in diagonals of the variant, and cost log2(1 + x / x0), x0 what may be
+/// rounding.
+void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match);
+
+/// Whichever costs less; the other one is a runner-up, where it costs less than those known.
+std::optional<TopologyMatch> cheaper(std::optional<TopologyMatch> a,
+                                     std::optional<TopologyMatch> b);
 
 /// Sets the confidences of a match: 1 where `colours` leave one possibility; else d2 / (d1 + d2),
 /// d1 the distance of the entity from where its neighbours' motion puts it, d2 that of the nearest

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <fstream>
 #include <map>
 #include <sstream>
@@ -15,9 +16,10 @@
 namespace cadmorph {
 namespace {
 
-// Names, and joints of curves, give way where they make the motion of the entities this much
-// rougher, in diagonals.
-constexpr double kRougher = 3, kSmooth = 1e-3;
+// A name that stays with its face is worth eight times as good a fit.
+constexpr double kNameBits = 3;
+// Where exporters cut smooth curves, there is a corner: worth a fit four times as good.
+constexpr double kJointBits = 2;
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
 void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOptions& options,
@@ -67,22 +69,16 @@ bool is_numbered(const Names& names) {
   return !names.empty();
 }
 
-// Names are a hint: they count where unique in both files, no mere numbering, and consistent with
-// the adjacency.
-std::optional<ColourRefinement> apply_names(const MatchSide& base, const MatchSide& variant,
-                                            ColourRefinement colours) {
-  const Names b = unique_names(base.model), v = unique_names(variant.model);
-  if (is_numbered(b) && is_numbered(v)) return std::nullopt;
+// Faces of one name: it occurs once in both files, and is no mere numbering.
+std::vector<std::pair<int, int>> named_faces(const CadModel& base, const CadModel& variant) {
+  const Names b = unique_names(base), v = unique_names(variant);
+  std::vector<std::pair<int, int>> pairs;
+  if (is_numbered(b) && is_numbered(v)) return pairs;
   const std::map<std::string, int> face_of(v.begin(), v.end());
-  bool is_any = false;
-  for (const auto& [name, face] : b) {
-    const auto other = face_of.find(name);
-    if (other == face_of.end()) continue;
-    colours.individualise(face, other->second);
-    is_any = true;
-  }
-  if (!is_any || !colours.refine()) return std::nullopt;
-  return colours;
+  for (const auto& [name, face] : b)
+    if (const auto other = face_of.find(name); other != face_of.end())
+      pairs.emplace_back(face, other->second);
+  return pairs;
 }
 
 std::optional<TopologyMatch> decide(const MatchSide& base, const MatchSide& variant,
@@ -91,7 +87,7 @@ std::optional<TopologyMatch> decide(const MatchSide& base, const MatchSide& vari
   if (open_classes(colours, base.graph.entity_count()).empty()) {
     match = to_match(base, colours);
     match->how = how;
-    align(base.model, variant.model, *match);
+    rate(base, variant, *match);
   } else {
     match = match_by_position(base, variant, colours);
   }
@@ -99,6 +95,7 @@ std::optional<TopologyMatch> decide(const MatchSide& base, const MatchSide& vari
   return match;
 }
 
+// By names, where they don't contradict the adjacency, or by position, whichever costs less.
 std::optional<TopologyMatch> best_match(const MatchSide& base, const MatchSide& variant,
                                         const MatchOptions& options) {
   ColourRefinement colours(base.graph, variant.graph);
@@ -110,29 +107,29 @@ std::optional<TopologyMatch> best_match(const MatchSide& base, const MatchSide& 
   const char* how = options.given_faces.empty() ? "structure" : "map file";
   if (open_classes(colours, base.graph.entity_count()).empty())
     return decide(base, variant, colours, how);
-  const auto named = apply_names(base, variant, colours);
-  auto by_name = named ? decide(base, variant, *named, "names") : std::nullopt;
-  if (by_name && roughness(base, variant, *by_name) < kSmooth) return by_name;
-  auto by_position = decide(base, variant, colours, how);
-  if (by_name && (!by_position || roughness(base, variant, *by_name) <
-                                      kRougher * roughness(base, variant, *by_position) + kSmooth))
-    return by_name;
-  return by_position;
+  const auto named = named_faces(base.model, variant.model);
+  ColourRefinement by_name = colours;
+  for (const auto& [b, v] : named) by_name.individualise(b, v);
+  std::optional<TopologyMatch> match;
+  if (!named.empty() && by_name.refine()) match = decide(base, variant, by_name, "names");
+  if (match && match->cost.deformation < 1) return match;
+  auto other = decide(base, variant, colours, how);
+  if (other) {
+    const auto renamed = std::ranges::count_if(
+        named, [&](const auto& pair) { return other->faces[pair.first] != pair.second; });
+    other->cost.names = kNameBits * std::log2(1 + static_cast<double>(renamed));
+  }
+  return cheaper(std::move(match), std::move(other));
 }
 
 bool are_solid(const CadModel& model) {
   return std::ranges::all_of(model.faces(), [](const CadFace& face) { return face.solid >= 0; });
 }
 
-struct RatedMatch {
-  TopologyMatch match;
-  double roughness;  ///< see there
-};
-
 // Oriented first; shells that are no solids may be turned over. One exporter writes solids, another
 // their shells alone: solids count where both models have as many.
-std::optional<RatedMatch> match_skeletons(const CadModel& base, const CadModel& variant,
-                                          const MatchOptions& options) {
+std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadModel& variant,
+                                             const MatchOptions& options) {
   const bool has_solids = base.solid_count() == variant.solid_count();
   for (const bool is_oriented : {true, false}) {
     const GraphOptions graph{.is_oriented = is_oriented, .has_solids = has_solids};
@@ -142,36 +139,26 @@ std::optional<RatedMatch> match_skeletons(const CadModel& base, const CadModel& 
       return std::nullopt;
     if (auto match = best_match(b, v, options)) {
       match->is_oriented = is_oriented && are_solid(base) && are_solid(variant);
-      const double rough = roughness(b, v, *match);
-      return RatedMatch{std::move(*match), rough};
+      return match;
     }
   }
   return std::nullopt;
 }
 
-bool stays(const TopologyMatch& match) {
-  const Similarity& t = match.alignment;
-  return match.is_congruent && t.scale == 1 && t.rotation.isIdentity(0) && t.translation.isZero(0);
-}
-
 // Joints of smooth curves are corners while that makes sense. One exporter cuts a circle at its
 // seam, another at the old seam and at its own: then joints can't be matched, or move where nothing
-// else does. What is the same shape does not move.
+// else does.
 std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& variant,
                                         const MatchOptions& options) {
   auto cut = match_skeletons(base, variant, options);
   const CadModel joined_base = base.with_joined_edges();
-  if (cut && (stays(cut->match) ||
-              joined_base.skeleton().corners.size() == base.skeleton().corners.size()))
-    return std::move(cut->match);
+  if (cut && joined_base.skeleton().corners.size() == base.skeleton().corners.size()) return cut;
   auto joined = match_skeletons(joined_base, variant.with_joined_edges(), options);
   if (joined) {
-    joined->match.joins_edges = true;
-    if (!cut || stays(joined->match) || cut->roughness > kRougher * joined->roughness + kSmooth)
-      return std::move(joined->match);
+    joined->joins_edges = true;
+    joined->cost.joints = kJointBits;
   }
-  if (cut) return std::move(cut->match);
-  return std::nullopt;
+  return cheaper(std::move(cut), std::move(joined));
 }
 
 }  // namespace

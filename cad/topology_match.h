@@ -19,6 +19,27 @@ struct Similarity {
   }
 };
 
+/// What speaks against a match, in bits: what makes a term twice as large costs as much as what
+/// makes another one so. See match_cost.
+struct MatchCost {
+  double deformation = 0;  ///< distance of the entities after the best similarity
+  double neighbours = 0;   ///< distance of each from where its neighbours' motion puts it
+  double parameters = 0;   ///< places of edges in their faces' parameters that are others
+  double turn = 0;         ///< distance by which the part turns
+  double order = 0;        ///< departure from the order of the files, where that tells something
+  double names = 0;        ///< names that went to other faces
+  double joints = 0;       ///< corners of smooth curves that count for nothing
+  double sum() const {
+    return deformation + neighbours + parameters + turn + order + names + joints;
+  }
+};
+
+/// A match that was considered: what led to it, and its cost.
+struct ConsideredMatch {
+  std::string how;
+  MatchCost cost;
+};
+
 /// The variant's counterpart of every base entity. Curves and corners are those of
 /// CadModel::skeleton.
 struct TopologyMatch {
@@ -33,6 +54,8 @@ struct TopologyMatch {
   bool is_congruent = false;  ///< the alignment carries one shape exactly onto the other
   bool joins_edges = false;   ///< edges were cut differently: CadModel::with_joined_edges
   std::string how;  ///< what decided: topology ("structure"), file order, position, a map file
+  MatchCost cost;
+  std::optional<ConsideredMatch> runner_up;  ///< the one of least cost among those not taken
 };
 
 struct MatchOptions {
