@@ -14,6 +14,7 @@ namespace {
 struct MatchCommand {
   std::filesystem::path base, variant;
   std::string face_map, json;
+  bool is_explained = false;
 };
 
 ExitCode run_match(const MatchCommand& command) {
@@ -21,8 +22,9 @@ ExitCode run_match(const MatchCommand& command) {
   if (!command.face_map.empty()) options.given_faces = read_face_map(command.face_map);
   const MatchedModels cad =
       match_models(read_step(command.base), read_step(command.variant), options);
-  hand_over(command.json, false, match_text(cad.base, cad.variant, cad.match),
-            match_json(cad.base, cad.variant, cad.match));
+  std::string text = match_text(cad.base, cad.variant, cad.match);
+  if (command.is_explained) text += cost_text(cad.match);
+  hand_over(command.json, false, text, match_json(cad.base, cad.variant, cad.match));
   return ExitCode::Done;
 }
 
@@ -37,6 +39,8 @@ void add_match_command(CLI::App& app, Action& action) {
   parser->add_option("BASE", command->base, "STEP file")->required();
   parser->add_option("VARIANT", command->variant, "STEP file")->required();
   add_face_map_option(*parser, command->face_map);
+  parser->add_flag("--explain", command->is_explained,
+                   "print what speaks against this match, and against the next best");
   add_json_option(*parser, command->json);
   parser->callback([&action, command] {
     action.json = command->json;

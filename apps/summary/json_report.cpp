@@ -286,12 +286,26 @@ std::string quality_json(const std::filesystem::path& mesh, Index nodes,
   return json_text(json);
 }
 
+namespace {
+
+Json cost_json(const MatchCost& cost) {
+  Json json;
+  for (const auto& [name, bits] : cost_terms(cost)) json[name] = json_number(bits);
+  json["sum"] = json_number(cost.sum());
+  return json;
+}
+
+}  // namespace
+
 std::string match_json(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   Json json = json_header(0);
   json["base"] = base.file_name();
   json["variant"] = variant.file_name();
   json["how"] = match.how;
   json["scale"] = json_number(match.alignment.scale);
+  json["cost"] = cost_json(match.cost);
+  if (match.runner_up)
+    json["runner_up"] = {{"how", match.runner_up->how}, {"cost", cost_json(match.runner_up->cost)}};
   json["merged_faces"] = {{"base", base.merged_face_count()},
                           {"variant", variant.merged_face_count()}};
   Json faces = Json::array();

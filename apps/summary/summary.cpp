@@ -462,4 +462,28 @@ std::string match_text(const CadModel& base, const CadModel& variant, const Topo
   return text + edge_table(base, variant, match);
 }
 
+std::vector<std::pair<std::string, double>> cost_terms(const MatchCost& cost) {
+  return {{"deformation", cost.deformation},
+          {"neighbours", cost.neighbours},
+          {"parameters", cost.parameters},
+          {"turn", cost.turn},
+          {"order", cost.order},
+          {"names", cost.names},
+          {"joints", cost.joints}};
+}
+
+std::string cost_text(const TopologyMatch& match) {
+  std::vector<Row> rows = {{"cost in bits", "taken"}};
+  for (const auto& [name, bits] : cost_terms(match.cost))
+    rows.push_back({name, format("%.1f", bits)});
+  rows.push_back({"sum", format("%.1f", match.cost.sum())});
+  if (!match.runner_up) return "\n" + align(rows) + "No other match was found or looked for.\n";
+  const MatchCost& other = match.runner_up->cost;
+  rows.front().push_back("runner-up: " + match.runner_up->how);
+  std::size_t row = 1;
+  for (const auto& [name, bits] : cost_terms(other)) rows[row++].push_back(format("%.1f", bits));
+  rows[row].push_back(format("%.1f", other.sum()));
+  return "\n" + align(rows);
+}
+
 }  // namespace cadmorph

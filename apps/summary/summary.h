@@ -41,6 +41,12 @@ std::string quality_text(const std::filesystem::path& file, const Mesh& mesh,
 /// The table of `cadmorph match`.
 std::string match_text(const CadModel& base, const CadModel& variant, const TopologyMatch& match);
 
+/// The terms of a match's cost by their names, in bits.
+std::vector<std::pair<std::string, double>> cost_terms(const MatchCost& cost);
+
+/// The table of `cadmorph match --explain`: what the match cost, and the runner-up.
+std::string cost_text(const TopologyMatch& match);
+
 /// Names as in messages and options.
 std::string to_string(const Kernel& kernel);
 std::string to_string(SolverKind solver);

@@ -447,6 +447,21 @@ TEST_CASE("quality and match print tables and JSON", "[apps][main]") {
   CHECK(line_count(place.run("match box.step box_moved.step").out) >= 6 + 12 + 8 + 3 + 4);
 }
 
+TEST_CASE("match explains what speaks against it", "[apps][main]") {
+  const Workplace place;
+  const RunResult plain = place.run("match box.step box_moved.step");
+  const RunResult explained = place.run("match box.step box_moved.step --explain");
+  REQUIRE(explained.exit_code == 0);
+  CHECK_THAT(plain.out, !Catch::Matchers::Contains("cost in bits"));
+  for (const char* term : {"deformation", "neighbours", "parameters", "turn", "order", "sum"})
+    CHECK_THAT(explained.out.substr(plain.out.size()), Catch::Matchers::Contains(term));
+  const Json cost = Json::parse(place.run("match box.step box_moved.step --json -").out)["cost"];
+  double sum = 0;
+  for (const auto& [term, bits] : cost.items())
+    if (term != "sum") sum += bits.get<double>();
+  CHECK(cost["sum"].get<double>() == Approx(sum));
+}
+
 TEST_CASE("quality ends with 5 on an inverted or a poor element", "[apps][main]") {
   const Workplace place;
   Mesh mesh = box_mesh(2);
