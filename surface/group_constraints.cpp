@@ -28,11 +28,15 @@ std::vector<Index> nodes_of(const Mesh& mesh, const std::string& name) {
   return nodes;
 }
 
+void check_name(const Mesh& mesh, const std::string& name) {
+  if (std::ranges::find(mesh.groups, name, &NodeGroup::name) == mesh.groups.end())
+    throw InvalidInputError("no group of the mesh is named '" + name + "'; " + list_groups(mesh));
+}
+
 void mark(const Mesh& mesh, const std::vector<std::string>& names, GroupConstraint constraint,
           std::vector<GroupConstraint>& of_node) {
   for (const std::string& name : names) {
-    if (std::ranges::find(mesh.groups, name, &NodeGroup::name) == mesh.groups.end())
-      throw InvalidInputError("no group of the mesh is named '" + name + "'; " + list_groups(mesh));
+    check_name(mesh, name);
     for (const Index node : nodes_of(mesh, name))
       of_node[static_cast<std::size_t>(node)] = constraint;
   }
@@ -131,6 +135,17 @@ std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& 
   return result;
 }
 
+std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary,
+                               const std::string& name) {
+  check_name(mesh, name);
+  std::vector<int> rows;
+  for (const Index node : nodes_of(mesh, name))
+    if (std::ranges::binary_search(boundary.nodes, node)) rows.push_back(row_of(boundary, node));
+  std::ranges::sort(rows);
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  return rows;
+}
+
 void apply_constraints(const std::vector<GroupConstraint>& constraints, const Boundary& boundary,
                        Association& association) {
   for (std::size_t row = 0; row < constraints.size(); ++row) {
@@ -191,10 +206,9 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
   for (const std::string& name : names) {
     RigidGroup group;
     Neighbour nearest{0, std::numeric_limits<double>::infinity()};
-    for (const Index node : nodes_of(mesh, name)) {
-      if (!std::ranges::binary_search(boundary.nodes, node)) continue;
-      group.nodes.push_back(row_of(boundary, node));
-      const Vector3d x = surface.points.row(group.nodes.back());
+    group.nodes = rows_of_group(mesh, boundary, name);
+    for (const int row : group.nodes) {
+      const Vector3d x = surface.points.row(row);
       const Neighbour near = tree.nearest(x.data(), 1).front();
       if (near.squared_distance < nearest.squared_distance) nearest = near;
     }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/boundary.h"
@@ -17,9 +18,12 @@ struct GroupConstraints {
   std::vector<std::string> rigid;      ///< all nodes move as one piece with the nearest part
   std::vector<std::string> sliding;    ///< nodes on no CAD face slide along their own surface
   std::vector<std::string> following;  ///< nodes on no CAD face follow the volume
+  /// Two sides that are a period apart: the second moves as the first does, turned with it.
+  std::vector<std::pair<std::string, std::string>> periodic;
 
   bool is_empty() const {
-    return held.empty() && rigid.empty() && sliding.empty() && following.empty();
+    return held.empty() && rigid.empty() && sliding.empty() && following.empty() &&
+           periodic.empty();
   }
 };
 
@@ -30,6 +34,10 @@ enum class GroupConstraint : std::int8_t { None, Hold, Rigid, Slide, Follow };
 /// no group has (it lists those there are), and for one that is to do two things.
 std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints);
+
+/// The boundary nodes (rows, ascending) of the groups of this name. Throws InvalidInputError for a
+/// name that no group has (it lists those there are).
+std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary, const std::string& name);
 
 /// Takes held and rigid nodes from the CAD, and marks following ones that are on no CAD face as
 /// free. Again applied, it changes nothing.

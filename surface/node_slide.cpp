@@ -120,7 +120,8 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
   for (std::size_t row = 0; row < is_bound.size(); ++row) {
     const CadDimension dimension = association.dimension[row];
     if ((dimension != CadDimension::Face && dimension != CadDimension::Edge) ||
-        association.is_free[row] || is_bound[row])
+        association.is_free[row] || is_bound[row] ||
+        std::ranges::binary_search(moved.periodic, static_cast<int>(row)))
       continue;
     Slider slider{dimension == CadDimension::Face, moved.entity[row], moved.uv.row(row), {}, {}};
     if (!set_up(variant, unit * moved.positions.row(row).transpose(), slider)) continue;

@@ -22,6 +22,7 @@
 #include "surface/joint_motion.h"
 #include "surface/joints.h"
 #include "surface/node_feet.h"
+#include "surface/periodic_sides.h"
 #include "surface/surface_mesh.h"
 
 namespace cadmorph {
@@ -136,7 +137,8 @@ struct SurfaceMorph::Impl {
   std::vector<GroupConstraint> constraints;  // of the nodes, by their groups
   std::vector<FreePatch> patches;
   std::vector<RigidGroup> rigid;
-  std::string crack;  // what to tell of one inside of the mesh
+  std::vector<PeriodicSides> periodic;  // those that have names
+  std::string crack;                    // what to tell of one inside of the mesh
   std::vector<FaceNodes> faces;
   Joints joints;
   Points feet;     // of all nodes on the base CAD, millimetres
@@ -161,6 +163,9 @@ struct SurfaceMorph::Impl {
   void place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
                     Placement& placed) const;
   void settle_images(const std::vector<ImagePair>& images, Points& moved) const;
+  std::vector<ImagePair> named_pairs(const Points& moved) const;
+  void settle_named(const std::vector<ImagePair>& pairs, Points& moved) const;
+  void follow_named(Points& moved) const;
   void settle_junctions(const CadModel& variant, Placement& placed) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
@@ -357,20 +362,27 @@ std::vector<ImagePair> SurfaceMorph::Impl::image_faces(const ModelPair& pair,
   return find_image_pairs(surface, moved, sheets, tolerance);
 }
 
-// They move alike, whatever their parameters say.
+// They move alike, whatever the parameters of the CAD say of the second: within its own edge or
+// face.
 void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
                                       Placement& placed) const {
   const Points moved = surface.points + (placed.feet - feet);
   for (const ImagePair& found : images) {
-    const int variant = pair.match.faces[static_cast<int>(found.image)];
     for (std::size_t i = 0; i < found.inner; ++i) {
-      const int to = found.to[i];
+      const int to = found.to[i], entity = placed.entity[to];
       const Vector3d motion = found.place(surface, moved, i) - moved.row(to).transpose();
-      if (motion.norm() <= kRounding * tolerance) continue;
-      const FaceFoot foot = project_on_face(
-          pair.variant, variant, placed.feet.row(to).transpose() + motion, placed.uv.row(to));
-      placed.feet.row(to) = foot.point;
-      placed.uv.row(to) = foot.uv;
+      if (motion.norm() <= kRounding * tolerance || entity < 0 || to == found.from[i]) continue;
+      const Vector3d place = placed.feet.row(to).transpose() + motion;
+      const Vector2d uv = placed.uv.row(to);
+      if (association.dimension[to] == CadDimension::Face) {
+        const FaceFoot foot = project_on_face(pair.variant, entity, place, uv);
+        placed.feet.row(to) = foot.point;
+        placed.uv.row(to) = foot.uv;
+      } else {
+        const EdgeFoot foot = project_on_edge(pair.variant, entity, place, uv[0]);
+        placed.feet.row(to) = foot.point;
+        placed.uv.row(to) << foot.t, 0;
+      }
     }
   }
 }
@@ -482,6 +494,28 @@ void SurfaceMorph::Impl::settle_images(const std::vector<ImagePair>& images, Poi
           (place - moved.row(pair.to[i]).transpose()).norm() <= kSameMotion * tolerance)
         moved.row(pair.to[i]) = place;
     }
+}
+
+// The sides that are named as periodic, with the period they have at `moved`.
+std::vector<ImagePair> SurfaceMorph::Impl::named_pairs(const Points& moved) const {
+  std::vector<ImagePair> pairs;
+  for (const PeriodicSides& sides : periodic)
+    pairs.push_back(with_period_at(sides, surface, association, moved));
+  return pairs;
+}
+
+void SurfaceMorph::Impl::settle_named(const std::vector<ImagePair>& pairs, Points& moved) const {
+  for (std::size_t i = 0; i < pairs.size(); ++i)
+    place_second_side(periodic[i], pairs[i], surface, moved);
+}
+
+// Nodes on no CAD face alone.
+void SurfaceMorph::Impl::follow_named(Points& moved) const {
+  const std::vector<ImagePair> pairs = named_pairs(moved);
+  for (std::size_t k = 0; k < pairs.size(); ++k)
+    for (std::size_t i = 0; i < pairs[k].to.size(); ++i)
+      if (!periodic[k].is_given[i] && pairs[k].to[i] != pairs[k].from[i])
+        moved.row(pairs[k].to[i]) = pairs[k].place(surface, moved, i);
 }
 
 // Nodes on the CAD and on a patch that slides stay on both: on a symmetry plane that cuts a face,
@@ -601,6 +635,13 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                         mark_patches(mesh, boundary, impl_->options.groups, impl_->constraints));
   impl_->rigid = find_rigid_groups(mesh, boundary, impl_->surface, impl_->association,
                                    impl_->options.groups.rigid);
+  const auto is_held = [](GroupConstraint wanted) {
+    return wanted == GroupConstraint::Hold || wanted == GroupConstraint::Rigid;
+  };
+  std::vector<char> held(impl_->constraints.size());
+  std::ranges::transform(impl_->constraints, held.begin(), is_held);
+  impl_->periodic = find_periodic_sides(mesh, boundary, impl_->surface, impl_->association, held,
+                                        impl_->options.groups.periodic);
   impl_->find_forms();
   impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
   impl_->check_policy();
@@ -635,6 +676,8 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   self.move_faces(pair, maps, placed, result);
   const auto images = self.image_faces(pair, self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, images, placed);
+  const auto named = self.named_pairs(self.surface.points + (placed.feet - self.feet));
+  self.place_images(pair, named, placed);
   self.settle_junctions(joined, placed);
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
@@ -646,9 +689,15 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);
   auto slid = self.slide(moved);
+  const Points before = moved;
+  self.settle_named(named, moved);
+  result.periodic = nodes_of(named);
+  for (std::size_t i = 0; i < named.size(); ++i)
+    result.notes.push_back(describe(self.periodic[i], named[i]));
   if (std::string text = self.describe_patches(moved); !text.empty())
     result.warnings.push_back(std::move(text));
   slid.insert(slid.end(), images.begin(), images.end());
+  slid.insert(slid.end(), named.begin(), named.end());
   result.paired = nodes_of(slid);
   result.positions = moved / self.association.mesh_unit_mm;
   keep_still(self.start, result.positions);
@@ -658,7 +707,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   result.distance = result.beyond_wires;
   for (Index n = 0; n < moved.rows(); ++n)
     if (self.association.dimension[n] != CadDimension::None)
-      result.distance[n] += placed.offsets.row(n).norm();
+      result.distance[n] += placed.offsets.row(n).norm() + (moved.row(n) - before.row(n)).norm();
   return result;
 }
 
@@ -668,6 +717,7 @@ Points SurfaceMorph::slide(const Points& positions) const {
   for (const FreePatch& patch : self.sliding_patches())
     moved(patch.inner, Eigen::all) = self.surface.points(patch.inner, Eigen::all);
   self.slide(moved);
+  self.follow_named(moved);
   Points result = positions;
   for (const FreePatch& patch : self.sliding_patches())
     for (const auto* nodes : {&patch.inner, &patch.border})

@@ -42,10 +42,12 @@ struct SurfaceMorphResult {
   Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
   Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
   PartedJoints parted;
-  std::vector<int> paired;            ///< nodes on faces that are images of each other, ascending
+  std::vector<int> paired;    ///< nodes on sides that are images of each other, ascending
+  std::vector<int> periodic;  ///< those of them on sides named as periodic: no repair moves them
   std::vector<std::string> folds;     ///< faces with folded facets: a line each
   std::vector<Index> folded_facets;   ///< of the boundary, by face
   std::vector<std::string> warnings;  ///< other remarks: a line each
+  std::vector<std::string> notes;     ///< remarks that ask for nothing: a line each
   /// What faces took that would fold else, and the faces; nothing to do about.
   std::map<std::string, std::vector<std::string>> remedies;
 };

@@ -30,6 +30,14 @@ int parse_steps(const std::string& text) {
   return steps;
 }
 
+std::pair<std::string, std::string> parse_pair(const std::string& text) {
+  const auto comma = text.find(',');
+  if (comma == std::string::npos || comma == 0 || comma + 1 == text.size() ||
+      text.find(',', comma + 1) != std::string::npos)
+    throw UsageError("--periodic " + text + ": give the names of two groups with a comma between");
+  return {text.substr(0, comma), text.substr(comma + 1)};
+}
+
 Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
   const bool has_shape = name == KernelName::Gaussian || name == KernelName::Multiquadric ||
                          name == KernelName::InverseMultiquadric ||
@@ -184,6 +192,17 @@ void add_mesh_options(CLI::App& app, MorphOptions& raw) {
                    "named part on no CAD face that slides along its own surface; may be repeated");
   add_group_option("--follow", surface.groups.following,
                    "named part on no CAD face that follows the volume; may be repeated");
+  app.add_option_function<std::vector<std::string>>(
+         "--periodic",
+         [&surface](const std::vector<std::string>& pairs) {
+           for (const std::string& pair : pairs)
+             surface.groups.periodic.push_back(parse_pair(pair));
+         },
+         "two named sides a period apart, by a translation or a rotation: B moves as A does; may "
+         "be repeated")
+      ->type_name("A,B")
+      ->allow_extra_args(false)
+      ->group(group);
   app.add_option("--mesh-unit", raw.mesh_unit, "length unit of the mesh (default: detected)")
       ->type_name("mm|cm|m|inch|foot|NUMBER")
       ->group(group);

@@ -126,7 +126,8 @@ PipelineOptions inner_options(const MorphOptions& options) {
   result.surface.groups = {.held = options.hold,
                            .rigid = options.rigid,
                            .sliding = options.slide,
-                           .following = options.follow};
+                           .following = options.follow,
+                           .periodic = options.periodic};
   result.volume.method = inner(options.method);
   result.volume.rbf.solver = inner(options.solver);
   result.volume.rbf.tolerance = options.solver_tolerance;

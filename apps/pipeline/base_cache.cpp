@@ -89,6 +89,7 @@ std::string names_of(const GroupConstraints& groups) {
     for (const std::string& name : *names) all += name + "\n";
     all += "\n";
   }
+  for (const auto& [first, second] : groups.periodic) all += first + "\n" + second + "\n";
   return all;
 }
 
@@ -103,7 +104,8 @@ Key key_of(const BaseSide& side) {
           {"set of libraries", loaded_libraries()},
           {"base CAD", file_hash(side.cad->file_name()) + contents_of(*side.cad)},
           {"mesh", hash_of_file(side.mesh_file->path()) + contents_of(side.mesh())},
-          {"held, rigid, sliding and following groups", names_of(side.options.surface.groups)},
+          {"held, rigid, sliding, following and periodic groups",
+           names_of(side.options.surface.groups)},
           {"mesh unit", exact(association.mesh_unit_mm)},
           {"association tolerance", exact(association.tolerance)},
           {"method", to_string(volume.method)},

@@ -53,6 +53,8 @@ void move_surface(MorphResult& result) {
   result.surface_positions = result.base->prescribed(result.surface.positions);
   result.report.warnings.insert(result.report.warnings.end(), result.surface.warnings.begin(),
                                 result.surface.warnings.end());
+  result.report.notes.insert(result.report.notes.end(), result.surface.notes.begin(),
+                             result.surface.notes.end());
   for (const auto& [what, faces] : result.surface.remedies) {
     std::string note = what + ": ";
     for (const std::string& face : faces) note += (face == faces.front() ? "" : "; ") + face;

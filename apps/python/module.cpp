@@ -429,6 +429,7 @@ std::unique_ptr<Morpher> make_morpher(
     std::optional<double> mesh_unit_mm, double association_tolerance, bool snap,
     const std::string& unmatched, std::vector<std::string> hold, std::vector<std::string> rigid,
     std::vector<std::string> slide, std::vector<std::string> follow,
+    std::vector<std::pair<std::string, std::string>> periodic,
     std::vector<std::pair<int, int>> face_map, const std::string& method, const std::string& solver,
     double solver_tolerance, double memory_limit_bytes, int steps, int max_steps,
     const std::string& untangle, const std::string& quality, const std::string& solver_family,
@@ -441,6 +442,7 @@ std::unique_ptr<Morpher> make_morpher(
                              .rigid = std::move(rigid),
                              .slide = std::move(slide),
                              .follow = std::move(follow),
+                             .periodic = std::move(periodic),
                              .face_map = std::move(face_map),
                              .method = method_of(method),
                              .solver = solver_of(solver),
@@ -486,8 +488,8 @@ void add_morpher(py::module_& module) {
           "mesh_unit_mm"_a = py::none(), "association_tolerance"_a = defaults.association_tolerance,
           "snap"_a = false, "unmatched"_a = "auto", "hold"_a = defaults.hold,
           "rigid"_a = defaults.rigid, "slide"_a = defaults.slide, "follow"_a = defaults.follow,
-          "face_map"_a = defaults.face_map, "method"_a = "rbf", "solver"_a = "auto",
-          "solver_tolerance"_a = defaults.solver_tolerance,
+          "periodic"_a = defaults.periodic, "face_map"_a = defaults.face_map, "method"_a = "rbf",
+          "solver"_a = "auto", "solver_tolerance"_a = defaults.solver_tolerance,
           "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
           "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "quality"_a = "best",
           "solver_family"_a = "auto", "improve_below"_a = py::none(),
@@ -501,6 +503,8 @@ snap: puts nodes exactly on the CAD instead of keeping their offset.
 unmatched: what surface on no CAD face does: 'auto', 'error', 'fix', 'slide'.
 hold, rigid, slide, follow: names of parts of the mesh that stay, move as one piece with the
     nearest part of the CAD, slide along their own surface, follow the volume.
+periodic: pairs of names of sides a period apart, by a translation or a rotation: the second moves
+    as the first does, turned with it.
 face_map: pairs of base and variant face numbers, from 1 as 'cadmorph match' prints them.
 method: 'rbf', 'femwarp', 'lbwarp', 'simplex-linear'.
 solver: 'auto', 'adaptive', 'lu', 'ldlt', 'cholesky', 'iqr', 'fast'.

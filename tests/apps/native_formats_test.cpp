@@ -159,4 +159,47 @@ TEST_CASE("Named parts are held, and unknown names refused", "[apps][formats]") 
   CHECK_THAT(twice.err, Catch::Contains("floor") && Catch::Contains("two things"));
 }
 
+TEST_CASE("Periodic sides are named in every command that morphs", "[apps][formats]") {
+  const Su2Workplace place;
+  const std::string job = "box.step box_moved.step box.su2 ";
+  const RunResult result =
+      place.run(job + "--periodic floor,lid -o periodic.su2 --json report.json");
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  const Json report = Json::parse(place.read("report.json"));
+  REQUIRE(report["notes"].size() == 1);
+  CHECK_THAT(report["notes"][0].get<std::string>(),
+             Catch::Contains("floor, lid") && Catch::Contains("shifted by (0 0 30) mm"));
+  const Points before = box_mesh(3).points, moved = place.points("periodic.su2") - before;
+  Index pairs = 0;
+  for (Index i = 0; i < before.rows(); ++i)
+    for (Index k = 0; k < before.rows(); ++k)
+      if (before(i, 2) == 0 && before(k, 2) == 30 &&
+          before.row(i).head<2>() == before.row(k).head<2>()) {
+        ++pairs;
+        CHECK((moved.row(k) - moved.row(i)).norm() <= 1e-12 * 30);
+      }
+  CHECK(pairs == report["groups"][1]["nodes"].get<Index>());
+  CHECK(place.run("field " + job + "--periodic floor,lid -o f.cmf").exit_code == 0);
+  CHECK(place.run("batch box.step box.su2 box_moved.step --periodic floor,lid -o out").exit_code ==
+        0);
+  CHECK(place.points("out/box_moved.su2") == before + moved);
+
+  const RunResult unknown = place.run(job + "--periodic floor,ceiling");
+  CHECK(unknown.exit_code == 2);
+  CHECK_THAT(unknown.err, Catch::Contains("ceiling") && Catch::Contains("inlet, floor, lid"));
+  for (const std::string& command : {job, "field " + job + "-o no.cmf ",
+                                     std::string("batch box.step box.su2 box_moved.step -o no ")}) {
+    const RunResult others = place.run(command + "--periodic floor,inlet");
+    CHECK(others.exit_code == 2);
+    CHECK_THAT(others.err,
+               Catch::Contains("'floor' and 'inlet'") && Catch::Contains("no periodic sides"));
+  }
+  for (const char* pair : {"floor", "floor,", "floor,lid,inlet"}) {
+    const RunResult bad = place.run(job + "--periodic " + pair);
+    CHECK(bad.exit_code == 1);
+    CHECK_THAT(bad.err, Catch::Contains("with a comma between"));
+  }
+}
+
 }  // namespace cadmorph

@@ -173,7 +173,41 @@ TEST_CASE("What does not belong together is refused by its kind", "[library]") {
   CHECK_THROWS_AS(box_morpher({.improve_below = 2}), InvalidInputError);
   CHECK_THROWS_AS(box_morpher({.min_scaled_jacobian = -2}), InvalidInputError);
   CHECK_THROWS_AS(box_morpher({.hold = {"nothing"}}), InvalidInputError);
+  CHECK_THROWS_AS(box_morpher({.periodic = {{"nothing", "floor"}}}), InvalidInputError);
   CHECK_THROWS_AS(set_thread_count(-1), InvalidInputError);
+}
+
+TEST_CASE("Periodic sides are named by pairs", "[library]") {
+  // The box of 40 x 30 x 20 in hexahedra of 10, its ends in x named.
+  constexpr std::uint8_t kHexahedron = 12;
+  MeshArrays arrays;
+  arrays.offsets = {0};
+  arrays.groups = {{"low", {}}, {"high", {}}};
+  arrays.points.resize(5 * 4 * 3, 3);
+  const auto node = [](Index i, Index j, Index k) { return (i * 4 + j) * 3 + k; };
+  for (Index i = 0; i < 5; ++i)
+    for (Index j = 0; j < 4; ++j)
+      for (Index k = 0; k < 3; ++k) {
+        arrays.points.row(node(i, j, k)) << 10.0 * double(i), 10.0 * double(j), 10.0 * double(k);
+        if (i == 0) arrays.groups[0].nodes.push_back(node(i, j, k));
+        if (i == 4) arrays.groups[1].nodes.push_back(node(i, j, k));
+        if (i == 4 || j == 3 || k == 2) continue;
+        for (const Index up : {0, 1})
+          for (const Index corner : {node(i, j, k + up), node(i + 1, j, k + up),
+                                     node(i + 1, j + 1, k + up), node(i, j + 1, k + up)})
+            arrays.connectivity.push_back(corner);
+        arrays.types.push_back(kHexahedron);
+        arrays.offsets.push_back(static_cast<Index>(arrays.connectivity.size()));
+      }
+  const Morpher morpher(cad("shapes/box"), Mesh(arrays), {.periodic = {{"high", "low"}}});
+  const MorphResult result = morpher.morph(cad("shapes/box_variant"));
+  REQUIRE(result.report().notes.size() == 1);
+  CHECK_THAT(result.report().notes.front(), Contains("periodic sides high, low: 12 nodes shifted"));
+  for (std::size_t i = 0; i < 12; ++i) {
+    const Eigen::RowVector3d low = result.positions().row(arrays.groups[0].nodes[i]),
+                             high = result.positions().row(arrays.groups[1].nodes[i]);
+    CHECK((high - low - Eigen::RowVector3d(46, 0, 0)).norm() <= 1e-12 * 60);
+  }
 }
 
 TEST_CASE("A result outlives its morpher", "[library]") {

@@ -161,6 +161,7 @@ class BadMorphs(unittest.TestCase):
             "steps": {"steps": -1},
             "improve_below": {"improve_below": 2.0},
             "nothing": {"hold": ["nothing"]},
+            "'nowhere'": {"periodic": [("nowhere", "nothing")]},
             "progress: expected a function": {"progress": 3},
         }
         for words, options in cases.items():

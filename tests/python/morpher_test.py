@@ -33,6 +33,24 @@ class Morphs(unittest.TestCase):
                 self.assertTrue(filecmp.cmp(written, wanted, shallow=False))
                 self.assertTrue(np.array_equal(cadmorph.Mesh.read(wanted).points, result.positions))
 
+    def test_periodic_sides_have_names(self):
+        x, y, z = np.mgrid[0:5, 0:4, 0:3]
+        number = np.arange(x.size).reshape(x.shape)
+        corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+        cells = np.stack([number[i:4 + i, j:3 + j, k:2 + k] for i, j, k in corners], axis=-1)
+        points = 10.0 * np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+        groups = {"low": number[0].ravel(), "high": number[-1].ravel(), "floor": number[:, :, 0].ravel()}
+        mesh = cadmorph.Mesh(points, [("hexahedron", cells.reshape(-1, 8))], groups=groups)
+        base, variant = models.cad("shapes/box"), models.box_of(46, 27, 24)
+        result = cadmorph.Morpher(base, mesh, periodic=[("low", "high")]).morph(variant)
+        self.assertEqual(result.report.notes,
+                         ["periodic sides low, high: 12 nodes shifted by (40 0 0) mm, in the variant "
+                          "shifted by (46 0 0) mm"])
+        moved = result.positions - points
+        self.assertLessEqual(np.abs(moved[groups["high"]] - moved[groups["low"]] - [6, 0, 0]).max(), 1e-12 * 60)
+        with self.assertRaisesRegex(cadmorph.InvalidInputError, "'low' and 'floor' are no periodic sides"):
+            cadmorph.Morpher(base, mesh, periodic=[("low", "floor")])
+
     def test_positions_are_a_view_that_keeps_the_result(self):
         result = models.box_morpher().morph(models.cad("shapes/box_variant"))
         positions = result.positions

@@ -318,6 +318,7 @@ class Morpher:
         rigid: Sequence[str] = (),
         slide: Sequence[str] = (),
         follow: Sequence[str] = (),
+        periodic: Sequence[tuple[str, str]] = (),
         face_map: Sequence[tuple[int, int]] = (),
         method: str = "rbf",
         solver: str = "auto",

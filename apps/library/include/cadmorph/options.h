@@ -54,6 +54,9 @@ struct MorphOptions {
   std::vector<std::string> rigid = {};   ///< named parts that move with the nearest of the CAD
   std::vector<std::string> slide = {};   ///< those on no CAD face that slide along their surface
   std::vector<std::string> follow = {};  ///< named parts on no CAD face that follow the volume
+  /// Pairs of named sides a period apart, by a translation or a rotation: the second moves as the
+  /// first does, turned with it.
+  std::vector<std::pair<std::string, std::string>> periodic = {};
   /// Base and variant face numbers, from 1 as `cadmorph match` prints them.
   std::vector<std::pair<int, int>> face_map = {};
   Method method = Method::Rbf;
