@@ -329,7 +329,7 @@ void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match)
   match.cost = {.deformation = bits(distance, kRounding) + distance / kDesign,
                 .neighbours = bits(rough, kRough) + rough / kDesign,
                 .parameters = kParameterBits * bits(others, 1),
-                .turn = kTurnBits * bits(turned, kSmallTurn) * (1 - agreement),
+                .turn = others == 0 && is_exact ? 0 : kTurnBits * bits(turned, kSmallTurn),
                 .order = is_evidence && !keeps_order(match.faces) ? kOrder : 0};
 }
 

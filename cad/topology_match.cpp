@@ -145,9 +145,14 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
   return std::nullopt;
 }
 
+bool stays(const TopologyMatch& match) {
+  const Similarity& t = match.alignment;
+  return match.is_congruent && t.scale == 1 && t.rotation.isIdentity(0) && t.translation.isZero(0);
+}
+
 // Joints of smooth curves are corners while that makes sense. One exporter cuts a circle at its
 // seam, another at the old seam and at its own: then joints can't be matched, or move where nothing
-// else does.
+// else does. What is the same shape does not move, whatever its joints and parameters say.
 std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& variant,
                                         const MatchOptions& options) {
   auto cut = match_skeletons(base, variant, options);
@@ -157,6 +162,7 @@ std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& va
   if (joined) {
     joined->joins_edges = true;
     joined->cost.joints = kJointBits;
+    if (stays(*joined) && !(cut && stays(*cut))) return joined;
   }
   return cheaper(std::move(cut), std::move(joined));
 }
