@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "cad/curve_table.h"
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
 
@@ -16,7 +15,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int kFaceGrid = 12;
-constexpr int kCurveSamples = 64;
+constexpr int kCurvePieces = 32;  // of an edge: a circle to 1e-12 of its length
 // Of the diagonal: above the tolerance of exchanged B-Reps (1e-7 of a part's size), far below a
 // design change.
 constexpr double kCoincident = 1e-6;
@@ -48,11 +47,24 @@ EntityFeature face_feature(const CadModel& model, int face) {
   return {centre / area, std::sqrt(area * cell)};
 }
 
+// By Gauss's rule of three points on pieces of each link, wherever the curve starts.
 EntityFeature curve_feature(const CadModel& model, int curve) {
-  const CurveTable table(model, curve);
+  const double outer = std::sqrt(0.6);
   Vector3d centre = Vector3d::Zero();
-  for (int i = 0; i < kCurveSamples; ++i) centre += table.point((i + 0.5) / kCurveSamples);
-  return {centre / kCurveSamples, table.length()};
+  double length = 0;
+  for (const CurveLink& link : model.skeleton().curves[curve].links) {
+    const CadEdge& edge = model.edges()[link.edge];
+    const double half = 0.5 * (edge.last - edge.first) / kCurvePieces;
+    for (int piece = 0; piece < kCurvePieces; ++piece)
+      for (const auto& [at, weight] : {std::pair{-outer, 5.0}, {0.0, 8.0}, {outer, 5.0}}) {
+        const CurvePoint p =
+            model.evaluate_edge(link.edge, edge.first + half * (2 * piece + 1 + at));
+        const double part = half * weight / 9 * p.dt.norm();
+        centre += part * p.point;
+        length += part;
+      }
+  }
+  return {centre / length, length};
 }
 
 bool spans_a_plane(const std::vector<Vector3d>& points) {

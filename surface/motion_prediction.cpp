@@ -94,13 +94,20 @@ MotionPrediction::MotionPrediction(const CadModel& base, const CadModel& variant
   if (marks.largest < kExact * variant.diagonal()) return;
   const std::size_t stride = (marks.from.size() + kMaxLandmarks - 1) / kMaxLandmarks;
   std::vector<Vector3d> from, value;
+  std::vector<int> count;
   for (std::size_t i = 0; i < marks.from.size(); i += stride) {
-    const bool is_new = std::none_of(from.begin(), from.end(), [&](const Vector3d& p) {
+    const Vector3d moved = marks.to[i] - alignment_(marks.from[i]);
+    const auto same = std::ranges::find_if(from, [&](const Vector3d& p) {
       return (p - marks.from[i]).norm() < kApart * base.diagonal();
     });
-    if (!is_new) continue;
+    if (same != from.end()) {  // two circles about one point: the mean, whichever comes first
+      const auto at = same - from.begin();
+      value[at] += (moved - value[at]) / ++count[at];
+      continue;
+    }
     from.push_back(marks.from[i]);
-    value.push_back(marks.to[i] - alignment_(marks.from[i]));
+    value.push_back(moved);
+    count.push_back(1);
   }
   add_anchors(kAnchorDistance * base.diagonal(), from, value);
   RowMatrix centres(static_cast<Index>(from.size()), 3), values(centres.rows(), 3);
