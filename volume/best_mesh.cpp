@@ -1,6 +1,7 @@
 #include "volume/best_mesh.h"
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -27,7 +28,8 @@ constexpr double kLost = 0.98;
 // the first, hexahedra of the families came out worse at three quarters of a change, where they
 // kept 0.6, than at the whole of it.
 constexpr double kKeptLittle = 0.75, kKeptEnough = 0.9;
-// Of the mesh's size: above what exchanged CAD differs by, below a change that costs quality.
+// Of the size of what moves, a body in a far field or the whole part: above what exchanged CAD
+// differs by, below a change that costs quality.
 constexpr double kAffine = 1e-4;
 // Worst cells whose nodes move: at most this share of all, while their neighbours are no more than
 // that share; in a first attempt where little was lost, which mostly does, than the last one.
@@ -197,14 +199,23 @@ class BestMesh {
     product.topRows<3>() += across;
     const Eigen::Matrix<double, 4, 3> map = square.ldlt().solve(product);
     const Points image = from * map;
-    const double size = (image.colwise().maxCoeff() - image.colwise().minCoeff()).norm();
-    if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size) return false;
+    if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size_of_moved())
+      return false;
     if (map.topRows(3).determinant() > 0) {
       const WorstCells left = worst_cells(measure(image));
       can_keep_.min = std::min(can_keep_.min, left.min);
       can_keep_.worst_twentieth = std::min(can_keep_.worst_twentieth, left.worst_twentieth);
     }
     return true;
+  }
+
+  // Of the box round the fixed nodes that are not where the reference has them.
+  double size_of_moved() const {
+    Eigen::AlignedBox3d box;
+    for (Index n = 0; n < mesh_.node_count(); ++n)
+      if (is_fixed_[n] && result_.positions.row(n) != reference_.points.row(n))
+        box.extend(Eigen::Vector3d(result_.positions.row(n)));
+    return box.isEmpty() ? 0 : box.diagonal().norm();
   }
 
   double work_left() const {

@@ -13,6 +13,7 @@
 #include "core/plane_mesh.h"
 #include "core/quality_checks.h"
 #include "volume/shape_energy.h"
+#include "volume/volume_morph.h"
 #include "volume_meshes.h"
 
 namespace cadmorph {
@@ -254,6 +255,26 @@ TEST_CASE("Where a morph is an affine map nothing is tried and nothing moves", "
     CHECK(result.positions == positions);
     CHECK(result.slides.rows() == 0);
   }
+}
+
+TEST_CASE("A small body in a large far field is no affine map of it", "[volume][best]") {
+  // Flattened by 0.3: less than 1e-4 of the far field's size.
+  const FarField field = far_field(6, 5000);
+  const Orientation orientation = detect_orientation(field.mesh);
+  const QualityReport before = measure_quality(field.mesh, field.mesh.points, orientation);
+  const Points positions = VolumeMorph(field.mesh, field.surface)
+                               .morph(targets(field, [](const Vector3d& x) -> Vector3d {
+                                 return {x[0], x[1], 0.7 * x[2]};
+                               }));
+  const QualityReport moved = measure_quality(field.mesh, positions, orientation);
+  REQUIRE(moved.min < 0.9 * before.min);
+  std::vector<char> is_fixed(field.mesh.node_count(), 0);
+  for (const Index node : field.surface) is_fixed[node] = 1;
+  const BestMeshResult result = find_best_mesh(field.mesh, {field.mesh.points, before},
+                                               {positions, moved}, is_fixed, orientation);
+  REQUIRE(!result.report.attempts.empty());
+  CHECK(result.report.best.min > 1.02 * result.report.plain.min);
+  CHECK(check_validity(field.mesh, result.positions, orientation).invalid == 0);
 }
 
 TEST_CASE("Inner nodes of cells that lost shape raise them", "[volume][best]") {
