@@ -133,8 +133,8 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve,
 }
 
 // Samples that nearly coincide, of edges far shorter than the face or on both sides of a slit,
-// would make the system singular to rounding. Those nearest to a node come first: the order of the
-// wires has no say.
+// would make the system singular to rounding. Those nearest to a node that is asked for come first;
+// of equals the first in the wires.
 void FaceDomain::thin_out(const Parameters& asked) {
   if (samples_.empty()) return;
   Parameters uv(static_cast<Index>(samples_.size()), 2);
