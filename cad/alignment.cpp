@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "cad/curve_table.h"
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
 
@@ -101,17 +102,36 @@ double landmarks(const CadModel& base, const CadModel& variant, const TopologyMa
   return kSampledOnLine;
 }
 
-// Whether t carries one shape onto the other as point sets.
-bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
-              const Similarity& t) {
+// Whether t carries the corners and curves of one shape onto those of the other. Faces alone can't
+// tell the two rims of a hole through a ring apart.
+bool curves_coincide(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+                     const Similarity& t) {
   const double tolerance = kCoincident * variant.diagonal();
-  if (std::abs(t.scale * base.diagonal() - variant.diagonal()) > 0.5 * variant.diagonal())
-    return false;
   for (std::size_t c = 0; c < match.corners.size(); ++c)
     if ((t(base.vertices()[base.skeleton().corners[c]].point) -
          variant.vertices()[variant.skeleton().corners[match.corners[c]]].point)
             .norm() > tolerance)
       return false;
+  for (std::size_t c = 0; c < match.curves.size(); ++c) {
+    const CurveTable image(variant, match.curves[c]);
+    for (const CurveLink& link : base.skeleton().curves[c].links) {
+      const CadEdge& edge = base.edges()[link.edge];
+      const Vector3d middle = base.evaluate_edge(link.edge, 0.5 * (edge.first + edge.last)).point;
+      const EdgeFoot foot = image.nearest(t(middle));
+      const double loose = edge.tolerance + variant.edges()[foot.edge].tolerance;
+      if (foot.distance > std::max(tolerance, loose)) return false;
+    }
+  }
+  return true;
+}
+
+// Whether t carries one shape onto the other as point sets.
+bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+              const Similarity& t) {
+  const double tolerance = kCoincident * variant.diagonal();
+  if (std::abs(t.scale * base.diagonal() - variant.diagonal()) > 0.5 * variant.diagonal() ||
+      !curves_coincide(base, variant, match, t))
+    return false;
   for (std::size_t f = 0; f < match.faces.size(); ++f)
     for (const Vector2d& at : sample_domain(base, static_cast<int>(f), 3))
       if (project_globally(variant, match.faces[f], t(base.evaluate(static_cast<int>(f), at).point))
@@ -272,7 +292,8 @@ void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) 
     match.alignment = fit_similarity(from, to);
     match.is_congruent = !from.empty() &&
                          residual(match.alignment, from, to) < kExactFit * variant.diagonal() &&
-                         (has_planes || coincide(base, variant, match, match.alignment));
+                         (has_planes ? curves_coincide(base, variant, match, match.alignment)
+                                     : coincide(base, variant, match, match.alignment));
     if (match.is_congruent) return undo_spin(base, variant, match);
   }
   from.clear();

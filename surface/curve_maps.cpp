@@ -18,6 +18,7 @@ using Eigen::Vector3d;
 constexpr double kEqualTurn = 2e-3, kLikeTurn = 0.1, kFollows = 0.1;  // of a turn's angle
 constexpr double kLeastTurn = 0.01;                                   // of a full turn
 constexpr double kSameEnd = 1e-6;                                     // of the diagonal
+constexpr double kSameMotion = 1e-6;                                  // of sums of squares
 constexpr double kAlike = 0.985, kUnlike = 0.866;                     // cosines of 10, 30 degrees
 
 class MovedSeams {
@@ -187,7 +188,8 @@ class MovedSeams {
 
   // Whether the parameters move the curves more than the least motion does, seen from where they
   // were, or from where the part went as a whole. The prediction that the least motion follows may
-  // itself be wrong, where little but the curves is there to predict from.
+  // itself be wrong, where little but the curves is there to predict from. A bore that grows in
+  // place moves as far as one that turns along with the holes around it: rounding does not decide.
   bool moves_needlessly(const std::vector<int>& linked) const {
     Vector2d in_place = Vector2d::Zero(), with_part = in_place;
     for (const int c : linked) {
@@ -195,7 +197,7 @@ class MovedSeams {
       with_part += maps_[c].moved_beyond(pair_.match.alignment);
     }
     const Vector2d moved = in_place.cwiseMin(with_part);
-    return moved[0] > moved[1];
+    return moved[0] > (1 + kSameMotion) * moved[1];
   }
 
   // How far the curves round about turned whose motion is certain, between corners or closed ones
