@@ -211,7 +211,7 @@ class PositionMatcher {
   std::optional<TopologyMatch> run() {
     const auto guesses = first_guesses(base_, variant_, hinted_ ? *hinted_ : plain_);
     auto in_place = decide(plain_, guesses.front());
-    if (in_place && distance_after(base_, variant_, *in_place, Similarity{}) < kRounding) {
+    if (in_place && is_unmoved(*in_place)) {
       selection_.offer(std::move(in_place));
       return selection_.best();
     }
@@ -233,6 +233,14 @@ class PositionMatcher {
     TopologyMatch match = to_match(base_, *decided);
     match.how = guess.how;
     return match;
+  }
+
+  // Centroids of faces are known roughly, the shapes tell.
+  bool is_unmoved(TopologyMatch match) const {
+    if (distance_after(base_, variant_, match, Similarity{}) < kRounding) return true;
+    align(base_.model, variant_.model, match);
+    return match.is_congruent && match.alignment.rotation.isIdentity(0) &&
+           match.alignment.translation.isZero(0);
   }
 
   bool offer_both(const NamedGuess& guess) {

@@ -3,26 +3,34 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cad/alignment.h"
-
 namespace cadmorph {
 namespace {
 
 using Eigen::Vector3d;
 
 constexpr int kProbes = 24;
-constexpr int kPhases = 96;
-// Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
-// another parametrisation; points that all slide one way tell of a turn.
-constexpr double kToAndFro = 0.2;
-constexpr double kSameForm = 1e-4;   // of the curve's length: room for its sampling
-constexpr double kLikeForm = 5e-2;   // of the curve's length
+constexpr int kPhases = 48;
+constexpr double kNear = 1e-3;       // of the curve: from a minimum found to half the digits
 constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
 constexpr double kApart = 1e-4;      // of the curve's length, at least between joints
 constexpr double kCarried = 0.2;     // straightness of a face parameter that tells places apart
 constexpr double kSameRange = 1e-9;  // of the range of a chain's parameters
+// A turn against what is round the curve costs the first bit at 0.1 radians: so far a prediction
+// may err where proportions change, and a hole that tilts turns against the block.
+constexpr double kTurnUnit = 0.1;
+// Parameters that turn a curve exactly as the part, or not at all, do so one time in ten thousand
+// by accident: they tell where it is.
+constexpr double kAgrees = 1e-4;
+// A turn as predicted is a number of which nothing else tells: it pays from 0.3 radians on.
+constexpr double kPredictedBits = 2;
+// Kernels start the parameters of cylinders anywhere; those of free forms are their control points:
+// as much as any turn costs.
+constexpr double kFreeFormBits = 4.5;
+// Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
+// another parametrisation; points that all slide one way tell of a turn.
+constexpr double kToAndFro = 0.2;
 
 std::size_t link_index(const CadCurve& curve, int edge) {
   const auto it = std::find_if(curve.links.begin(), curve.links.end(),
@@ -75,6 +83,18 @@ std::optional<bool> runs_against(const CadModel& model, const CurveLink& link, i
     result = model.coedges()[c].is_reversed != link.is_reversed;
   }
   return result;
+}
+
+Vector3d mean(const std::vector<Vector3d>& points) {
+  Vector3d sum = Vector3d::Zero();
+  for (const Vector3d& point : points) sum += point;
+  return sum / static_cast<double>(points.size());
+}
+
+double root_mean_square(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(a.size()));
 }
 
 }  // namespace
@@ -163,10 +183,11 @@ CurveLocation CurveMap::by_parameter(const Way& way, const CurveLocation& base) 
   return {to.edge, is_flipped ? b.last - s * (b.last - b.first) : b.first + s * (b.last - b.first)};
 }
 
-// The same parameters in other pieces.
+// Equal parts of the parameters' range, in whatever pieces.
 CurveLocation CurveMap::by_range(const Way& way, const CurveLocation& base) const {
   const double all = range(variant_.model(), *variant_curve_);
   double covered = range_before(base_.model(), *base_curve_, base);
+  if (!has_equal_range()) covered *= all / range(base_.model(), *base_curve_);
   if (way.is_reversed) covered = all - covered;
   covered += way.phase * all;
   if (base_curve_->is_closed()) covered -= all * std::floor(covered / all);
@@ -202,43 +223,49 @@ CurveLocation CurveMap::apply(const Way& way, const CurveLocation& base) const {
   return {foot.edge, foot.t};
 }
 
-// Root mean square distance from the predicted positions.
-double CurveMap::deviation(const Way& way) const {
-  double sum = 0;
-  for (int i = 0; i < kProbes; ++i) {
-    const CurveLocation l = apply(way, probes_[i]);
-    sum += (variant_.model().evaluate_edge(l.edge, l.t).point - predicted_[i]).squaredNorm();
+CurveMap::Images CurveMap::images(const Way& way) const {
+  Images points;
+  for (const CurveLocation& probe : probes_) {
+    const CurveLocation l = apply(way, probe);
+    points.push_back(variant_.model().evaluate_edge(l.edge, l.t).point);
   }
-  return std::sqrt(sum / kProbes);
+  return points;
 }
 
-CurveMap::Way CurveMap::best_phase(bool is_reversed) const {
-  Way best{Mode::Length, is_reversed, 0, 0};
+double CurveMap::deviation(const Way& way, const Images& from) const {
+  return root_mean_square(images(way), from);
+}
+
+// The phase that comes nearest to the given places of the probes.
+CurveMap::Way CurveMap::best_phase(Way way, const Images& to) const {
+  Way best = way;
   double least = 1e300;
   for (int i = 0; i < kPhases; ++i) {
-    const Way way{Mode::Length, is_reversed, 0, static_cast<double>(i) / kPhases};
-    const double d = deviation(way);
+    way.phase = static_cast<double>(i) / kPhases;
+    const double d = deviation(way, to);
     if (d < least) {
       least = d;
       best = way;
     }
   }
   double step = 0.5 / kPhases;
-  for (int i = 0; i < 40; ++i, step *= 0.6)  // shrinking steps towards the minimum
+  for (int i = 0; i < 12; ++i, step *= 0.6)  // shrinking steps towards the minimum
     for (const double sign : {-1.0, 1.0}) {
-      Way way = best;
+      way = best;
       way.phase += sign * step;
-      const double d = deviation(way);
+      const double d = deviation(way, to);
       if (d < least) {
         least = d;
         best = way;
       }
     }
-  return polished(best);
+  return polished(best, to);
 }
 
-// Newton's method on the phase: comparing deviations finds it to half the digits only.
-CurveMap::Way CurveMap::polished(Way way) const {
+// The secant method on the phase, from near the minimum: it finds all digits, also where the curve
+// grows or shrinks, which Gauss and Newton's steps do not see.
+CurveMap::Way CurveMap::polished(Way way, const Images& to) const {
+  double before = 0, step = 0;
   for (int iteration = 0; iteration < 8; ++iteration) {
     double along = 0, norm = 0;
     for (int i = 0; i < kProbes; ++i) {
@@ -246,33 +273,33 @@ CurveMap::Way CurveMap::polished(Way way) const {
       const CurvePoint p = variant_.model().evaluate_edge(l.edge, l.t);
       const bool runs_back = variant_curve_->links[link_index(*variant_curve_, l.edge)].is_reversed;
       const Vector3d tangent = (runs_back ? -1 : 1) * variant_.length() * p.dt.normalized();
-      along += (predicted_[i] - p.point).dot(tangent);
+      along += (to[i] - p.point).dot(tangent);
       norm += tangent.squaredNorm();
     }
-    Way moved = way;
-    moved.phase += along / norm;
-    if (!(std::abs(along) < 1e-3 * norm)) break;  // far from the minimum: leave it
-    way = moved;
+    const double slope = along / norm;
+    step = iteration == 0 ? slope : -slope * step / (slope - before);
+    if (!(std::abs(step) < kNear)) break;  // far from the minimum: leave it
+    before = slope;
+    way.phase += step;
   }
   return way;
 }
 
-bool CurveMap::is_same_under_alignment() const {
+bool CurveMap::is_same_under(const Similarity& motion) const {
   const double tolerance = kSame * variant_.model().diagonal();
   return std::all_of(probes_.begin(), probes_.end(), [&](const CurveLocation& l) {
-    return variant_.nearest(alignment_(base_.model().evaluate_edge(l.edge, l.t).point)).distance <
+    return variant_.nearest(motion(base_.model().evaluate_edge(l.edge, l.t).point)).distance <
            tolerance;
   });
 }
 
-// Links against links in the sense of least motion: the start of a closed curve can't tell the
-// sense.
-CurveMap::Way CurveMap::best_shift() const {
+// Links against links: the start of a closed curve can't tell the sense.
+CurveMap::Way CurveMap::best_shift(bool is_reversed) const {
   Way best;
   double least = 1e300;
   for (std::size_t shift = 0; shift < base_curve_->links.size(); ++shift) {
-    const Way way{Mode::Parameter, least_motion_.is_reversed, shift, 0};
-    const double d = deviation(way);
+    const Way way{Mode::Parameter, is_reversed, shift, 0};
+    const double d = deviation(way, predicted_);
     if (d < least) {
       least = d;
       best = way;
@@ -333,16 +360,16 @@ CurveMap::Way CurveMap::by_face(const Way& way) {
 }
 
 // A chain cut into other pieces starts where one of them does, on both sides.
-CurveMap::Way CurveMap::best_start() const {
+CurveMap::Way CurveMap::best_start(bool is_reversed) const {
   const double all = range(variant_.model(), *variant_curve_);
   Way best;
   double least = 1e300, to_base = 0;
   for (const CurveLink& base_link : base_curve_->links) {
     double to_variant = 0;
     for (const CurveLink& link : variant_curve_->links) {
-      const double start = least_motion_.is_reversed ? -to_base : to_base;
-      const Way way{Mode::Range, least_motion_.is_reversed, 0, (to_variant - start) / all};
-      const double d = deviation(way);
+      const double start = is_reversed ? -to_base : to_base;
+      const Way way{Mode::Range, is_reversed, 0, (to_variant - start) / all};
+      const double d = deviation(way, predicted_);
       if (d < least) {
         least = d;
         best = way;
@@ -354,87 +381,117 @@ CurveMap::Way CurveMap::best_start() const {
   return best;
 }
 
-// Unit vector about which the variant runs, by the right-hand rule.
-Vector3d CurveMap::axis() const {
-  Vector3d area = Vector3d::Zero();
-  const Vector3d origin = variant_.point(0);
-  for (int i = 0; i < kProbes; ++i)
-    area += (variant_.point(static_cast<double>(i) / kProbes) - origin)
-                .cross(variant_.point((i + 1.0) / kProbes) - origin);
-  return area.normalized();
-}
-
-// Length fraction from one location to another along the variant, in (-1/2, 1/2].
-double CurveMap::shift_along(const CurveLocation& from, const CurveLocation& to) const {
-  const double shift = variant_.fraction(to) - variant_.fraction(from);
-  return shift - std::round(shift);
-}
-
-CurveMap::Way CurveMap::choose_closed(bool has_equal_links) {
+// Where the curve may start: by the parameters, where these correspond, and so that it turns as
+// little as possible, in place or with the part.
+void CurveMap::find_starts() {
+  const bool has_equal_links = base_curve_->links.size() == variant_curve_->links.size();
   const std::optional<bool> sense = runs_backward_by_faces();
-  least_motion_ = best_phase(sense.value_or(false));
+  turned_ = {Mode::Length, sense.value_or(false), 0, 0};
   if (!sense) {
-    const Way back = best_phase(true);
-    if (deviation(back) < deviation(least_motion_)) least_motion_ = back;
+    Way back = turned_;
+    back.is_reversed = true;
+    turned_.is_reversed = deviation(best_phase(back, predicted_), predicted_) <
+                          deviation(best_phase(turned_, predicted_), predicted_);
   }
-  is_by_least_motion_ = !has_equal_links && !has_equal_range();
-  if (is_by_least_motion_) return least_motion_;
-  const Way trusted = by_face(has_equal_links ? best_shift() : best_start());
-  const double change = change_of_form(least_motion_) / variant_.length();
-  if (change > kLikeForm) return trusted;
-  keeps_form_ = change < kSameForm;
-  const auto shift_at = [&](const CurveLocation& l) {
-    return shift_along(apply(least_motion_, l), apply(trusted, l));
+  const bool is_reversed = turned_.is_reversed;
+  auto& [by_parameters, in_place, with_part, predicted] = starts_;
+  if (has_equal_links || has_equal_range())
+    by_parameters = by_face(has_equal_links ? best_shift(is_reversed) : best_start(is_reversed));
+  else if (!has_own_parameters())
+    find_progress();
+  if (has_own_parameters() || (by_parameters && by_parameters->mode == Mode::Range))
+    turned_.mode = Mode::Range;
+  else if (base_progress_)
+    turned_.mode = Mode::Face;
+  in_place = turned_by(Similarity{});
+  is_same_ = pair_->match.is_congruent || is_same_under(alignment_);
+  with_part = is_same_ ? Way{Mode::Nearest, is_reversed, 0, 0} : turned_by(alignment_);
+  if (is_same_ && by_parameters && is_reparametrised(*by_parameters, *with_part))
+    by_parameters = with_part;
+  is_free_form_ = !pair_->match.is_congruent && starts_at_free_form();
+}
+
+bool CurveMap::is_reparametrised(const Way& way, const Way& same) const {
+  double sum = 0, largest = 0;
+  for (const CurveLocation& l : probes_) {
+    const double shift = variant_.fraction(apply(way, l)) - variant_.fraction(apply(same, l));
+    sum += shift - std::round(shift);
+    largest = std::max(largest, std::abs(shift - std::round(shift)));
+  }
+  return std::abs(sum / kProbes) < kToAndFro * largest;
+}
+
+// The phase of a curve that turns by a motion, wherever it goes.
+CurveMap::Way CurveMap::turned_by(const Similarity& motion) const {
+  Images to;
+  for (const CurveLocation& l : probes_)
+    to.push_back(motion(base_.model().evaluate_edge(l.edge, l.t).point));
+  const Vector3d shift = mean(images(turned_)) - mean(to);
+  for (Vector3d& point : to) point += shift;
+  return best_phase(turned_, to);
+}
+
+// Whether in one of the models the curve, or all faces whose seams meet it, are free forms.
+bool CurveMap::starts_at_free_form() const {
+  const auto is_free = [](const CadModel& model, const CadCurve& curve) {
+    bool is_any = false, is_all = true;
+    for (const int face : curve.faces)
+      for (const int seam : seams(model, face)) {
+        const CadEdge& edge = model.edges()[seam];
+        const bool meets = std::ranges::any_of(curve.links, [&](const CurveLink& link) {
+          const CadEdge& own = model.edges()[link.edge];
+          return own.start == edge.start || own.start == edge.end;
+        });
+        if (!meets) continue;
+        const SurfaceType type = model.faces()[face].type;
+        is_any = true;
+        is_all &= type == SurfaceType::BSpline;
+      }
+    return is_any ? is_all : model.edges()[curve.links.front().edge].is_free_form;
   };
-  const double first = shift_at(probes_.front());
-  double mean = first;
-  for (const CurveLocation& l : probes_) {
-    const double more = shift_at(l) - first;
-    mean += (more - std::round(more)) / kProbes;
-  }
-  turn_ = (mean - std::round(mean)) * axis();
-  return trusted;
+  return is_free(base_.model(), *base_curve_) || is_free(variant_.model(), *variant_curve_);
 }
 
-// Sums of the scalar and the triple product of each place seen from the mean, before and after.
-Eigen::Vector2d CurveMap::spin(const Way& way, const Vector3d& axis) const {
-  Eigen::Matrix3Xd before(3, kProbes), after(3, kProbes);
+void CurveMap::rate_starts(const std::optional<Similarity>& around) {
+  auto& [by_parameters, in_place, with_part, predicted] = starts_;
+  predicted = around ? turned_by(*around) : best_phase(turned_, predicted_);
+  Images expected = images(*predicted);
+  if (is_same_ && !around)
+    for (int i = 0; i < kProbes; ++i) expected[i] = variant_.nearest(predicted_[i]).point;
+  const double radius = root_mean_square(expected, Images(kProbes, mean(expected)));
+  const auto turn = [&](const Way& way, const Images& against) {
+    return deviation(way, against) / radius;
+  };
+  const auto bits = [&](const Way& way) { return std::log2(1 + turn(way, expected) / kTurnUnit); };
+  costs_[1] = bits(*in_place);
+  costs_[2] = bits(*with_part);
+  costs_[3] = kPredictedBits;
+  if (!by_parameters) {
+    costs_[0] = *std::min_element(costs_.begin() + 1, costs_.end());
+    return;
+  }
+  const bool agrees = turn(*by_parameters, images(*in_place)) < kAgrees ||
+                      turn(*by_parameters, images(*with_part)) < kAgrees;
+  costs_[0] =
+      agrees ? 0 : std::max(bits(*by_parameters) - (is_free_form_ ? kFreeFormBits : 0), 0.0);
+}
+
+void CurveMap::take(Start start) {
+  const auto wanted = static_cast<std::size_t>(start);
+  const auto cheapest = std::min_element(costs_.begin() + 1, costs_.end()) - costs_.begin();
+  way_ = starts_[wanted] ? *starts_[wanted] : *starts_[static_cast<std::size_t>(cheapest)];
+}
+
+void CurveMap::add_images(Images& from, Images& to) const {
+  Images own;
+  for (const CurveLocation& l : probes_)
+    own.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
+  const Images images = this->images(way_);
+  const Vector3d before = mean(own), after = mean(images);
   for (int i = 0; i < kProbes; ++i) {
-    const CurveLocation to = apply(way, probes_[i]);
-    before.col(i) = alignment_(base_.model().evaluate_edge(probes_[i].edge, probes_[i].t).point);
-    after.col(i) = variant_.model().evaluate_edge(to.edge, to.t).point;
+    from.push_back(own[i] - before);
+    to.push_back(images[i] - after);
   }
-  before.colwise() -= before.rowwise().mean().eval();
-  after.colwise() -= after.rowwise().mean().eval();
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  for (int i = 0; i < kProbes; ++i) {
-    const Vector3d from = before.col(i) - axis * axis.dot(before.col(i)), to = after.col(i);
-    sum += Eigen::Vector2d(from.dot(to), from.cross(to).dot(axis));
-  }
-  return sum;
-}
-
-Eigen::Vector2d CurveMap::moved_beyond(const Similarity& motion) const {
-  Eigen::Vector2d sums = Eigen::Vector2d::Zero();
-  for (const CurveLocation& l : probes_) {
-    const Vector3d from = motion(base_.model().evaluate_edge(l.edge, l.t).point);
-    const CurveLocation images[2] = {apply(way_, l), apply(least_motion_, l)};
-    for (int i = 0; i < 2; ++i)
-      sums[i] +=
-          (variant_.model().evaluate_edge(images[i].edge, images[i].t).point - from).squaredNorm();
-  }
-  return sums;
-}
-
-// Distance of the variant from the base curve, up to a similarity.
-double CurveMap::change_of_form(const Way& way) const {
-  std::vector<Vector3d> from, to;
-  for (const CurveLocation& l : probes_) {
-    const CurveLocation image = apply(way, l);
-    from.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
-    to.push_back(variant_.model().evaluate_edge(image.edge, image.t).point);
-  }
-  return residual(fit_similarity(from, to), from, to);
 }
 
 // A face lies to the left of its coedges as seen from outside, in both models.
@@ -457,51 +514,26 @@ bool CurveMap::runs_backward() const {
   if (base_curve_->start != base_curve_->end)
     return corners[base_curve_->start] != variant_curve_->start;
   if (const std::optional<bool> sense = runs_backward_by_faces()) return *sense;
-  return deviation({Mode::Length, true, 0, 0}) < deviation({Mode::Length, false, 0, 0});
+  return deviation({Mode::Length, true, 0, 0}, predicted_) <
+         deviation({Mode::Length, false, 0, 0}, predicted_);
 }
 
 CurveMap::Way CurveMap::choose() {
-  const bool has_equal_links = base_curve_->links.size() == variant_curve_->links.size();
   Way way;
   if (base_curve_->is_closed()) {
-    way = choose_closed(has_equal_links);
-  } else {
-    way.is_reversed = runs_backward();
-    way.mode = has_equal_links ? Mode::Parameter : has_equal_range() ? Mode::Range : Mode::Length;
-    way = by_face(way);
+    find_starts();
+    return *starts_[2];  // until one is taken
   }
-  if (!is_same_under_alignment() || (base_curve_->is_closed() && stays(way))) return way;
+  const bool has_equal_links = base_curve_->links.size() == variant_curve_->links.size();
+  way.is_reversed = runs_backward();
+  way.mode = has_equal_links ? Mode::Parameter : has_equal_range() ? Mode::Range : Mode::Length;
+  way = by_face(way);
+  if (!is_same_under(alignment_)) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
   const double different =
       (pair_->match.is_congruent ? kRounding : kDifferent) * variant_.model().diagonal();
-  if (deviation(nearest) + different >= deviation(way)) return way;
-  const bool is_nearest =
-      pair_->match.is_congruent || !base_curve_->is_closed() || is_reparametrised(way);
-  if (!is_nearest) return way;
-  turn_.reset();
-  return nearest;
-}
-
-// A closed curve that both models have in the same place: it tells its parameters, even where all
-// that is round it turned about its axis.
-bool CurveMap::stays(const Way& way) const {
-  return std::ranges::all_of(probes_, [&](const CurveLocation& l) {
-    const CurveLocation to = apply(way, l);
-    return (variant_.model().evaluate_edge(to.edge, to.t).point -
-            base_.model().evaluate_edge(l.edge, l.t).point)
-               .norm() <= kRounding * variant_.model().diagonal();
-  });
-}
-
-bool CurveMap::is_reparametrised(const Way& way) const {
-  const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
-  double sum = 0, largest = 0;
-  for (const CurveLocation& l : probes_) {
-    const double shift = shift_along(apply(nearest, l), apply(way, l));
-    sum += shift;
-    largest = std::max(largest, std::abs(shift));
-  }
-  return std::abs(sum / kProbes) < kToAndFro * largest;
+  const bool is_better = deviation(nearest, predicted_) + different < deviation(way, predicted_);
+  return is_better ? nearest : way;
 }
 
 }  // namespace cadmorph

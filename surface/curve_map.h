@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -24,12 +25,22 @@ struct CurveJoint {
   Eigen::Vector3d to;  ///< millimetres
 };
 
+/// How a closed curve, which no corner holds, may be laid on its variant.
+enum class Start {
+  Parameters,  ///< where the parameters of both files put it
+  InPlace,     ///< turned least against where it was
+  WithPart,    ///< turned as the match's alignment
+  Predicted    ///< turned as predicted from what is round it
+};
+inline constexpr int kStarts = 4;
+
 /// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
 /// sect. 4), those of a face beside it where its own tell nothing of the part; by equal length
-/// fractions where the chains of edges differ or set_phase() says so; by nearest points where the
-/// curve is the same one under another parametrisation. The sense of the curve comes from its
-/// corners, or where it has none from the faces to its left and right, or from the prediction where
-/// these have no outside.
+/// fractions where the chains of edges differ; by nearest points where the curve is the same one
+/// under another parametrisation. The sense of the curve comes from its corners, or where it has
+/// none from the faces to its left and right, or from the prediction where these have no outside.
+/// Where a closed curve starts is chosen by cost (see map_curves): its parameters may only tell
+/// where a kernel put the seam.
 class CurveMap {
  public:
   CurveMap(const ModelPair& pair, int base_curve);
@@ -43,35 +54,24 @@ class CurveMap {
   /// stretched evenly. Joints that leave the curve or pass each other are left out.
   void lead_through(const std::vector<CurveJoint>& joints);
 
-  /// For a closed curve mapped by its parameters that kept its form up to size, nearly at least:
-  /// the turn by which this differs from the phase of least motion, along the curve's axis, of
-  /// length (0, 1/2] turns; nullopt for other curves.
-  const std::optional<Eigen::Vector3d>& turn() const { return turn_; }
+  bool is_closed() const { return base_curve_->is_closed(); }
 
-  /// A closed curve in the phase of least motion, for its parameters tell nothing.
-  bool is_by_least_motion() const { return is_by_least_motion_; }
+  /// Judges the starts of a closed curve by how far they turn it against what is round it: by
+  /// `around`, the motion of the curves beside it, or where there are none by the prediction.
+  void rate_starts(const std::optional<Similarity>& around);
 
-  /// Of a curve with a turn(): it kept its form to the digits of its sampling.
-  bool keeps_form() const { return keeps_form_; }
+  /// What a start of a closed curve costs, in bits (docs/cad-and-surface.md); where the parameters
+  /// don't correspond, theirs costs what the cheapest of the others does.
+  double cost(Start start) const { return costs_[static_cast<std::size_t>(start)]; }
 
-  /// Cosine and sine (times a positive number) of the angle about `axis` by which the map turns the
-  /// curve beyond the match's alignment.
-  Eigen::Vector2d spin(const Eigen::Vector3d& axis) const { return spin(way_, axis); }
+  /// Whether a closed curve is the same one in both models under the alignment.
+  bool is_same() const { return is_same_; }
 
-  /// The same of the phase of least motion, for a curve with a turn().
-  Eigen::Vector2d spin_of_least_motion(const Eigen::Vector3d& axis) const {
-    return spin(least_motion_, axis);
-  }
+  /// Maps by that start, or where the parameters don't correspond by the cheapest.
+  void take(Start start);
 
-  /// Sums of squares of how far the map moves the curve, beyond `motion`: by the parameters, and by
-  /// the phase of least motion.
-  Eigen::Vector2d moved_beyond(const Similarity& motion) const;
-
-  /// Takes the phase of least motion: the start of the parametrisation moved, not the part.
-  void take_least_motion() {
-    way_ = least_motion_;
-    if (turn_) turn_->setZero();
-  }
+  /// Appends places of the base's curve and their images, each seen from their mean.
+  void add_images(std::vector<Eigen::Vector3d>& from, std::vector<Eigen::Vector3d>& to) const;
 
  private:
   enum class Mode { Parameter, Range, Face, Length, Nearest };
@@ -87,30 +87,30 @@ class CurveMap {
     double fraction, shift;
   };
 
+  using Images = std::vector<Eigen::Vector3d>;  // of the probes
+
   CurveLocation apply(const Way& way, const CurveLocation& base) const;
   double shift(double fraction) const;
   CurveLocation by_parameter(const Way& way, const CurveLocation& base) const;
   CurveLocation by_range(const Way& way, const CurveLocation& base) const;
   bool has_equal_range() const;
-  Way best_start() const;
-  double deviation(const Way& way) const;
-  Way best_phase(bool is_reversed) const;
-  Way polished(Way way) const;
+  Images images(const Way& way) const;
+  double deviation(const Way& way, const Images& from) const;
+  Way best_phase(Way way, const Images& to) const;
+  Way polished(Way way, const Images& to) const;
   Way choose();
-  Way best_shift() const;
+  Way best_shift(bool is_reversed) const;
+  Way best_start(bool is_reversed) const;
   bool has_own_parameters() const;
   void find_progress();
   Way by_face(const Way& way);
-  Way choose_closed(bool has_equal_links);
-  bool stays(const Way& way) const;
-  bool is_reparametrised(const Way& way) const;
-  double change_of_form(const Way& way) const;
-  Eigen::Vector2d spin(const Way& way, const Eigen::Vector3d& axis) const;
-  Eigen::Vector3d axis() const;
-  double shift_along(const CurveLocation& from, const CurveLocation& to) const;
+  void find_starts();
+  bool starts_at_free_form() const;
+  bool is_reparametrised(const Way& way, const Way& same) const;
+  Way turned_by(const Similarity& motion) const;
   bool runs_backward() const;
   std::optional<bool> runs_backward_by_faces() const;
-  bool is_same_under_alignment() const;
+  bool is_same_under(const Similarity& motion) const;
 
   const ModelPair* pair_;  // while constructing
   Similarity alignment_;
@@ -120,11 +120,13 @@ class CurveMap {
   CurveTable variant_;
   std::optional<FaceProgress> base_progress_, variant_progress_;
   std::vector<CurveLocation> probes_;
-  std::vector<Eigen::Vector3d> predicted_;  // of the probes
-  Way way_, least_motion_;
+  Images predicted_;
+  Way way_;
+  Way turned_;                                      // of a closed curve: any phase
+  std::array<std::optional<Way>, kStarts> starts_;  // of a closed curve
+  std::array<double, kStarts> costs_{};
+  bool is_same_ = false, is_free_form_ = false;
   std::vector<Stretch> stretches_;  // in order, from end to end; closed: from a joint round to it
-  std::optional<Eigen::Vector3d> turn_;
-  bool keeps_form_ = false, is_by_least_motion_ = false;
 };
 
 }  // namespace cadmorph

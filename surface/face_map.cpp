@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "cad/alignment.h"
 #include "cad/face_sampler.h"
 #include "core/kd_tree.h"
 
@@ -17,7 +18,8 @@ constexpr double kSame = 1e-7;             // of the diagonal: one surface, what
 constexpr double kSameParameters = 1e-12;  // of the diagonal: equal to rounding
 constexpr double kDifferent = 1e-6;        // of the diagonal: not the same point
 constexpr double kEqualPhase = 1e-6;       // of a period
-constexpr int kProbes = 24;
+constexpr double kNoSpin = 1e-4;           // of a rotation matrix: what hardly is an accident
+constexpr int kProbes = 24, kGrid = 12;
 // Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
 // correspond at all.
 constexpr double kLost = 0.5;
@@ -432,6 +434,41 @@ std::optional<FaceMapResult> unchanged(const FaceDomain& domain, const ModelPair
   return result;
 }
 
+// A face without wires, such as a ball, whose parameters spin it neither with the part nor as it
+// was: only a seam moved, so the nodes go where they would without the spin. Nothing where that is
+// no place of the variant's surface, or the parameters are right.
+std::optional<FaceMapResult> without_spin(const FaceDomain& domain, const ModelPair& pair,
+                                          const FaceMotion& motion, const Parameters& mapped,
+                                          const Points& points) {
+  if (std::ranges::any_of(domain.samples(), [&](const FaceDomain::Sample& sample) {
+        return motion_of(sample, pair, motion).has_value();
+      }))
+    return std::nullopt;
+  const int variant = pair.match.faces[domain.face()];
+  std::vector<Vector3d> from, to;
+  for (const Index i : probe_rows(points.rows())) {
+    from.push_back(points.row(i));
+    to.push_back(pair.variant.evaluate(variant, mapped.row(i)).point);
+  }
+  Similarity t = fit_similarity(from, to);
+  const Eigen::Matrix3d& part = pair.match.alignment.rotation;
+  if (t.rotation.isIdentity(kNoSpin) || t.rotation.isApprox(part, kNoSpin)) return std::nullopt;
+  Vector3d middle = Vector3d::Zero();  // balls and rings are symmetric in their parameters
+  const auto grid = sample_domain(pair.base, domain.face(), kGrid);
+  for (const Vector2d& at : grid)
+    middle += pair.base.evaluate(domain.face(), at).point / static_cast<double>(grid.size());
+  t.translation = t(middle) - t.scale * (part * middle);
+  t.rotation = part;
+  Points still(points.rows(), 3);
+  for (Index i = 0; i < points.rows(); ++i) still.row(i) = t(points.row(i).transpose());
+  const double tolerance = kDifferent * pair.variant.diagonal();
+  if (!std::ranges::all_of(probe_rows(points.rows()), [&](Index i) {
+        return project_globally(pair.variant, variant, still.row(i)).distance <= tolerance;
+      }))
+    return std::nullopt;
+  return project_points(pair, variant, still);
+}
+
 double face_size(const CadModel& model, int face) {
   const CadFace& f = model.faces()[face];
   const Vector2d lengths = mean_derivatives(model, face).cwiseProduct(f.upper - f.lower);
@@ -466,6 +503,7 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const Fa
   if (uv.rows() == 0) return result;
   if (moves(domain, pair, result.uv, points))
     if (auto still = unchanged(domain, pair, motion, uv, points)) return std::move(*still);
+  if (auto still = without_spin(domain, pair, motion, result.uv, points)) return std::move(*still);
   const Deviation d = judge(domain, pair, result.uv, points);
   const double diagonal = pair.variant.diagonal();
   if (d.mapped > d.aligned + kDifferent * diagonal && d.off_surface < kSame * diagonal &&

@@ -21,6 +21,7 @@ class Sizes {
   Sizes(std::initializer_list<std::pair<const std::string, double>> sizes) : sizes_(sizes) {}
   double operator()(const std::string& name) const { return sizes_.at(name); }
   double& operator[](const std::string& name) { return sizes_.at(name); }
+  bool has(const std::string& name) const { return sizes_.contains(name); }
 
  private:
   std::map<std::string, double> sizes_;

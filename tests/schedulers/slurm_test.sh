@@ -129,15 +129,15 @@ submit() {
 state_of() { scontrol show job "$1" | grep -oE 'JobState=[A-Z]+' | sort | uniq -c | xargs; }
 
 folder=$scratch/out
-write_manifest "$scratch/variants.csv" 96
+write_manifest "$scratch/variants.csv" 48
 set_up_slurm
 
 job=$(submit)
 wait_until 60 has_begun || fail "the first task finishes no variant"
 scancel --signal=KILL --full "${job}_1"
 wait_until 90 is_over "$job" || fail "the array does not end"
-echo "first array: $(state_of "$job"), $(row_count) of 48 variants in the killed task"
-(($(row_count) < 48)) || fail "the task was over before it was killed"
+echo "first array: $(state_of "$job"), $(row_count) of 24 variants in the killed task"
+(($(row_count) < 24)) || fail "the task was over before it was killed"
 code=0
 cadmorph batch --collect "$folder" 2>"$scratch/missing" || code=$?
 [[ $code == 8 ]] || fail "collecting half a batch ends with $code"
