@@ -1,0 +1,73 @@
+#include "surface/curve_maps.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "known_pairs.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kAngle = 1e-8;  // radians: chords of 128 pieces a curve, polished
+constexpr int kPlaces = 7;       // on each edge
+
+/// The largest change of angle about the z axis of places on the closed curves about it.
+double largest_turn(const char* part, const char* change, int& curves) {
+  const MadePair pair = make({part, change, ""});
+  const CadModel &base = pair.base.model, &variant = pair.variant.model;
+  const TopologyMatch match = match_topology(base, variant);
+  const MotionPrediction prediction(base, variant, match);
+  const auto maps = map_curves({base, variant, match, prediction});
+  double most = 0;
+  curves = 0;
+  for (std::size_t c = 0; c < maps.size(); ++c) {
+    if (!maps[c].is_closed()) continue;
+    ++curves;
+    for (const CurveLink& link : base.skeleton().curves[c].links) {
+      const CadEdge& edge = base.edges()[link.edge];
+      for (int i = 0; i < kPlaces; ++i) {
+        const double t = edge.first + (i + 0.3) / kPlaces * (edge.last - edge.first);
+        const CurveLocation to = maps[c]({link.edge, t});
+        const Vector3d x = base.evaluate_edge(link.edge, t).point;
+        const Vector3d y = variant.evaluate_edge(to.edge, to.t).point;
+        most = std::max(most, std::abs(std::atan2(x.x() * y.y() - x.y() * y.x(),
+                                                  x.head<2>().dot(y.head<2>()))));
+      }
+    }
+  }
+  return most;
+}
+
+}  // namespace
+
+TEST_CASE("rims about one axis keep their angles wherever their seams are", "[surface][seam]") {
+  // Analytic truth: only sizes along and across the axis change.
+  const std::vector<std::pair<const char*, std::string>> parts{{"cone", "radius 1.2"},
+                                                               {"frustum", "wide 1.2"},
+                                                               {"cylinder", "radius 1.2"},
+                                                               {"nozzle", "wide 1.2"},
+                                                               {"shaft", "r2 1.2"}};
+  for (const auto& [part, size] : parts)
+    for (const char* seam : {"", " seam +0.9", " seam -2.5", " seam +3.1415927"}) {
+      const std::string change = size + seam;
+      INFO(part << ": " << change);
+      int curves = 0;
+      CHECK(largest_turn(part, change.c_str(), curves) < kAngle);
+      CHECK(curves > 0);
+    }
+}
+
+TEST_CASE("rims turn with the key of a shaft wherever their seams are", "[surface][seam]") {
+  for (const char* change : {"spin 0.4", "spin 0.4 seam +0.9", "spin 0.4 seam -2.5"}) {
+    INFO(change);
+    int curves = 0;
+    CHECK(largest_turn("keyed_shaft", change, curves) == Approx(0.4).margin(kAngle));
+    CHECK(curves > 2);
+  }
+}
