@@ -5,6 +5,8 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <optional>
+#include <utility>
 
 #include "cad/alignment.h"
 #include "core/parallel.h"
@@ -20,8 +22,8 @@ constexpr std::array kAllStarts{Start::Parameters, Start::InPlace, Start::WithPa
 // Bits. Other starts take the parameters for moved, once for all that a seam links, which is worth
 // four times as little turn; curves that are the same need none. In place explains more than with
 // the part, and that more than the prediction.
-constexpr double kInPlaceBits = 2, kWithPartBits = 2.5, kPredictedBits = 3;
-constexpr double kTie = 1e-3;
+constexpr double kInPlaceBits = 2, kWithPartBits = 2.5, kAsAroundBits = 3;
+constexpr double kTie = 1e-3;  // bits
 
 bool runs_through(const CadModel& model, int curve, int vertex) {
   return std::ranges::any_of(model.skeleton().curves[curve].links, [&](const CurveLink& link) {
@@ -59,16 +61,38 @@ std::vector<std::vector<int>> linked_curves(const CadModel& model) {
   return linked;
 }
 
-// The motion of the curves between corners that share a face with a curve: nothing leaves it open.
-std::optional<Similarity> motion_around(const CadModel& model, int curve,
-                                        const std::vector<std::vector<int>>& open_of_face,
-                                        const std::vector<CurveMap>& maps) {
-  std::vector<Vector3d> from, to;
-  for (const int f : model.skeleton().curves[curve].faces)
-    for (const int c : open_of_face[f]) maps[c].add_images(from, to);
-  if (from.empty()) return std::nullopt;
-  return fit_similarity(from, to);
-}
+// The motions of the curves between corners that share a face with each closed curve: nothing
+// leaves them open. The same for all holes of a plate.
+class MotionsAround {
+ public:
+  MotionsAround(const CadModel& model, const std::vector<CurveMap>& maps)
+      : model_(model), maps_(maps), open_of_face_(model.faces().size()) {
+    for (int c = 0; c < static_cast<int>(maps.size()); ++c)
+      if (!maps[c].is_closed())
+        for (const int f : model.skeleton().curves[c].faces) open_of_face_[f].push_back(c);
+  }
+
+  /// Nothing where there are no such curves.
+  std::optional<Similarity> of(int closed) {
+    std::vector<int> faces = model_.skeleton().curves[closed].faces;
+    std::erase_if(faces, [&](int f) { return open_of_face_[f].empty(); });
+    if (faces.empty()) return std::nullopt;
+    const auto [known, is_new] = motions_.try_emplace(faces);
+    if (is_new) {
+      std::vector<Vector3d> from, to;
+      for (const int f : faces)
+        for (const int c : open_of_face_[f]) maps_[c].add_images(from, to);
+      known->second = fit_similarity(from, to);
+    }
+    return known->second;
+  }
+
+ private:
+  const CadModel& model_;
+  const std::vector<CurveMap>& maps_;
+  std::vector<std::vector<int>> open_of_face_;
+  std::map<std::vector<int>, Similarity> motions_;  // of faces
+};
 
 double moved_seam(Start start, const std::vector<int>& linked, const std::vector<CurveMap>& maps) {
   switch (start) {
@@ -82,7 +106,7 @@ double moved_seam(Start start, const std::vector<int>& linked, const std::vector
     case Start::Predicted:
       break;
   }
-  return kPredictedBits;
+  return kAsAroundBits;
 }
 
 // One start for all curves of a group: the cheapest.
@@ -101,12 +125,13 @@ void choose_start(const std::vector<int>& linked, std::vector<CurveMap>& maps) {
 
 // Which of several possible places a closed curve starts at, that no corner holds.
 void choose_starts(const CadModel& model, std::vector<CurveMap>& maps) {
-  std::vector<std::vector<int>> open_of_face(model.faces().size());
+  MotionsAround motions(model, maps);
+  std::vector<std::pair<CurveMap*, std::optional<Similarity>>> closed;
   for (int c = 0; c < static_cast<int>(maps.size()); ++c)
-    if (!maps[c].is_closed())
-      for (const int f : model.skeleton().curves[c].faces) open_of_face[f].push_back(c);
-  for (int c = 0; c < static_cast<int>(maps.size()); ++c)
-    if (maps[c].is_closed()) maps[c].rate_starts(motion_around(model, c, open_of_face, maps));
+    if (maps[c].is_closed()) closed.emplace_back(&maps[c], motions.of(c));
+  parallel_for(std::ssize(closed), 1, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) closed[i].first->rate_starts(closed[i].second);
+  });
   for (const std::vector<int>& linked : linked_curves(model)) choose_start(linked, maps);
 }
 

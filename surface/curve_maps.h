@@ -6,8 +6,8 @@
 
 namespace cadmorph {
 
-/// Maps all curves of the base, indexed as in its skeleton, to the variant. Closed curves that seams
-/// link start where that costs least, summed over them (Start). Parallel.
+/// Maps all curves of the base, indexed as in its skeleton, to the variant. Closed curves that
+/// seams link start where that costs least, summed over them (Start). Parallel.
 std::vector<CurveMap> map_curves(const ModelPair& pair);
 
 /// Where a base vertex goes: to its counterpart; one inside a chain of edges, along the chain.
