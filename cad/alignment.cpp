@@ -279,6 +279,11 @@ double parameter_agreement(const CadModel& base, const CadModel& variant,
   return static_cast<double>(same) / static_cast<double>(match.faces.size());
 }
 
+bool stays(const TopologyMatch& match) {
+  const Similarity& t = match.alignment;
+  return match.is_congruent && t.scale == 1 && t.rotation.isIdentity(0) && t.translation.isZero(0);
+}
+
 void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) {
   match.alignment = {};
   match.is_congruent = coincide(base, variant, match, match.alignment);

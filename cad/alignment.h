@@ -34,6 +34,9 @@ double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
 /// accident.
 void align(const CadModel& base, const CadModel& variant, TopologyMatch& match);
 
+/// Whether an aligned match is of models that coincide: nothing moves.
+bool stays(const TopologyMatch& match);
+
 /// Part of the faces whose points of equal relative parameters match.alignment carries onto each
 /// other: of several exact alignments of a symmetric part the one that re-exports keep.
 double parameter_agreement(const CadModel& base, const CadModel& variant,

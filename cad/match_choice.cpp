@@ -239,8 +239,7 @@ class PositionMatcher {
   bool is_unmoved(TopologyMatch match) const {
     if (distance_after(base_, variant_, match, Similarity{}) < kRounding) return true;
     align(base_.model, variant_.model, match);
-    return match.is_congruent && match.alignment.rotation.isIdentity(0) &&
-           match.alignment.translation.isZero(0);
+    return stays(match);
   }
 
   bool offer_both(const NamedGuess& guess) {

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "cad/alignment.h"
 #include "cad/match_choice.h"
 #include "cad/match_refusal.h"
 #include "cad/match_search.h"
@@ -143,11 +144,6 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
     }
   }
   return std::nullopt;
-}
-
-bool stays(const TopologyMatch& match) {
-  const Similarity& t = match.alignment;
-  return match.is_congruent && t.scale == 1 && t.rotation.isIdentity(0) && t.translation.isZero(0);
 }
 
 // Joints of smooth curves are corners while that makes sense. One exporter cuts a circle at its
