@@ -289,8 +289,7 @@ class ParameterWarp {
       if (variant_.period[a] > 0) unwrap_direction(a);
   }
 
-  // The phase, by which a seam moved or the part turned, is no displacement to interpolate or to
-  // hold. At a pole the closed direction has no meaning: it takes the phase of the rest.
+  // At a pole the closed direction has no meaning: it takes the phase of the rest.
   void unwrap_direction(int a) {
     const double period = variant_.period[a];
     std::optional<double> reference;
@@ -299,22 +298,10 @@ class ParameterWarp {
       if (!reference) reference = values_(i, a) - period * std::round(values_(i, a) / period);
       values_(i, a) -= period * std::round((values_(i, a) - *reference) / period);
     }
-    if (!reference) {
-      offset_[a] += phase_by_prediction(a);
-      values_.col(a).setZero();
-      return;
-    }
-    double sum = 0;
-    int count = 0;
+    if (!reference) reference = phase_by_prediction(a);
     for (Index i = 0; i < values_.rows(); ++i)
-      if (!is_pole(static_cast<std::size_t>(i))) {
-        sum += values_(i, a);
-        ++count;
-      }
-    const double phase = std::abs(sum) < kEqualPhase * period * count ? 0 : sum / count;
-    offset_[a] += phase;
-    for (Index i = 0; i < values_.rows(); ++i)
-      values_(i, a) = is_pole(static_cast<std::size_t>(i)) ? 0 : values_(i, a) - phase;
+      if (is_pole(static_cast<std::size_t>(i))) values_(i, a) = *reference;
+    if (values_.rows() == 0) offset_[a] += *reference;
   }
 
   // Phase of a face without curves: zero, unless the prediction says to the digit that the whole
