@@ -7,6 +7,7 @@
 #include "cad/curve_table.h"
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
+#include "core/least_squares.h"
 
 namespace cadmorph {
 namespace {
@@ -167,15 +168,12 @@ Vector3d mean_of(const std::vector<Vector3d>& points) {
 // Rotation of least angle among those that maximise trace(R C), C the cross-covariance of points
 // that lie on a line where they leave it by less than `line`.
 Matrix3d best_rotation(const Matrix3d& covariance, double line) {
-  const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Vector3d s = svd.singularValues();
+  const RotationFit fit = fit_rotation(covariance);
+  const Vector3d s = fit.singular_values;
   if (s[0] <= 1e-300) return Matrix3d::Identity();
-  if (s[1] <= line * line * s[0])  // turn the direction of the line only
-    return Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0))
-        .toRotationMatrix();
-  Matrix3d sign = Matrix3d::Identity();
-  sign(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-  return svd.matrixU() * sign * svd.matrixV().transpose();
+  // Turn the direction of the line only.
+  if (s[1] <= line * line * s[0]) return rotation_between(fit.from, fit.to);
+  return fit.rotation;
 }
 
 // Whether points that move a little speak for a turn of the whole by accident: a bore whose

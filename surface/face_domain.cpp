@@ -9,6 +9,7 @@
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
 #include "core/kd_tree.h"
+#include "core/least_squares.h"
 #include "core/rbf/anchors.h"
 
 namespace cadmorph {
@@ -209,7 +210,7 @@ Eigen::MatrixXd FaceDomain::linear_basis(const Parameters& uv) const {
 }
 
 Eigen::MatrixXd FaceDomain::fit_linear(const Parameters& values) const {
-  return linear_basis(sample_uv_).colPivHouseholderQr().solve(values);
+  return least_squares(linear_basis(sample_uv_), values);
 }
 
 Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& at) const {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/kd_tree.h"
+#include "core/least_squares.h"
 
 namespace cadmorph {
 namespace {
@@ -170,9 +171,10 @@ std::vector<Isometry> maps_between(const Sheet& a, const Sheet& b, const Shape& 
 }  // namespace
 
 Isometry fit_motion(const Points& from, const Points& to) {
-  const Eigen::Matrix4d motion =
-      Eigen::umeyama(from.transpose().eval(), to.transpose().eval(), false);
-  return {motion.topLeftCorner<3, 3>(), motion.topRightCorner<3, 1>()};
+  const Eigen::RowVector3d at = from.colwise().mean(), after = to.colwise().mean();
+  const Matrix3d rotation =
+      fit_rotation((to.rowwise() - after).transpose() * (from.rowwise() - at)).rotation;
+  return {rotation, after.transpose() - rotation * at.transpose()};
 }
 
 Vector3d ImagePair::place(const SurfaceMesh& surface, const Points& moved, std::size_t i) const {

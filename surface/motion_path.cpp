@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
@@ -14,6 +13,7 @@
 #include <utility>
 
 #include "core/errors.h"
+#include "core/least_squares.h"
 
 namespace cadmorph {
 namespace {
@@ -105,13 +105,12 @@ void fit(Patch& patch, const Points& start, const Points& end) {
     apart += (b - a).squaredNorm();
     moved += (end.row(row) - start.row(row)).squaredNorm();
   }
-  const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Vector3d sign(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
-  patch.rotation = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
-  const double scale = size > 0 ? svd.singularValues().dot(sign) / size : 1;
+  const RotationFit best = fit_rotation(covariance);
+  patch.rotation = best.rotation;
+  const double scale = size > 0 ? best.singular_values.sum() / size : 1;
   patch.is_moving_as_it_is =
       apart <= std::max(kSameMove * kSameMove * moved, kSameSize * kSameSize * size);
-  if (!(scale > 0) || svd.singularValues()[1] < kSameSize * svd.singularValues()[0]) return;
+  if (!(scale > 0) || best.singular_values[1] < kSameSize * best.singular_values[0]) return;
   patch.log_scale = std::log(scale);
   const double left = size_after - scale * scale * size;
   patch.is_turning =

@@ -6,6 +6,8 @@
 #include <limits>
 #include <unsupported/Eigen/LevenbergMarquardt>
 
+#include "core/least_squares.h"
+
 namespace cadmorph {
 namespace {
 
@@ -36,7 +38,7 @@ std::pair<Vector3d, double> fit_sphere(const Points& points) {
   const Points x = points.rowwise() - mean.transpose();
   MatrixXd a(x.rows(), 4);
   a << 2 * x, VectorXd::Ones(x.rows());
-  const Eigen::Vector4d s = a.colPivHouseholderQr().solve(x.rowwise().squaredNorm());
+  const Eigen::Vector4d s = least_squares(a, x.rowwise().squaredNorm());
   const Vector3d centre = s.head<3>();
   return {mean + centre, std::sqrt(std::max(s[3] + centre.squaredNorm(), 0.0))};
 }
@@ -94,7 +96,7 @@ VectorXd first_cone(const Points& local) {
   MatrixXd m(local.rows(), 5);
   m << 2 * local.leftCols<2>(), VectorXd::Ones(local.rows()), local.col(2),
       local.col(2).cwiseAbs2();
-  const VectorXd s = m.colPivHouseholderQr().solve(local.leftCols<2>().rowwise().squaredNorm());
+  const VectorXd s = least_squares(m, local.leftCols<2>().rowwise().squaredNorm());
   VectorXd p(6);
   p << s[0], s[1], 0, 0, root_or_0(s[2] + s[0] * s[0] + s[1] * s[1]),
       std::copysign(root_or_0(s[4]), s[3]);
@@ -225,7 +227,7 @@ std::optional<OwnSurface::Foot> OwnSurface::Facets::over(int triangle, const Vec
     const Vector3d normal = n.col(0) + turning * s.head<2>();
     slope << along + s[2] * turning, normal;
     const Vector3d miss = x - p.col(0) - along * s.head<2>() - s[2] * normal;
-    const Vector3d change = slope.partialPivLu().solve(miss);
+    const Vector3d change = slope.inverse() * miss;
     if (!change.allFinite()) return std::nullopt;
     s += change;
     if (change.head<2>().norm() <= kOnEdge) break;
@@ -266,7 +268,7 @@ OwnSurface::Foot OwnSurface::Facets::beyond(int triangle, const Vector3d& weight
   const Eigen::ArrayXd u = local.col(0), v = local.col(1);
   MatrixXd terms(local.rows(), 5);
   terms << u, v, u.square(), u * v, v.square();
-  const VectorXd q = terms.colPivHouseholderQr().solve(local.col(2));
+  const VectorXd q = least_squares(terms, local.col(2));
   const Vector3d up(q[0] + 2 * q[2] * at[0] + q[3] * at[1], q[1] + q[3] * at[0] + 2 * q[4] * at[1],
                     0);
   const double height = q[0] * at[0] + q[1] * at[1] + q[2] * at[0] * at[0] + q[3] * at[0] * at[1] +

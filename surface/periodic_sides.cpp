@@ -46,8 +46,9 @@ struct Side {
 bool is_on_line(const Points& points) {
   if (points.rows() < 3) return true;
   const Points off = points.rowwise() - points.colwise().mean();
-  const Vector3d extents = Eigen::JacobiSVD<Points>(off).singularValues();
-  return extents[1] <= kOnLine * extents[0];
+  const Vector3d squares =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(off.transpose() * off).eigenvalues();
+  return squares[1] <= kOnLine * kOnLine * squares[2];
 }
 
 // As far off the plane of a mesh as the points are apart; zero for other meshes.

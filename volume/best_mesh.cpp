@@ -201,7 +201,7 @@ class BestMesh {
     const Points image = from * map;
     if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size_of_moved())
       return false;
-    if (map.topRows(3).determinant() > 0) {
+    if (map.topRows<3>().determinant() > 0) {
       const WorstCells left = worst_cells(measure(image));
       can_keep_.min = std::min(can_keep_.min, left.min);
       can_keep_.worst_twentieth = std::min(can_keep_.worst_twentieth, left.worst_twentieth);

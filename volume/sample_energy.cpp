@@ -5,67 +5,75 @@
 #include <cstring>
 #include <limits>
 
+#include "core/rbf/register.h"
 #include "core/rbf/simd.h"
 
 namespace cadmorph {
 namespace {
 
-typedef double Vec __attribute__((vector_size(sizeof(SampleLane))));
-
 // Weight of the shape of reference.
 constexpr double kKeep = 0.1;
 
-#define CADMORPH_INLINE inline __attribute__((always_inline))
-
+template <class Vec>
 struct Vec3 {
   Vec x, y, z;
 };
 
-CADMORPH_INLINE Vec load(const SampleLane& lanes) {
-  Vec v;
-  std::memcpy(&v, lanes, sizeof v);
-  return v;
+template <class Vec>
+CADMORPH_INLINE Vec dot(const Vec3<Vec>& a, const Vec3<Vec>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-CADMORPH_INLINE void store(const Vec& v, SampleLane& lanes) { std::memcpy(lanes, &v, sizeof v); }
-
-CADMORPH_INLINE Vec dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
-CADMORPH_INLINE Vec3 cross(const Vec3& a, const Vec3& b) {
+template <class Vec>
+CADMORPH_INLINE Vec3<Vec> cross(const Vec3<Vec>& a, const Vec3<Vec>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-CADMORPH_INLINE Vec3 difference(const Vec3& a, const Vec3& b) {
+template <class Vec>
+CADMORPH_INLINE Vec3<Vec> difference(const Vec3<Vec>& a, const Vec3<Vec>& b) {
   return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
 
-CADMORPH_INLINE void add(const Vec& factor, const Vec3& v, Vec3& sum) {
+template <class Vec>
+CADMORPH_INLINE void add(const Vec& factor, const Vec3<Vec>& v, Vec3<Vec>& sum) {
   sum.x += factor * v.x;
   sum.y += factor * v.y;
   sum.z += factor * v.z;
 }
 
 // x^(2^squarings).
+template <class Vec>
 CADMORPH_INLINE Vec power(Vec x, int squarings) {
   for (int i = 0; i < squarings; ++i) x *= x;
   return x;
 }
 
-CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& reference,
-                              bool are_tetrahedra, SamplePowers powers, SampleEnergy& result) {
+// A register's samples from the `first` on.
+template <class Vec>
+CADMORPH_INLINE void evaluate_from(int first, const SampleLane edges[9],
+                                   const SampleReference& reference, bool are_tetrahedra,
+                                   SamplePowers powers, SampleEnergy& result) {
+  const auto load = [first](const SampleLane& lanes) {
+    Vec v;
+    std::memcpy(&v, lanes + first, sizeof v);
+    return v;
+  };
+  const auto store = [first](const Vec& v, SampleLane& lanes) {
+    std::memcpy(lanes + first, &v, sizeof v);
+  };
   const Vec zero{};
   const int squarings = powers.squarings;
-  const Vec3 a{load(edges[0]), load(edges[1]), load(edges[2])};
-  const Vec3 b{load(edges[3]), load(edges[4]), load(edges[5])};
-  const Vec3 c{load(edges[6]), load(edges[7]), load(edges[8])};
-  const Vec3 det_by_a = cross(b, c), det_by_b = cross(c, a), det_by_c = cross(a, b);
+  const Vec3<Vec> a{load(edges[0]), load(edges[1]), load(edges[2])};
+  const Vec3<Vec> b{load(edges[3]), load(edges[4]), load(edges[5])};
+  const Vec3<Vec> c{load(edges[6]), load(edges[7]), load(edges[8])};
+  const Vec3<Vec> det_by_a = cross(b, c), det_by_b = cross(c, a), det_by_c = cross(a, b);
   const Vec det = dot(a, det_by_a), unit = load(reference.unit) * det;
   const Vec scale = 1 / (unit * unit);
   const Vec aa = dot(a, a), bb = dot(b, b), cc = dot(c, c);
   Vec energy;
-  Vec3 by_a{zero, zero, zero}, by_b = by_a, by_c = by_a;
+  Vec3<Vec> by_a{zero, zero, zero}, by_b = by_a, by_c = by_a;
   if (are_tetrahedra) {
-    const Vec3 d = difference(b, a), e = difference(c, b), f = difference(a, c);
+    const Vec3<Vec> d = difference(b, a), e = difference(c, b), f = difference(a, c);
     const Vec dd = dot(d, d), ee = dot(e, e), ff = dot(f, f);
     const Vec at_0 = power(aa * bb * cc * scale, squarings) * 0.25,
               at_a = power(aa * dd * ff * scale, squarings) * 0.25,
@@ -93,7 +101,7 @@ CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& 
   const Vec m00 = load(reference.metric[0]), m10 = load(reference.metric[1]),
             m20 = load(reference.metric[2]), m11 = load(reference.metric[3]),
             m21 = load(reference.metric[4]), m22 = load(reference.metric[5]);
-  Vec3 of_a{zero, zero, zero}, of_b = of_a, of_c = of_a;
+  Vec3<Vec> of_a{zero, zero, zero}, of_b = of_a, of_c = of_a;
   add(m00, a, of_a);
   add(m10, b, of_a);
   add(m20, c, of_a);
@@ -125,9 +133,17 @@ CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& 
   for (int i = 0; i < 9; ++i) store(weight * slopes[i], result.by_edges[i]);
 }
 
+template <int Bytes>
+CADMORPH_INLINE void evaluate(const SampleLane edges[9], const SampleReference& reference,
+                              bool are_tetrahedra, SamplePowers powers, SampleEnergy& result) {
+  for (int first = 0; first < kSampleLanes; first += Register<Bytes>::kLanes)
+    evaluate_from<typename Register<Bytes>::Vec>(first, edges, reference, are_tetrahedra, powers,
+                                                 result);
+}
+
 void evaluate_plain(const SampleLane edges[9], const SampleReference& reference,
                     bool are_tetrahedra, SamplePowers powers, SampleEnergy& result) {
-  evaluate(edges, reference, are_tetrahedra, powers, result);
+  evaluate<16>(edges, reference, are_tetrahedra, powers, result);
 }
 
 #if defined(__x86_64__)
@@ -135,14 +151,14 @@ __attribute__((target("avx2"))) void evaluate_avx2(const SampleLane edges[9],
                                                    const SampleReference& reference,
                                                    bool are_tetrahedra, SamplePowers powers,
                                                    SampleEnergy& result) {
-  evaluate(edges, reference, are_tetrahedra, powers, result);
+  evaluate<32>(edges, reference, are_tetrahedra, powers, result);
 }
 
 __attribute__((target("avx512f"))) void evaluate_avx512(const SampleLane edges[9],
                                                         const SampleReference& reference,
                                                         bool are_tetrahedra, SamplePowers powers,
                                                         SampleEnergy& result) {
-  evaluate(edges, reference, are_tetrahedra, powers, result);
+  evaluate<64>(edges, reference, are_tetrahedra, powers, result);
 }
 #endif
 

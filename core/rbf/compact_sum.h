@@ -43,28 +43,18 @@ class CompactSum {
 };
 
 /// The matrix of such sums at the points themselves, for many products: remembers which points lie
-/// near each other and, where they take no more memory than allowed, the functions' values.
+/// near each other.
 class CompactMatrix {
  public:
-  /// `sum` must outlive it. `most_bytes`: for the values.
-  explicit CompactMatrix(const CompactSum& sum, double most_bytes = 0);
+  /// `sum` must outlive it.
+  explicit CompactMatrix(const CompactSum& sum);
 
   /// Returns the products with N x M coefficients, to the last bit those of the sum.
   Eigen::MatrixXd operator*(const Eigen::Ref<const Eigen::MatrixXd>& coefficients) const;
 
  private:
-  // A tile's sources, and the values of each at the tile's points.
-  struct Kept {
-    std::vector<Index> sources;
-    std::vector<double> values;
-  };
-
-  void keep_values(double most_bytes);
-  Eigen::MatrixXd multiply_kept(const Eigen::MatrixXd& weights) const;
-
   const CompactSum& sum_;
   std::vector<std::vector<std::pair<Index, Index>>> near_;  // of each tile of points
-  std::vector<Kept> kept_;                                  // of each tile; or none
 };
 
 /// Returns the rows of points (T x 3) along a curve that keeps neighbours together. O(T log T).

@@ -6,15 +6,12 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/rbf/register.h"
+
 namespace cadmorph {
 namespace {
 
-constexpr int kLanes = 8;
-constexpr int kUnroll = 2;
-constexpr int kTile = kUnroll * kLanes;
-typedef double Vec __attribute__((vector_size(64)));
-
-#define CADMORPH_INLINE inline __attribute__((always_inline))
+constexpr int kTile = 16;  // targets that are summed together
 
 struct Task {
   const double* sources;
@@ -24,17 +21,11 @@ struct Task {
   int factors;  // the kernel is r^(2 factors + 1)
 };
 
-// Vectorised by the compiler: correctly rounded whatever the width.
-CADMORPH_INLINE void take_root(Vec& x) {
-  double values[kLanes];
-  std::memcpy(values, &x, sizeof x);
-  for (int i = 0; i < kLanes; ++i) values[i] = __builtin_sqrt(values[i]);
-  std::memcpy(&x, values, sizeof x);
-}
-
 // Sums for one tile of targets x (3 x kTile) and M columns into out (M x kTile).
-template <int M>
+template <int Bytes, int M>
 CADMORPH_INLINE void sum_tile(const Task& t, const double* x, const double* weights, double* out) {
+  using Vec = typename Register<Bytes>::Vec;
+  constexpr int kLanes = Register<Bytes>::kLanes, kUnroll = kTile / kLanes;
   Vec place[kUnroll][3], sum[kUnroll][M];
   for (int u = 0; u < kUnroll; ++u) {
     for (int d = 0; d < 3; ++d) std::memcpy(&place[u][d], x + d * kTile + u * kLanes, sizeof(Vec));
@@ -56,15 +47,17 @@ CADMORPH_INLINE void sum_tile(const Task& t, const double* x, const double* weig
       std::memcpy(out + m * kTile + u * kLanes, &sum[u][m], sizeof(Vec));
 }
 
+template <int Bytes>
 CADMORPH_INLINE void sum_columns(const Task& t, const double* x, Index columns, double* out) {
   Index m = 0;
   for (; m + 3 <= columns; m += 3)
-    sum_tile<3>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
-  for (; m < columns; ++m) sum_tile<1>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
+    sum_tile<Bytes, 3>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
+  for (; m < columns; ++m)
+    sum_tile<Bytes, 1>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
 }
 
 void sum_plain(const Task& t, const double* x, Index columns, double* out) {
-  sum_columns(t, x, columns, out);
+  sum_columns<16>(t, x, columns, out);
 }
 
 using TileSum = void (*)(const Task&, const double*, Index, double*);
@@ -72,12 +65,12 @@ using TileSum = void (*)(const Task&, const double*, Index, double*);
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) void sum_avx2(const Task& t, const double* x, Index columns,
                                               double* out) {
-  sum_columns(t, x, columns, out);
+  sum_columns<32>(t, x, columns, out);
 }
 
 __attribute__((target("avx512f"))) void sum_avx512(const Task& t, const double* x, Index columns,
                                                    double* out) {
-  sum_columns(t, x, columns, out);
+  sum_columns<64>(t, x, columns, out);
 }
 #endif
 

@@ -10,8 +10,7 @@
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/parallel.h"
-#include "core/rbf/compact_sum.h"
-#include "core/rbf/conjugate_gradient.h"
+#include "core/rbf/compact_system.h"
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/multiscale_correction.h"
 #include "core/rbf/point_order.h"
@@ -24,13 +23,9 @@ using Eigen::VectorXd;
 
 // Levels are solved to this part of their largest value: rounding.
 constexpr double kSolved = 1e-13;
-constexpr int kMaxIterations = 3000;
 
 // Of the weights; each takes the error down by the condition number times 1e-16.
 constexpr int kRefinements = 2;
-
-// Part of the memory allowed that each level's matrix may take.
-constexpr double kKeptPart = 0.1;
 
 // Sources that a thread sums over at a time where the targets are few.
 constexpr Index kSourceChunk = 8192, kMostChunks = 64;
@@ -99,30 +94,24 @@ std::vector<char> near(const Points& points, const std::vector<Index>& some, dou
 
 // One level of the correction: its points interpolate what the levels before it leave.
 struct Level {
-  Level(const Points& points, std::vector<Index> which, double support, double most_bytes)
+  Level(const Points& points, std::vector<Index> which, double support)
       : rows(std::move(which)),
-        sum(Points(points(rows, Eigen::all)), support),
-        matrix(sum, most_bytes) {}
-  Level(const Level&) = delete;
-  Level& operator=(const Level&) = delete;
+        system(Points(points(rows, Eigen::all)), support),
+        sum(system.sum()) {}
 
   MatrixXd solve(const MatrixXd& values) const;
 
   std::vector<Index> rows;  ///< of the points
-  CompactSum sum;
-  CompactMatrix matrix;
+  CompactSystem system;
+  const CompactSum& sum;
 };
 
 // Columns of unit size, so that each is solved to its own rounding.
 MatrixXd Level::solve(const MatrixXd& values) const {
   const Eigen::RowVectorXd largest = values.cwiseAbs().colwise().maxCoeff();
   const Eigen::RowVectorXd scale = (largest.array() > 0).select(largest, 1.0);
-  const CgResult result =
-      solve_projected_cg(
-          [&](const MatrixXd& x) { return matrix * x; }, [](const MatrixXd& x) { return x; },
-          MatrixXd(values.rows(), 0), {values * scale.cwiseInverse().asDiagonal()},
-          {VectorXd::Constant(values.rows(), kSolved)}, {.max_iterations = kMaxIterations})
-          .front();
+  const CgResult result = system.solve(values * scale.cwiseInverse().asDiagonal(),
+                                       VectorXd::Constant(values.rows(), kSolved));
   if (!result.has_converged())
     throw SolverError("the derivative of the surface correction did not converge");
   return result.weights * scale.asDiagonal();
@@ -147,7 +136,7 @@ void add_sums(const CompactSum& sum, const Ordered& at, const MatrixXd& weights,
 struct FieldDerivative::Impl {
   Impl(const FrozenField& field, const MatrixXd& targets);
 
-  void add_levels(std::vector<char> is_met, double spacing, double most_bytes);
+  void add_levels(std::vector<char> is_met, double spacing);
   MatrixPair weights(const MatrixPair& values, Extended& coefficients) const;
   void clear_moments(MatrixPair& weights) const;
   MatrixXd transposed_weights(MatrixPair by_weights, const Extended& by_coefficients) const;
@@ -205,12 +194,11 @@ FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targ
   if (static_cast<Index>(rows.size()) == count) return;
   std::vector<char> is_met(static_cast<std::size_t>(count), 0);
   for (const Index row : rows) is_met[row] = 1;
-  add_levels(std::move(is_met), field.correction_from, kKeptPart * field.memory_limit);
+  add_levels(std::move(is_met), field.correction_from);
 }
 
 // The levels of one sweep of MultiscaleCorrection where what is not met yet is worth a correction.
-void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing,
-                                       double most_bytes) {
+void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing) {
   const Points given(points);
   const PointOrder order = farthest_point_order(given);
   const Index all = given.rows();
@@ -231,7 +219,7 @@ void FieldDerivative::Impl::add_levels(std::vector<char> is_met, double spacing,
     for (Index i = 0; i < all; ++i)
       if (is_near[i]) is_met[i] = 0;
     for (const Index row : taken) is_met[row] = 1;
-    levels.push_back(std::make_unique<const Level>(given, std::move(taken), support, most_bytes));
+    levels.push_back(std::make_unique<const Level>(given, std::move(taken), support));
   }
   if (levels.empty()) return;
   ordered_points.emplace(points);

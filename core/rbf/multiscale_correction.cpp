@@ -1,11 +1,12 @@
 #include "core/rbf/multiscale_correction.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/parallel.h"
-#include "core/rbf/conjugate_gradient.h"
+#include "core/rbf/compact_system.h"
 
 namespace cadmorph {
 namespace {
@@ -13,15 +14,15 @@ namespace {
 using Eigen::MatrixXd;
 
 constexpr int kSweeps = 3;
-constexpr int kMaxIterations = 400;
 
 // Residuals below this part of their allowance call for no correction, and levels are solved to
 // this.
 constexpr double kActive = 0.01;
 constexpr double kSolved = 0.3;
 
-// Of a level's matrix, kept for all iterations where it takes no more.
-constexpr double kMostBytes = 256e6;
+// A level of more than this part of its points has all of them: the others would miss what its
+// functions put there, which calls for a further sweep.
+constexpr double kMostly = 1.0 / 3;
 
 Points select(const Eigen::Ref<const MatrixXd>& points, const std::vector<Index>& rows) {
   Points result(static_cast<Index>(rows.size()), 3);
@@ -50,6 +51,10 @@ std::vector<Index> level_rows(const Points& points, Index count, const MatrixXd&
   std::vector<Index> rows;
   for (Index i = 0; i < count; ++i)
     if (is_near[i]) rows.push_back(i);
+  if (static_cast<double>(rows.size()) > kMostly * static_cast<double>(count)) {
+    rows.resize(count);
+    std::iota(rows.begin(), rows.end(), Index{0});
+  }
   return rows;
 }
 
@@ -84,25 +89,20 @@ void MultiscaleCorrection::add_levels(const Points& points, const std::vector<do
     const std::vector<Index> rows = level_rows(points, count, residual, allowed, support);
     if (rows.empty()) continue;
     const Points centres = select(points, rows);
-    CompactSum sum(centres, support);
-    const CompactMatrix matrix(sum, kMostBytes);
-    MatrixXd rhs(centres.rows(), residual.cols());
+    const CompactSystem system(centres, support);
+    MatrixXd values(centres.rows(), residual.cols());
     Eigen::VectorXd goal(centres.rows());
-    for (Index i = 0; i < rhs.rows(); ++i) {
-      rhs.row(i) = residual.row(rows[i]);
+    for (Index i = 0; i < values.rows(); ++i) {
+      values.row(i) = residual.row(rows[i]);
       goal(i) = kSolved * allowed(rows[i]);
     }
-    const CgResult solved =
-        solve_projected_cg([&](const MatrixXd& x) { return matrix * x; },
-                           [](const MatrixXd& x) { return x; }, MatrixXd(rhs.rows(), 0), {rhs},
-                           {goal}, {.max_iterations = kMaxIterations})
-            .front();
+    const CgResult solved = system.solve(std::move(values), goal);
     if (!solved.has_converged())
       throw SolverError("the surface correction did not converge at spacing " +
                         std::to_string(spacing) + " of the model's radius");
-    const MatrixXd taken = sum(targets, solved.weights);
+    const MatrixXd taken = system.sum()(targets, solved.weights);
     for (Index i = 0; i < n; ++i) residual.row(near_order[i]) -= taken.row(i);
-    levels_.push_back({{support, centres, solved.weights}, std::move(sum)});
+    levels_.push_back({{support, centres, solved.weights}, system.sum()});
   }
 }
 

@@ -137,6 +137,23 @@ Column solve_adaptive(ColumnSolver& solver, const BoxTree& tree, const Points& p
   return column;
 }
 
+// A^-1 e_0, scaled to e_0^T A^-1 e_0 = 1, for the points of the stencil within the support of the
+// first, which it keeps.
+Eigen::VectorXd compact_weights(const Points& points, double support, std::vector<Index>& stencil) {
+  const auto value = [&](Index i, Index j) {
+    const double r = (points.row(i) - points.row(j)).norm() / support;
+    const double rest = std::max(1 - r, 0.0), square = rest * rest;
+    return square * square * (4 * r + 1);
+  };
+  std::erase_if(stencil, [&](Index j) { return value(stencil[0], j) == 0; });
+  const Index n = std::ssize(stencil);
+  MatrixXd matrix(n, n);
+  for (Index i = 0; i < n; ++i)
+    for (Index j = 0; j <= i; ++j) matrix(i, j) = value(stencil[i], stencil[j]);
+  const Eigen::VectorXd weights = matrix.llt().solve(Eigen::VectorXd::Unit(n, 0));
+  return weights / std::sqrt(weights(0));
+}
+
 // Calls visit(tree, begin, end) for ranges of points with a tree that holds all earlier ones.
 template <class Visit>
 void for_each_range(const Points& points, Index first, const Visit& visit) {
@@ -201,32 +218,16 @@ RowMatrix apply_factor(const std::vector<Index>& starts, const std::vector<std::
 
 }  // namespace
 
-SparseInverseCholesky::SparseInverseCholesky(const Points& points, int free,
-                                             FactorOptions options) {
-  const Index n = points.rows();
-  if (n > std::numeric_limits<std::int32_t>::max())
-    throw SolverError("the fast solver is limited to 2^31 centres");
+// make_column() makes a function of a task's own: the column of (tree of earlier points, point).
+template <class MakeColumn>
+void SparseInverseCholesky::build(const Points& points, const MakeColumn& make_column) {
   starts_.assign(1, 0);
-  starts_.reserve(n + 1);
+  starts_.reserve(points.rows() + 1);
   for_each_range(points, 0, [&](const BoxTree& tree, Index first, Index last) {
     std::vector<Column> columns(last - first);
     parallel_for(last - first, kGrain, [&](Index begin, Index end) {
-      ColumnSolver solver;
-      for (Index j = begin; j < end; ++j) {
-        const Index i = first + j;
-        if (i < free) continue;
-        Column& column = columns[j];
-        if (options.is_adaptive && i >= options.dense_rows) {
-          column = solve_adaptive(solver, tree, points, i, options.neighbours);
-        } else {
-          const Index size = i < options.dense_rows ? i : options.neighbours;
-          column.stencil = make_stencil(tree, points, i, size);
-          column.weights = solver.solve(points, column.stencil);
-        }
-        if (column.weights.size() == 0)
-          throw SolverError("centre " + std::to_string(i) +
-                            " (in elimination order) has no neighbours that span space");
-      }
+      auto column = make_column();
+      for (Index j = begin; j < end; ++j) columns[j] = column(tree, first + j);
     });
     for (const Column& column : columns) {
       for (Index j = 0; j < column.weights.size(); ++j) {
@@ -236,6 +237,43 @@ SparseInverseCholesky::SparseInverseCholesky(const Points& points, int free,
       starts_.push_back(static_cast<Index>(values_.size()));
     }
   });
+}
+
+SparseInverseCholesky::SparseInverseCholesky(const Points& points, int free,
+                                             FactorOptions options) {
+  const Index n = points.rows();
+  if (n > std::numeric_limits<std::int32_t>::max())
+    throw SolverError("the fast solver is limited to 2^31 centres");
+  build(points, [&] {
+    return [&, solver = ColumnSolver()](const BoxTree& tree, Index i) mutable {
+      Column column;
+      if (i < free) return column;
+      if (options.is_adaptive && i >= options.dense_rows) {
+        column = solve_adaptive(solver, tree, points, i, options.neighbours);
+      } else {
+        const Index size = i < options.dense_rows ? i : options.neighbours;
+        column.stencil = make_stencil(tree, points, i, size);
+        column.weights = solver.solve(points, column.stencil);
+      }
+      if (column.weights.size() == 0)
+        throw SolverError("centre " + std::to_string(i) +
+                          " (in elimination order) has no neighbours that span space");
+      return column;
+    };
+  });
+}
+
+SparseInverseCholesky SparseInverseCholesky::of_compact(const Points& points, double support,
+                                                        Index neighbours) {
+  SparseInverseCholesky result;
+  result.build(points, [&] {
+    return [&](const BoxTree& tree, Index i) {
+      Column column{make_stencil(tree, points, i, neighbours), {}};
+      column.weights = compact_weights(points, support, column.stencil);
+      return column;
+    };
+  });
+  return result;
 }
 
 SparseInverseCholesky::SparseInverseCholesky(InputArchive& archive) {

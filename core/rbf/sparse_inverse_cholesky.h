@@ -20,18 +20,21 @@ struct FactorOptions {
   }
 };
 
-/// A preconditioner U U^T for the r^3 interpolation system in space, beside linear polynomials: the
-/// sparse inverse Cholesky factor that minimises the Kullback-Leibler divergence (Schaefer,
-/// Katzfuss, Owhadi 2021), also known as Vecchia's approximation. Column i holds the weights with
-/// which the value at point i is predicted from its nearest earlier points, scaled by the
-/// prediction's deviation; linear polynomials are predicted exactly, so each column annihilates
-/// them.
+/// A preconditioner U U^T for an interpolation system in space: the sparse inverse Cholesky factor
+/// that minimises the Kullback-Leibler divergence (Schaefer, Katzfuss, Owhadi 2021), also known as
+/// Vecchia's approximation. Column i holds the weights with which the value at point i is predicted
+/// from its nearest earlier points, scaled by the prediction's deviation.
 class SparseInverseCholesky {
  public:
-  /// Builds the factor for points ordered from coarse to fine, the first `free` of which determine
-  /// the linear polynomials and get zero columns. O(N k^3), parallel. Throws SolverError when a
-  /// stencil is singular to rounding.
+  /// The factor for r^3 beside linear polynomials, of points ordered from coarse to fine, the first
+  /// `free` of which determine the polynomials and get zero columns: these are predicted exactly,
+  /// so each column annihilates them. O(N k^3), parallel. Throws SolverError when a stencil is
+  /// singular to rounding.
   SparseInverseCholesky(const Points& points, int free, FactorOptions options = {});
+
+  /// The factor for the functions of a CompactSum, of points in the same order; stencils have
+  /// `neighbours` earlier points within the support at most. Parallel.
+  static SparseInverseCholesky of_compact(const Points& points, double support, Index neighbours);
 
   /// The factor that was stored.
   explicit SparseInverseCholesky(InputArchive& archive);
@@ -42,6 +45,10 @@ class SparseInverseCholesky {
   Eigen::MatrixXd apply(const Eigen::MatrixXd& r) const;
 
  private:
+  SparseInverseCholesky() = default;
+  template <class MakeColumn>
+  void build(const Points& points, const MakeColumn& make_column);
+
   std::vector<Index> starts_;       // of each column, N + 1
   std::vector<std::int32_t> rows_;  // the point itself first
   std::vector<double> values_;

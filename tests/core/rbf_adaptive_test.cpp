@@ -7,6 +7,8 @@
 #include "core/parallel.h"
 #include "core/rbf/adaptive_solver.h"
 #include "core/rbf/compact_sum.h"
+#include "core/rbf/compact_system.h"
+#include "core/rbf/point_order.h"
 #include "core/rbf/pointwise_field.h"
 #include "core/rbf/rbf_system.h"
 #include "rbf_sets.h"
@@ -55,9 +57,39 @@ TEST_CASE("compact sums are those over all pairs, the same bits on every process
     // Alone and in another company.
     for (const Index i : {0, 17, 500}) REQUIRE(sum(targets.row(i), coefficients) == found.row(i));
     REQUIRE(CompactMatrix(sum) * coefficients == sum(points, coefficients));
-    for (const double bytes : {1e3, 1e9})  // with too little room for its values, and enough
-      REQUIRE(CompactMatrix(sum, bytes) * coefficients == sum(points, coefficients));
   }
+}
+
+TEST_CASE("interpolation by compact functions takes few iterations", "[core][rbf][adaptive]") {
+  const test::RbfSet set = test::graded_wing(6000, 0);
+  const PointOrder order = farthest_point_order(set.surface);
+  const Points points = set.surface(order.rows, Eigen::all);
+  // Plain conjugate gradients take 40 iterations and more.
+  const double support = 4 * order.separation.back();
+  const CompactSystem system(points, support);
+  const MatrixXd values = set.displacement(order.rows, Eigen::all);
+  const double largest = values.rowwise().norm().maxCoeff();
+  for (const auto& [part, most] : {std::pair(1e-5, 15), std::pair(1e-13, 45)}) {
+    const CgResult solved =
+        system.solve(values, Eigen::VectorXd::Constant(points.rows(), part * largest));
+    CHECK(solved.has_converged());
+    CHECK(solved.iterations <= most);
+    // Rounding of the sums.
+    const MatrixXd missed = values - system.sum()(points, solved.weights);
+    CHECK(missed.rowwise().norm().maxCoeff() <= (part + 1e-12) * largest);
+  }
+}
+
+TEST_CASE("with full stencils the factor of compact functions is the inverse",
+          "[core][rbf][adaptive]") {
+  srand(8);
+  const Points points = Points::Random(150, 3);
+  const Points ordered = points(farthest_point_order(points).rows, Eigen::all);
+  const MatrixXd weights = MatrixXd::Random(150, 3);
+  const double support = 4;  // which all points are within
+  const auto factor = SparseInverseCholesky::of_compact(ordered, support, 150);
+  const MatrixXd image = CompactSum(ordered, support)(ordered, weights);
+  REQUIRE((factor.apply(image) - weights).cwiseAbs().maxCoeff() < 1e-8);
 }
 
 TEST_CASE("the adaptive solver meets all values with few centres", "[core][rbf][adaptive]") {
