@@ -1,17 +1,25 @@
 #include "core/least_squares.h"
 
 #include <Eigen/Dense>
-#include <numbers>
 
 namespace cadmorph {
-namespace {
-
-constexpr double kOpposite = 1e-12;
-
-}  // namespace
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kOpposite = 1e-12;  // sine of an angle
+
+// Of directions no more than a right angle apart.
+Matrix3d rotation_between_near(const Vector3d& a, const Vector3d& b) {
+  Eigen::Quaterniond turn;  // half-way between no turn and twice the one asked for
+  turn.w() = 1 + a.dot(b);
+  turn.vec() = a.cross(b);
+  return turn.normalized().toRotationMatrix();
+}
+
+}  // namespace
 
 RotationFit fit_rotation(const Matrix3d& covariance) {
   const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -25,12 +33,13 @@ RotationFit fit_rotation(const Matrix3d& covariance) {
 
 Matrix3d rotation_between(const Vector3d& from, const Vector3d& to) {
   const Vector3d a = from.normalized(), b = to.normalized();
-  // Half-way between no turn and twice the one asked for; opposite directions leave its axis open.
-  Eigen::Quaterniond turn;
-  turn.w() = 1 + a.dot(b);
-  turn.vec() = a.cross(b);
-  if (turn.norm() < kOpposite) return Eigen::AngleAxisd(std::numbers::pi, a.unitOrthogonal()).matrix();
-  return turn.normalized().toRotationMatrix();
+  if (a.dot(b) >= 0) return rotation_between_near(a, b);
+  // Half a turn, about the same axis, and what is left of it.
+  Vector3d axis = a.cross(b);
+  if (axis.norm() < kOpposite) axis = a.unitOrthogonal();
+  axis = (axis - a.dot(axis) * a).normalized();
+  const Matrix3d half = 2 * axis * axis.transpose() - Matrix3d::Identity();
+  return rotation_between_near(-a, b) * half;
 }
 
 Eigen::MatrixXd least_squares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {

@@ -22,7 +22,7 @@ RotationFit fit_rotation(const Eigen::Matrix3d& covariance);
 /// Returns the least rotation that turns the direction `from` to that of `to`.
 Eigen::Matrix3d rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 
-/// Returns the least solution x of least squares |a x - b|, for as many columns as b has.
+/// Returns the x of least |a x - b|, for each column of b, by a QR with pivots.
 Eigen::MatrixXd least_squares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 
 }  // namespace cadmorph
