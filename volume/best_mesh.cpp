@@ -93,12 +93,14 @@ class BestMesh {
   }
 
   BestMeshResult run() {
-    if (can_raise() && kept() < kLost && compare_with_stretch()) {
+    if (kept() < kLost && compare_with_stretch()) {
       hold_flat_cells();
       lost_much_ = has_lost_much();
+      if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
       raise(RaiseBy::InnerNodes, 2);
       if (!has_lost_much() || !raise_by_sliding())
         for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
+      if (sliding_) keep_slides();
     }
     if (options_.volumes)
       result_.quality = result_.positions == came_.points
@@ -140,11 +142,11 @@ class BestMesh {
     return options_.volumes ? of_faces_ : reference_.quality;
   }
 
-  // Solid cells, or those of a mesh in a plane, and the same plane as the reference.
-  bool can_raise() const {
-    return dimension(mesh_) == 3 ||
-           (!plane_normal(mesh_, reference_.points).isZero(0) &&
-            plane_normal(mesh_, reference_.points) == plane_normal(mesh_, result_.positions));
+  // No solid cells, and not those of a mesh in a plane, the same as the reference's.
+  bool is_shell() const {
+    return dimension(mesh_) < 3 &&
+           (plane_normal(mesh_, reference_.points).isZero(0) ||
+            plane_normal(mesh_, reference_.points) != plane_normal(mesh_, came_.points));
   }
 
   // Cells of a plane mesh that turned over are not valid.
@@ -156,24 +158,41 @@ class BestMesh {
         .invalid_cells;
   }
 
+  // Lets nodes within faces slide, and those on edges; false where there are none.
+  bool let_slide(bool on_edges) {
+    if (!sliding_) {
+      if (!options_.sliding || !(sliding_ = options_.sliding())) return false;
+      at_.slides = slides_ = sliding_->slides;
+    }
+    for (std::size_t i = 0; i < sliding_->nodes.size(); ++i)
+      if (on_edges || !is_on_edge(static_cast<Index>(i)))
+        is_fixed_[sliding_->nodes[i]] = is_flat_[sliding_->nodes[i]];
+    for (const Index node : options_.held) is_fixed_[node] = 1;
+    return true;
+  }
+
+  bool is_on_edge(Index slider) const {
+    return sliding_->at(slider, Eigen::Vector2d::Zero()).tangents.col(1).isZero(0);
+  }
+
+  void keep_slides() {
+    result_.report.slid_nodes =
+        ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
+    if (result_.report.slid_nodes > 0) result_.slides = slides_;
+  }
+
   // False where no node slid.
   bool raise_by_sliding() {
-    if (!options_.sliding || !(sliding_ = options_.sliding())) return false;
     const std::vector<char> was_fixed = is_fixed_;
-    for (const Index node : sliding_->nodes) is_fixed_[node] = is_flat_[node];
-    for (const Index node : options_.held) is_fixed_[node] = 1;
-    at_.slides = slides_ = sliding_->slides;
+    const bool slid_before = sliding_;
+    if (!let_slide(true)) return false;
     for (const int doublings : {2, 2, 3, 3, 4, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
     for (double before = 0; kept() > kWorthwhile * before;) {
       before = kept();
       raise(RaiseBy::SlidingNodes, 5);
     }
-    const Index slid = ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
-    result_.report.slid_nodes = slid;
-    if (slid > 0) {
-      result_.slides = std::move(slides_);
-      return true;
-    }
+    keep_slides();
+    if (slid_before || result_.report.slid_nodes > 0) return true;
     is_fixed_ = was_fixed;
     sliding_ = nullptr;
     at_ = {result_.positions, result_.quality, {}};

@@ -195,6 +195,8 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
       free_(std::move(free)),
       normal_(plane_normal(mesh, reference)),
       samples_(kTypes) {
+  if (normal_ != plane_normal(mesh, positions_)) normal_.setZero();
+  const bool is_shell = dimension(mesh) == 2 && normal_.isZero(0);
   // Tetrahedra are evaluated in lanes of their own.
   std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
   slopes_.emplace(mesh, cells, free_);
@@ -202,10 +204,28 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
   cells_.reserve(cells.size());
   for (const Index c : cells)
     cells_.push_back(
-        {c, samples_of(c), double(orientation[static_cast<std::size_t>(mesh.types[c])])});
+        {c, samples_of(c),
+         is_shell ? 1.0 : double(orientation[static_cast<std::size_t>(mesh.types[c])])});
   make_chunks();
+  if (is_shell) set_normals(reference);
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) set_references(chunks_[i], reference);
+  });
+  if (is_shell) set_normals(positions_);
+}
+
+// Of each cell, by the areas that its samples span.
+void ShapeEnergy::set_normals(const Points& points) {
+  normals_.resize(cells_.size());
+  parallel_for(std::ssize(cells_), kGrain, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      Vector3d sum = Vector3d::Zero();
+      for (const Sample& sample : *cells_[i].samples) {
+        const Matrix3d j = edges(sample, mesh_.cell(cells_[i].id), points, Vector3d::Zero());
+        sum += j.col(0).cross(j.col(1));
+      }
+      normals_[i] = sum.normalized();
+    }
   });
 }
 
@@ -235,7 +255,8 @@ void ShapeEnergy::for_each_group(const Chunk& chunk, const Points& points, Visit
   std::size_t count = 0;
   for (Index i = chunk.first; i < chunk.last; ++i)
     for (const Sample& sample : *cells_[i].samples) {
-      const Matrix3d j = this->edges(sample, mesh_.cell(cells_[i].id), points);
+      const Matrix3d j = this->edges(sample, mesh_.cell(cells_[i].id), points,
+                                     normals_.empty() ? normal_ : normals_[i]);
       for (int k = 0; k < 9; ++k) edges[k][count] = j.data()[k];
       lanes[count++] = {i, &sample};
       if (count < lanes.size()) continue;
@@ -270,9 +291,9 @@ void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
 }
 
 Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
-                            const Points& points) const {
+                            const Points& points, const Vector3d& normal) const {
   Matrix3d j = Matrix3d::Zero();
-  j.col(2) = normal_;
+  j.col(2) = normal;
   if (sample.slopes.size() == 0) {
     const auto& k = sample.corner;
     for (int i = 0; i < edge_count(sample); ++i)
@@ -281,7 +302,7 @@ Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
   }
   for (std::size_t n = 0; n < nodes.size(); ++n)
     j += points.row(nodes[n]).transpose() * sample.slopes.row(n);
-  if (!normal_.isZero(0)) j.leftCols<2>() -= normal_ * (normal_.transpose() * j.leftCols<2>());
+  if (!normal.isZero(0)) j.leftCols<2>() -= normal * (normal.transpose() * j.leftCols<2>());
   return j;
 }
 

@@ -24,8 +24,9 @@ namespace cadmorph {
 /// of reference, and p/2 takes the place of p/4. Infinite where a sample is not positive.
 class ShapeEnergy {
  public:
-  /// Of solid `cells`, or those of a plane mesh (plane_normal), at `positions` (N x 3) to start
-  /// with. `reference` (N x 3): samples that are not positive there have no shape to keep.
+  /// Of solid `cells`, or those of a mesh of shells, at `positions` (N x 3) to start with, which
+  /// count in the plane of the mesh (plane_normal), or each in its own plane there. `reference`
+  /// (N x 3): samples that are not positive there have no shape to keep.
   /// `volumes`: null, or the mesh as finite volumes, which must outlive this.
   ShapeEnergy(const Mesh& mesh, const Points& reference, Points positions, FreeNodes free,
               std::vector<Index> cells, const Orientation& orientation,
@@ -53,7 +54,7 @@ class ShapeEnergy {
 
   /// Three edges or tangents of a cell.
   struct Sample {
-    /// Edges from the first of these nodes to the others, -1 for the plane's normal; or
+    /// Edges from the first of these nodes to the others, -1 for the normal; or
     std::array<int, 4> corner;
     NodeRows slopes;  ///< weights of the cell's nodes, where not empty
     double unit;      ///< one over the determinant in the ideal cell with unit edges
@@ -78,8 +79,9 @@ class ShapeEnergy {
   };
 
   const Samples* samples_of(Index cell);
-  Eigen::Matrix3d edges(const Sample& sample, std::span<const Index> nodes,
-                        const Points& points) const;
+  Eigen::Matrix3d edges(const Sample& sample, std::span<const Index> nodes, const Points& points,
+                        const Eigen::Vector3d& normal) const;
+  void set_normals(const Points& points);
   void make_chunks();
   void set_references(const Chunk& chunk, const Points& points);
   template <class Visit>
@@ -92,7 +94,9 @@ class ShapeEnergy {
   const Mesh& mesh_;
   Points positions_;
   FreeNodes free_;
-  Eigen::Vector3d normal_;  ///< of a plane mesh: the third edge of its samples
+  /// The third edge of all samples in a plane mesh; of each cell in another one of shells.
+  Eigen::Vector3d normal_;
+  std::vector<Eigen::Vector3d> normals_;
   int squarings_ = 1;
   std::vector<std::unique_ptr<Samples>> samples_;  ///< of a cell type; then of polyhedra
   std::vector<Cell> cells_;

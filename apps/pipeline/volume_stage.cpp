@@ -150,14 +150,20 @@ std::vector<Index> nodes_to_hold(const BaseSide& base, const SurfaceMorphResult&
   return result;
 }
 
+bool stays_in_plane(const Mesh& mesh, const Points& positions) {
+  const Eigen::Vector3d normal = plane_normal(mesh, mesh.points);
+  return !normal.isZero(0) && normal == plane_normal(mesh, positions);
+}
+
 // Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
 // its border, on CAD edges, at rest, or amid straight edges. Surface nodes that nothing prescribes
 // stay where the morph put them, on their surface.
-std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult& surface) {
+std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult& surface,
+                                 bool is_in_plane) {
   const Mesh& mesh = base.mesh();
   std::vector<char> result = base.fixed_nodes();
   for (const Index node : base.boundary.nodes) result[node] = 1;
-  if (flat_axis(mesh, mesh.points) < 0) return result;
+  if (!is_in_plane) return result;
   const std::vector<char> is_border = border_nodes(mesh, mesh.points);
   const Association& association = base.association();
   for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
@@ -185,14 +191,15 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   const Points& reference = base.mesh_file->mesh().points;
   std::optional<QualityReport> of_file;
   if (base.moved) of_file = measure_quality(base.mesh(), reference, base.orientation);
-  const std::vector<char> is_fixed = nodes_to_leave(base, result.surface);
+  const bool is_in_plane = stays_in_plane(base.mesh(), result.positions);
+  const std::vector<char> is_fixed = nodes_to_leave(base, result.surface, is_in_plane);
   BestMeshOptions how;
   std::optional<FiniteVolumes> volumes;
   if (is_for_finite_volumes(base))
     volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
   if (volumes && volumes->has_cells()) how.volumes = &*volumes;
   how.held = nodes_to_hold(base, result.surface);
-  if (dimension(base.mesh()) == 3) how.sliding = [&] { return sliding.nodes(); };
+  if (!is_in_plane) how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
     return sliding.is_folded(positions, slides);
   };

@@ -88,6 +88,36 @@ TEST_CASE("For finite volumes the faces are raised", "[apps][families]") {
   }
 }
 
+TEST_CASE("Shells are raised by nodes that slide on the CAD", "[apps][families]") {
+  // The faces of the hexahedra, as a mesh of their own.
+  const MeshFile solid(model_file("bore/hex.vtu"));
+  const Boundary boundary = extract_boundary(solid.mesh());
+  Mesh shell;
+  shell.points.resize(std::ssize(boundary.nodes), 3);
+  for (std::size_t row = 0; row < boundary.nodes.size(); ++row)
+    shell.points.row(static_cast<Index>(row)) = solid.mesh().points.row(boundary.nodes[row]);
+  std::vector<Index> nodes;
+  for (Index f = 0; f < boundary.facet_count(); ++f) {
+    nodes.clear();
+    for (const Index node : boundary.facet(f))
+      nodes.push_back(std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin());
+    add_cell(shell, CellType::Quad, nodes);
+  }
+  PipelineOptions fast;
+  fast.quality = QualityMode::Fast;
+  const auto morphed = [&](const PipelineOptions& options) {
+    return MorphJob(std::make_shared<const CadModel>(family_cad("bore", 0)),
+                    std::make_shared<const MeshFile>(shell, "shell"), options)
+        .morph(family_cad("bore", 1));
+  };
+  const MorphResult plain = morphed(fast), raised = morphed({});
+  REQUIRE(raised.report.best_mesh);
+  CHECK(raised.report.best_mesh->slid_nodes > 0);
+  CHECK(raised.quality.min > 1.2 * plain.quality.min);
+  CHECK(worst_cells(raised.quality).worst_twentieth > worst_cells(plain.quality).worst_twentieth);
+  CHECK(raised.report.after.max_distance < 1e-9 * raised.variant->diagonal());
+}
+
 TEST_CASE("Raised cells are the same alone, together and on any number of threads",
           "[apps][families]") {
   const MorphJob job = family_job("bore", "hex");
