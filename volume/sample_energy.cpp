@@ -50,24 +50,31 @@ CADMORPH_INLINE Vec power(Vec x, int squarings) {
 
 // A register's samples from the `first` on.
 template <class Vec>
+CADMORPH_INLINE Vec load_from(int first, const SampleLane& lanes) {
+  Vec v;
+  std::memcpy(&v, lanes + first, sizeof v);
+  return v;
+}
+
+template <class Vec>
+CADMORPH_INLINE void store_from(int first, const Vec& v, SampleLane& lanes) {
+  std::memcpy(lanes + first, &v, sizeof v);
+}
+
+template <class Vec>
 CADMORPH_INLINE void evaluate_from(int first, const SampleLane edges[9],
                                    const SampleReference& reference, bool are_tetrahedra,
                                    SamplePowers powers, SampleEnergy& result) {
-  const auto load = [first](const SampleLane& lanes) {
-    Vec v;
-    std::memcpy(&v, lanes + first, sizeof v);
-    return v;
-  };
-  const auto store = [first](const Vec& v, SampleLane& lanes) {
-    std::memcpy(lanes + first, &v, sizeof v);
-  };
   const Vec zero{};
   const int squarings = powers.squarings;
-  const Vec3<Vec> a{load(edges[0]), load(edges[1]), load(edges[2])};
-  const Vec3<Vec> b{load(edges[3]), load(edges[4]), load(edges[5])};
-  const Vec3<Vec> c{load(edges[6]), load(edges[7]), load(edges[8])};
+  const Vec3<Vec> a{load_from<Vec>(first, edges[0]), load_from<Vec>(first, edges[1]),
+                    load_from<Vec>(first, edges[2])};
+  const Vec3<Vec> b{load_from<Vec>(first, edges[3]), load_from<Vec>(first, edges[4]),
+                    load_from<Vec>(first, edges[5])};
+  const Vec3<Vec> c{load_from<Vec>(first, edges[6]), load_from<Vec>(first, edges[7]),
+                    load_from<Vec>(first, edges[8])};
   const Vec3<Vec> det_by_a = cross(b, c), det_by_b = cross(c, a), det_by_c = cross(a, b);
-  const Vec det = dot(a, det_by_a), unit = load(reference.unit) * det;
+  const Vec det = dot(a, det_by_a), unit = load_from<Vec>(first, reference.unit) * det;
   const Vec scale = 1 / (unit * unit);
   const Vec aa = dot(a, a), bb = dot(b, b), cc = dot(c, c);
   Vec energy;
@@ -98,9 +105,12 @@ CADMORPH_INLINE void evaluate_from(int first, const SampleLane edges[9],
   }
   // (|F|^2 / 3)^3 / det(F)^2 to a power n; its derivative is n (6 / |F|^2 F J0^-T - 2 / det).
   const double share = double(1 << powers.kept) / double(1 << squarings);
-  const Vec m00 = load(reference.metric[0]), m10 = load(reference.metric[1]),
-            m20 = load(reference.metric[2]), m11 = load(reference.metric[3]),
-            m21 = load(reference.metric[4]), m22 = load(reference.metric[5]);
+  const Vec m00 = load_from<Vec>(first, reference.metric[0]),
+            m10 = load_from<Vec>(first, reference.metric[1]),
+            m20 = load_from<Vec>(first, reference.metric[2]),
+            m11 = load_from<Vec>(first, reference.metric[3]),
+            m21 = load_from<Vec>(first, reference.metric[4]),
+            m22 = load_from<Vec>(first, reference.metric[5]);
   Vec3<Vec> of_a{zero, zero, zero}, of_b = of_a, of_c = of_a;
   add(m00, a, of_a);
   add(m10, b, of_a);
@@ -112,7 +122,8 @@ CADMORPH_INLINE void evaluate_from(int first, const SampleLane edges[9],
   add(m21, b, of_c);
   add(m22, c, of_c);
   const Vec norm = dot(of_a, a) + dot(of_b, b) + dot(of_c, c), third = norm / 3;
-  const Vec inverse_det0 = load(reference.inverse_determinant), ratio = det * inverse_det0;
+  const Vec inverse_det0 = load_from<Vec>(first, reference.inverse_determinant),
+            ratio = det * inverse_det0;
   Vec kept = kKeep * power(third * third * third / (ratio * ratio), powers.kept);
   Vec by_norm = 3 * share * kept / norm;
   const auto has_shape = inverse_det0 != zero;
@@ -126,11 +137,11 @@ CADMORPH_INLINE void evaluate_from(int first, const SampleLane edges[9],
   add(by_det, det_by_b, by_b);
   add(by_det, det_by_c, by_c);
 
-  const Vec weight = load(reference.weight);
+  const Vec weight = load_from<Vec>(first, reference.weight);
   const Vec infinite = zero + std::numeric_limits<double>::infinity();
-  store(unit > 0 ? weight * (energy + kept) : infinite, result.energy);
+  store_from<Vec>(first, unit > 0 ? weight * (energy + kept) : infinite, result.energy);
   const Vec slopes[9] = {by_a.x, by_a.y, by_a.z, by_b.x, by_b.y, by_b.z, by_c.x, by_c.y, by_c.z};
-  for (int i = 0; i < 9; ++i) store(weight * slopes[i], result.by_edges[i]);
+  for (int i = 0; i < 9; ++i) store_from<Vec>(first, weight * slopes[i], result.by_edges[i]);
 }
 
 template <int Bytes>
