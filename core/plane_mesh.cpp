@@ -64,6 +64,11 @@ Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& points) {
   return (doubled_area(mesh, points, axis) < 0 ? -1 : 1) * Eigen::Vector3d::Unit(axis);
 }
 
+Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& before, const Points& after) {
+  const Eigen::Vector3d normal = plane_normal(mesh, before);
+  return normal == plane_normal(mesh, after) ? normal : Eigen::Vector3d::Zero();
+}
+
 Mesh one_layer(const Mesh& mesh, const Points& points) {
   const Index n = mesh.node_count();
   Mesh layer;

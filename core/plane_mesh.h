@@ -14,6 +14,10 @@ int flat_axis(const Mesh& mesh, const Points& points);
 /// (N x 3) turns to the left; zero for other meshes.
 Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& points);
 
+/// The same where it is that of the mesh at `before` and `after` (N x 3 each); zero where the mesh
+/// is not in one plane, or not in the same.
+Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& before, const Points& after);
+
 /// A plane mesh as one layer of solid cells 1 thick, as finite-volume programs take it: wedges,
 /// hexahedra and polyhedra in the place of its triangles, quads and polygons (corners alone), its
 /// other cells as they are. Node n of N lies at `points` (N x 3), node N + n off the plane. Volumes

@@ -144,9 +144,7 @@ class BestMesh {
 
   // No solid cells, and not those of a mesh in a plane, the same as the reference's.
   bool is_shell() const {
-    return dimension(mesh_) < 3 &&
-           (plane_normal(mesh_, reference_.points).isZero(0) ||
-            plane_normal(mesh_, reference_.points) != plane_normal(mesh_, came_.points));
+    return dimension(mesh_) < 3 && plane_normal(mesh_, reference_.points, came_.points).isZero(0);
   }
 
   // Cells of a plane mesh that turned over are not valid.

@@ -193,9 +193,8 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
     : mesh_(mesh),
       positions_(std::move(positions)),
       free_(std::move(free)),
-      normal_(plane_normal(mesh, reference)),
+      normal_(plane_normal(mesh, reference, positions_)),
       samples_(kTypes) {
-  if (normal_ != plane_normal(mesh, positions_)) normal_.setZero();
   const bool is_shell = dimension(mesh) == 2 && normal_.isZero(0);
   // Tetrahedra are evaluated in lanes of their own.
   std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });

@@ -150,11 +150,6 @@ std::vector<Index> nodes_to_hold(const BaseSide& base, const SurfaceMorphResult&
   return result;
 }
 
-bool stays_in_plane(const Mesh& mesh, const Points& positions) {
-  const Eigen::Vector3d normal = plane_normal(mesh, mesh.points);
-  return !normal.isZero(0) && normal == plane_normal(mesh, positions);
-}
-
 // Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
 // its border, on CAD edges, at rest, or amid straight edges. Surface nodes that nothing prescribes
 // stay where the morph put them, on their surface.
@@ -191,7 +186,8 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   const Points& reference = base.mesh_file->mesh().points;
   std::optional<QualityReport> of_file;
   if (base.moved) of_file = measure_quality(base.mesh(), reference, base.orientation);
-  const bool is_in_plane = stays_in_plane(base.mesh(), result.positions);
+  const bool is_in_plane =
+      !plane_normal(base.mesh(), base.mesh().points, result.positions).isZero(0);
   const std::vector<char> is_fixed = nodes_to_leave(base, result.surface, is_in_plane);
   BestMeshOptions how;
   std::optional<FiniteVolumes> volumes;

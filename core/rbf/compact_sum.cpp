@@ -23,8 +23,6 @@ constexpr int kTile = 16;  // targets that are summed together
 // Targets that a thread takes at a time.
 constexpr Index kGrain = 512;
 
-using Range = std::pair<Index, Index>;
-
 // The sources near a tile of targets.
 struct Task {
   const double* points;
@@ -106,52 +104,31 @@ struct Box {
   std::array<double, 3> low, high;
 };
 
-bool is_within(const BoxTree::Node& node, const Box& box, double squared_reach) {
+// Squared distance of two boxes; a point is a box, too.
+double squared_gap(const double* low, const double* high, const Box& box) {
   double sum = 0;
   for (int d = 0; d < 3; ++d) {
-    const double gap = std::max({node.low[d] - box.high[d], 0.0, box.low[d] - node.high[d]});
+    const double gap = std::max({low[d] - box.high[d], 0.0, box.low[d] - high[d]});
     sum += gap * gap;
   }
-  return sum <= squared_reach;
+  return sum;
 }
 
 // Rounding of a box's distance must not cut what is just within the support.
 double squared_reach(double support) { return 1.000001 * support * support; }
 
-// Appends the ranges of leaves within reach of a box, in the order of the tree.
+// Appends the positions of the points within reach of a box, in the order of the tree.
 void find_near(const BoxTree& tree, int id, const Box& box, double squared_reach,
-               std::vector<Range>& ranges) {
+               std::vector<Index>& sources) {
   const BoxTree::Node& node = tree.nodes()[id];
-  if (!is_within(node, box, squared_reach)) return;
+  if (squared_gap(node.low.data(), node.high.data(), box) > squared_reach) return;
   if (node.left >= 0) {
-    find_near(tree, node.left, box, squared_reach, ranges);
-    find_near(tree, node.right, box, squared_reach, ranges);
-  } else if (!ranges.empty() && ranges.back().second == node.begin) {
-    ranges.back().second = node.end;
-  } else {
-    ranges.emplace_back(node.begin, node.end);
+    find_near(tree, node.left, box, squared_reach, sources);
+    find_near(tree, node.right, box, squared_reach, sources);
+    return;
   }
-}
-
-// The points of the ranges within reach of a box.
-void select_near(const MatrixXd& points, std::span<const Range> ranges, const Box& box,
-                 double squared_reach, std::vector<Index>& sources) {
-  std::size_t room = 0;
-  for (const auto& [begin, end] : ranges) room += static_cast<std::size_t>(end - begin);
-  sources.resize(room);
-  std::size_t count = 0;
-  const double *x = points.data(), *y = x + points.rows(), *z = y + points.rows();
-  const auto gap = [](double low, double high, double at) {
-    return std::max(std::max(low - at, at - high), 0.0);
-  };
-  for (const auto& [begin, end] : ranges)
-    for (Index j = begin; j < end; ++j) {
-      const double dx = gap(box.low[0], box.high[0], x[j]), dy = gap(box.low[1], box.high[1], y[j]),
-                   dz = gap(box.low[2], box.high[2], z[j]);
-      sources[count] = j;
-      count += dx * dx + dy * dy + dz * dz <= squared_reach;
-    }
-  sources.resize(count);
+  for (Index j = node.begin; j < node.end; ++j)
+    if (squared_gap(tree.point(j), tree.point(j), box) <= squared_reach) sources.push_back(j);
 }
 
 // A tile of targets. The last one is filled up: every target goes through the same instructions.
@@ -208,24 +185,24 @@ MatrixXd CompactSum::in_tree_order(const Eigen::Ref<const MatrixXd>& rows) const
   return result;
 }
 
-// Sums at targets, with the sources near each tile found by near(tile number, box).
+// Sums at targets, with the sources near each tile found by near(tile number, tile, buffer).
 template <class Near>
 MatrixXd CompactSum::sum(const Eigen::Ref<const MatrixXd>& targets, const MatrixXd& weights,
                          const Near& near) const {
   const Index columns = weights.cols();
   MatrixXd result(targets.rows(), columns);
   const TileSum sum_tile = tile_sum(set_);
-  const double reach = squared_reach(support_);
   parallel_for(targets.rows(), kGrain, [&](Index first, Index last) {
-    std::vector<Range> buffer;
-    std::vector<Index> sources;
+    std::vector<Index> buffer;
     std::vector<double> values(kTile * columns);
     for (Index begin = first; begin < last; begin += kTile) {
       const Tile tile(targets, begin);
-      const Box box = tile.box();
-      select_near(*points_, near(begin / kTile, box, buffer), box, reach, sources);
-      const Task task{points_->data(), points_->rows(), weights.data(),
-                      weights.rows(),  sources,         support_};
+      const Task task{points_->data(),
+                      points_->rows(),
+                      weights.data(),
+                      weights.rows(),
+                      near(begin / kTile, tile, buffer),
+                      support_};
       sum_tile(task, tile.x, columns, values.data());
       for (Index m = 0; m < columns; ++m)
         for (Index i = 0; i < tile.count; ++i) result(begin + i, m) = values[m * kTile + i];
@@ -238,10 +215,10 @@ MatrixXd CompactSum::operator()(const Eigen::Ref<const MatrixXd>& targets,
                                 const Eigen::Ref<const MatrixXd>& coefficients) const {
   const double reach = squared_reach(support_);
   return sum(targets, in_tree_order(coefficients),
-             [&](Index, const Box& box, std::vector<Range>& buffer) {
+             [&](Index, const Tile& tile, std::vector<Index>& buffer) {
                buffer.clear();
-               find_near(*tree_, 0, box, reach, buffer);
-               return std::span<const Range>(buffer);
+               find_near(*tree_, 0, tile.box(), reach, buffer);
+               return std::span<const Index>(buffer);
              });
 }
 
@@ -258,7 +235,7 @@ CompactMatrix::CompactMatrix(const CompactSum& sum) : sum_(sum) {
 MatrixXd CompactMatrix::operator*(const Eigen::Ref<const MatrixXd>& coefficients) const {
   const MatrixXd sums =
       sum_.sum(*sum_.points_, sum_.in_tree_order(coefficients),
-               [&](Index tile, const auto&, auto&) { return std::span<const Range>(near_[tile]); });
+               [&](Index tile, const auto&, auto&) { return std::span<const Index>(near_[tile]); });
   MatrixXd result(sums.rows(), sums.cols());
   for (Index i = 0; i < sums.rows(); ++i) result.row(sum_.tree_->row(i)) = sums.row(i);
   return result;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <utility>
 #include <vector>
 
 #include "core/rbf/box_tree.h"
@@ -54,7 +53,7 @@ class CompactMatrix {
 
  private:
   const CompactSum& sum_;
-  std::vector<std::vector<std::pair<Index, Index>>> near_;  // of each tile of points
+  std::vector<std::vector<Index>> near_;  // sources of each tile of points
 };
 
 /// Returns the rows of points (T x 3) along a curve that keeps neighbours together. O(T log T).

@@ -95,15 +95,12 @@ std::vector<char> near(const Points& points, const std::vector<Index>& some, dou
 // One level of the correction: its points interpolate what the levels before it leave.
 struct Level {
   Level(const Points& points, std::vector<Index> which, double support)
-      : rows(std::move(which)),
-        system(Points(points(rows, Eigen::all)), support),
-        sum(system.sum()) {}
+      : rows(std::move(which)), system(Points(points(rows, Eigen::all)), support) {}
 
   MatrixXd solve(const MatrixXd& values) const;
 
   std::vector<Index> rows;  ///< of the points
   CompactSystem system;
-  const CompactSum& sum;
 };
 
 // Columns of unit size, so that each is solved to its own rounding.
@@ -285,8 +282,8 @@ MatrixXd FieldDerivative::forward(const MatrixXd& values) const {
   left -= field(s.points, s.Q_points);
   for (const auto& level : s.levels) {
     const MatrixXd part = level->solve(select(left, level->rows));
-    add_sums(level->sum, *s.ordered_points, part, -1, left);
-    if (s.ordered_targets) add_sums(level->sum, *s.ordered_targets, part, 1, result);
+    add_sums(level->system.sum(), *s.ordered_points, part, -1, left);
+    if (s.ordered_targets) add_sums(level->system.sum(), *s.ordered_targets, part, 1, result);
   }
   return result;
 }
@@ -298,9 +295,11 @@ MatrixXd FieldDerivative::adjoint(const MatrixXd& slopes) const {
     const Level& level = **at;
     const Ordered centres(select(s.points, level.rows));
     MatrixXd by_part = MatrixXd::Zero(centres.points.rows(), slopes.cols());
-    add_sums(s.over_points->with_support(level.sum.support()), centres, by_left, -1, by_part);
+    add_sums(s.over_points->with_support(level.system.sum().support()), centres, by_left, -1,
+             by_part);
     if (s.over_targets)
-      add_sums(s.over_targets->with_support(level.sum.support()), centres, slopes, 1, by_part);
+      add_sums(s.over_targets->with_support(level.system.sum().support()), centres, slopes, 1,
+               by_part);
     add_rows(by_left, level.rows, level.solve(by_part));
   }
   MatrixPair by_weights = sum_sources(s.sum, s.centres, s.targets, MatrixPair(slopes));

@@ -64,7 +64,6 @@ TEST_CASE("interpolation by compact functions takes few iterations", "[core][rbf
   const test::RbfSet set = test::graded_wing(6000, 0);
   const PointOrder order = farthest_point_order(set.surface);
   const Points points = set.surface(order.rows, Eigen::all);
-  // Plain conjugate gradients take 40 iterations and more.
   const double support = 4 * order.separation.back();
   const CompactSystem system(points, support);
   const MatrixXd values = set.displacement(order.rows, Eigen::all);
