@@ -18,6 +18,7 @@ constexpr double kSame = 1e-7;             // of the diagonal: one surface, what
 constexpr double kSameParameters = 1e-12;  // of the diagonal: equal to rounding
 constexpr double kDifferent = 1e-6;        // of the diagonal: not the same point
 constexpr double kEqualPhase = 1e-6;       // of a period
+constexpr double kSeamShift = 0.02;        // of a period: above what changed dimensions make of it
 constexpr double kNoSpin = 1e-4;           // of a rotation matrix: what hardly is an accident
 constexpr int kProbes = 24, kGrid = 12;
 // Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
@@ -289,24 +290,32 @@ class ParameterWarp {
       if (variant_.period[a] > 0) unwrap_direction(a);
   }
 
-  // At a pole the closed direction has no meaning: it takes the phase of the rest.
+  // A seam that begins elsewhere is no displacement to hold the interpolation to. At a pole the
+  // closed direction has no meaning: it takes the phase of the rest.
   void unwrap_direction(int a) {
     const double period = variant_.period[a];
+    if (values_.rows() > 0) {
+      const double shift = phase(a, pair_.match.alignment, kSeamShift);
+      offset_[a] += shift;
+      values_.col(a).array() -= shift;
+    }
     std::optional<double> reference;
     for (Index i = 0; i < values_.rows(); ++i) {
       if (is_pole(static_cast<std::size_t>(i))) continue;
       if (!reference) reference = values_(i, a) - period * std::round(values_(i, a) / period);
       values_(i, a) -= period * std::round((values_(i, a) - *reference) / period);
     }
-    if (!reference) reference = phase_by_prediction(a);
+    // Of a face without curves the seam moved only where all of it says so, to the digit.
+    if (!reference) reference = phase(a, pair_.prediction, kEqualPhase);
     for (Index i = 0; i < values_.rows(); ++i)
       if (is_pole(static_cast<std::size_t>(i))) values_(i, a) = *reference;
     if (values_.rows() == 0) offset_[a] += *reference;
   }
 
-  // Phase of a face without curves: zero, unless the prediction says to the digit that the whole
-  // surface turned in its own parameters: then its seam moved.
-  double phase_by_prediction(int a) const {
+  // By how much the parameters of the surface are others where `carry` takes its points: zero where
+  // these differ by more than `rough` of the period, or are all that near.
+  template <class Carry>
+  double phase(int a, const Carry& carry, double rough) const {
     const double period = variant_.period[a];
     std::optional<double> reference;
     double sum = 0, spread = 0;
@@ -316,7 +325,7 @@ class ParameterWarp {
         const Vector2d uv =
             base_.lower +
             Vector2d((i + 0.5) / n, (j + 0.5) / n).cwiseProduct(base_.upper - base_.lower);
-        const Vector3d x = pair_.prediction(pair_.base.evaluate(domain_.face(), uv).point);
+        const Vector3d x = carry(pair_.base.evaluate(domain_.face(), uv).point);
         double d = project_globally(pair_.variant, variant_id_, x).uv[a] - linear(uv)[a];
         if (!reference) reference = d - period * std::round(d / period);
         d -= period * std::round((d - *reference) / period);
@@ -324,7 +333,7 @@ class ParameterWarp {
         spread = std::max(spread, std::abs(d - *reference));
       }
     const double mean = sum / (n * n);
-    return spread > kEqualPhase * period || std::abs(mean) < kEqualPhase * period ? 0 : mean;
+    return spread > rough * period || std::abs(mean) < rough * period ? 0 : mean;
   }
 
   const FaceDomain& domain_;
