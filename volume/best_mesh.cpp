@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <iterator>
@@ -34,7 +35,7 @@ constexpr double kAffine = 1e-4;
 // Worst cells whose nodes move: at most this share of all, while their neighbours are no more than
 // that share; in a first attempt where little was lost, which mostly does, than the last one.
 constexpr double kMostSeeds = 0.05;
-constexpr double kMostNeighbours = 0.4, kMostNeighboursFirst = 0.2;
+constexpr double kMostNeighbours = 0.4, kMostNeighboursFirst = 0.1;
 // A cell that kept this share of its scaled Jacobian is left alone.
 constexpr double kKept = 0.99;
 // The work ends after so many passes over the mesh, and on small meshes evaluations of cells; where
@@ -50,6 +51,8 @@ constexpr int kTrials = 3;
 constexpr double kWorthwhile = 1.01;
 // Rounds of taking back what fell too low.
 constexpr int kTakeBacks = 8;
+// Of the values of cells, -1 to 1.
+constexpr std::size_t kBins = 2048;
 // Below, a cell has no shape to start from.
 constexpr double kFlat = 1e-9;
 
@@ -156,6 +159,14 @@ class BestMesh {
         .invalid_cells;
   }
 
+  std::vector<Index> all_invalid_cells() const {
+    if (options_.validity && flat_axis(mesh_, result_.positions) < 0)
+      return options_.validity->invalid_cells;
+    std::vector<Index> all(mesh_.cell_count());
+    std::iota(all.begin(), all.end(), Index{0});
+    return invalid_cells(result_.positions, all);
+  }
+
   // Lets nodes within faces slide, and those on edges; false where there are none.
   bool let_slide(bool on_edges) {
     if (!sliding_) {
@@ -248,9 +259,7 @@ class BestMesh {
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (came_.quality.values[c] <= kFlat)
         for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
-    std::vector<Index> all(mesh_.cell_count());
-    std::iota(all.begin(), all.end(), Index{0});
-    for (const Index c : invalid_cells(result_.positions, all))
+    for (const Index c : all_invalid_cells())
       for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
   }
 
@@ -454,16 +463,26 @@ class BestMesh {
 }  // namespace
 
 WorstCells worst_cells(const QualityReport& quality) {
+  // Few values need an order: those of the bins that hold the least.
+  std::array<std::size_t, kBins> sizes{};
+  const auto bin = [](double value) {
+    return std::size_t(std::clamp((value + 1) / 2, 0.0, 1.0) * (kBins - 1));
+  };
+  std::size_t measured = 0;
+  for (const double value : quality.values)
+    if (is_measured(value)) ++sizes[bin(value)], ++measured;
+  if (measured == 0) return {};
+  const std::size_t count = std::max<std::size_t>(measured / 20, 1);
+  std::size_t last = 0, held = sizes[0];
+  while (held < count) held += sizes[++last];
   std::vector<double> values;
-  std::ranges::copy_if(quality.values, std::back_inserter(values), is_measured);
-  if (values.empty()) return {};
-  const std::size_t count = std::max<std::size_t>(values.size() / 20, 1);
-  std::ranges::nth_element(values, values.begin() + (count - 1));
+  values.reserve(held);
+  std::ranges::copy_if(quality.values, std::back_inserter(values),
+                       [&](double value) { return is_measured(value) && bin(value) <= last; });
+  std::ranges::nth_element(values, values.begin() + std::ptrdiff_t(count - 1));
   values.resize(count);
   std::ranges::sort(values);  // the sum in one order
-  double sum = 0;
-  for (const double value : values) sum += value;
-  return {quality.min, sum / double(count)};
+  return {quality.min, std::accumulate(values.begin(), values.end(), 0.0) / double(count)};
 }
 
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,

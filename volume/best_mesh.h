@@ -56,6 +56,8 @@ struct BestMeshOptions {
   std::vector<Index> held = {};
   /// Whether nodes slid so that valid cells overlap.
   std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
+  /// Of the moved mesh's solid cells, where known; must outlive the call.
+  const ValidityReport* validity = nullptr;
   Progress progress = {};
 };
 

@@ -1,76 +1,108 @@
 #include "volume/components.h"
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
 #include <map>
 #include <numeric>
 #include <utility>
 
+#include "core/parallel.h"
+
 namespace cadmorph {
 namespace {
 
+// Cells that a thread takes at a time.
+constexpr Index kGrain = 16'384;
+
+// Sets that all threads join at once; the least of its items stands for a set (Anderson, Woll
+// 1991).
 class DisjointSets {
  public:
   explicit DisjointSets(Index count) : parent_(count) {
     std::iota(parent_.begin(), parent_.end(), Index{0});
   }
 
-  Index add() {
-    parent_.push_back(std::ssize(parent_));
-    return parent_.back();
-  }
-
   Index find(Index i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-
-  void join(Index a, Index b) {
-    a = find(a);
-    b = find(b);
-    if (a != b) parent_[a] = b;
-  }
-
- private:
-  std::vector<Index> parent_;
-};
-
-// The nodes of all cells, joined where a cell has both. A prescribed node joins cells of one region
-// only: it counts once a region.
-class JoinedNodes {
- public:
-  JoinedNodes(const Mesh& mesh, const std::vector<char>& is_prescribed)
-      : mesh_(mesh), is_prescribed_(is_prescribed), sets_(mesh.node_count()) {
-    if (!mesh.regions.empty()) first_region_.assign(std::size_t(mesh.node_count()), kNoRegion);
-    const int top = dimension(mesh);
-    for (Index c = 0; c < mesh.cell_count(); ++c) {
-      if (dimension(mesh.types[c]) != top) continue;
-      const auto nodes = mesh.cell(c);
-      const Index first = id(nodes[0], c);
-      for (const Index n : nodes.subspan(1)) sets_.join(id(n, c), first);
+    for (;;) {
+      const Index parent = at(i).load(std::memory_order_relaxed);
+      const Index grandparent = at(parent).load(std::memory_order_relaxed);
+      if (parent == grandparent) return parent;
+      at(i).store(grandparent, std::memory_order_relaxed);
+      i = grandparent;
     }
   }
 
-  // What all nodes of joined cells share.
-  Index set_of(Index cell) { return sets_.find(id(mesh_.cell(cell)[0], cell)); }
+  void join(Index a, Index b) {
+    for (;;) {
+      a = find(a);
+      b = find(b);
+      if (a == b) return;
+      if (a > b) std::swap(a, b);
+      if (at(b).compare_exchange_strong(b, a, std::memory_order_relaxed)) return;
+    }
+  }
+
+ private:
+  std::atomic_ref<Index> at(Index i) { return std::atomic_ref<Index>(parent_[i]); }
+
+  std::vector<Index> parent_;
+};
+
+// The nodes of all cells of the highest dimension. A prescribed node joins cells of one region
+// only: it counts once a region.
+class NodesOfRegions {
+ public:
+  NodesOfRegions(const Mesh& mesh, const std::vector<char>& is_prescribed)
+      : mesh_(mesh), is_prescribed_(is_prescribed), count_(mesh.node_count()) {
+    if (mesh.regions.empty()) return;
+    first_region_.assign(std::size_t(mesh.node_count()), kNoRegion);
+    for_cells(0, mesh.cell_count(), [&](Index c) {
+      for (const Index n : mesh.cell(c)) {
+        if (!is_prescribed[n]) continue;
+        int& first = first_region_[n];
+        if (first == kNoRegion) first = mesh.region(c);
+        if (first != mesh.region(c) && other_ids_.try_emplace({n, mesh.region(c)}, count_).second)
+          ++count_;
+      }
+    });
+  }
+
+  /// Ids of nodes: their own in their first region.
+  Index count() const { return count_; }
+  const std::map<std::pair<Index, int>, Index>& in_other_regions() const { return other_ids_; }
+
+  DisjointSets joined_by_cells() const {
+    DisjointSets sets(count_);
+    parallel_for(mesh_.cell_count(), kGrain, [&](Index begin, Index end) {
+      for_cells(begin, end, [&](Index c) {
+        const auto nodes = mesh_.cell(c);
+        const Index first = id(nodes[0], c);
+        for (const Index n : nodes.subspan(1)) sets.join(id(n, c), first);
+      });
+    });
+    return sets;
+  }
 
  private:
   static constexpr int kNoRegion = std::numeric_limits<int>::min();
 
-  Index id(Index node, Index cell) {
+  template <class Visit>
+  void for_cells(Index begin, Index end, Visit&& visit) const {
+    for (Index c = begin; c < end; ++c)
+      if (dimension(mesh_.types[c]) == top_) visit(c);
+  }
+
+  Index id(Index node, Index cell) const {
     if (first_region_.empty() || !is_prescribed_[node]) return node;
     const int region = mesh_.region(cell);
-    int& first = first_region_[node];
-    if (first == kNoRegion) first = region;
-    if (first == region) return node;
-    const auto [found, is_new] = other_ids_.try_emplace({node, region});
-    if (is_new) found->second = sets_.add();
-    return found->second;
+    return first_region_[node] == region ? node : other_ids_.at({node, region});
   }
 
   const Mesh& mesh_;
   const std::vector<char>& is_prescribed_;
-  DisjointSets sets_;
+  int top_ = dimension(mesh_);
+  Index count_;
   std::vector<int> first_region_;  ///< of each prescribed node
   std::map<std::pair<Index, int>, Index> other_ids_;
 };
@@ -84,33 +116,27 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
     is_prescribed[surface_nodes[i]] = 1;
     position[surface_nodes[i]] = static_cast<Index>(i);
   }
-  JoinedNodes joined(mesh, is_prescribed);
-  const int top = dimension(mesh);
-  std::map<Index, std::size_t> component_of;
-  std::vector<Component> components(1);
-  std::vector<Index> taken_by(static_cast<std::size_t>(mesh.node_count()), -1);
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    if (dimension(mesh.types[c]) != top) continue;
-    const auto [it, is_new] = component_of.try_emplace(joined.set_of(c), component_of.size());
-    if (is_new && it->second == components.size()) components.emplace_back();
-    for (const Index n : mesh.cell(c)) {
-      const auto id = static_cast<Index>(it->second);
-      if (taken_by[n] == id) continue;
-      taken_by[n] = id;  // a free node lies in one component only
-      if (is_prescribed[n])
-        components[it->second].surface.push_back(position[n]);
-      else
-        components[it->second].volume.push_back(n);
-    }
-  }
-  for (Index n = 0; n < mesh.node_count(); ++n)
-    if (taken_by[n] < 0)
-      (is_prescribed[n] ? components.front().surface : components.front().volume)
-          .push_back(is_prescribed[n] ? position[n] : n);
-  for (Component& component : components) {
-    std::sort(component.surface.begin(), component.surface.end());
-    const auto end = std::unique(component.surface.begin(), component.surface.end());
-    component.surface.erase(end, component.surface.end());
+  const NodesOfRegions nodes(mesh, is_prescribed);
+  DisjointSets sets = nodes.joined_by_cells();
+  std::vector<Index> size(nodes.count(), 0), component(nodes.count(), 0);
+  for (Index id = 0; id < nodes.count(); ++id) ++size[sets.find(id)];
+  std::size_t count = 0;
+  for (Index id = 0; id < nodes.count(); ++id)
+    if (size[id] > 1) component[id] = static_cast<Index>(count++);  // alone: of no cell
+
+  std::vector<Component> components(std::max<std::size_t>(count, 1));
+  const auto add = [&](Index node, Index id) {
+    Component& to = components[component[sets.find(id)]];
+    if (is_prescribed[node])
+      to.surface.push_back(position[node]);
+    else
+      to.volume.push_back(node);
+  };
+  for (Index node = 0; node < mesh.node_count(); ++node) add(node, node);
+  for (const auto& [place, id] : nodes.in_other_regions()) add(place.first, id);
+  for (Component& one : components) {
+    std::ranges::sort(one.surface);
+    one.surface.erase(std::ranges::unique(one.surface).begin(), one.surface.end());
   }
   return components;
 }

@@ -195,6 +195,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
     volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
   if (volumes && volumes->has_cells()) how.volumes = &*volumes;
   how.held = nodes_to_hold(base, result.surface);
+  how.validity = &result.validity;
   if (!is_in_plane) how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
     return sliding.is_folded(positions, slides);

