@@ -14,6 +14,7 @@
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "core/reference_cell.h"
+#include "volume/space_order.h"
 
 namespace cadmorph {
 namespace {
@@ -196,6 +197,7 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
       normal_(plane_normal(mesh, reference, positions_)),
       samples_(kTypes) {
   const bool is_shell = dimension(mesh) == 2 && normal_.isZero(0);
+  sort_in_space(mesh, positions_, cells);
   // Tetrahedra are evaluated in lanes of their own.
   std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
   slopes_.emplace(mesh, cells, free_);
@@ -205,12 +207,38 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
     cells_.push_back(
         {c, samples_of(c),
          is_shell ? 1.0 : double(orientation[static_cast<std::size_t>(mesh.types[c])])});
+  number_nodes();
   make_chunks();
-  if (is_shell) set_normals(reference);
+  const Points had = of_nodes(reference);
+  placed_ = of_nodes(positions_);
+  if (is_shell) set_normals(had);
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) set_references(chunks_[i], reference);
+    for (Index i = begin; i < end; ++i) set_references(chunks_[i], had);
   });
-  if (is_shell) set_normals(positions_);
+  if (is_shell) set_normals(placed_);
+}
+
+// Numbers the nodes as the cells come, so that those of a few cells lie near to each other.
+void ShapeEnergy::number_nodes() {
+  std::vector<Index> number(mesh_.node_count(), -1);
+  for (Cell& cell : cells_) {
+    cell.first_node = std::ssize(nodes_);
+    for (const Index node : mesh_.cell(cell.id)) {
+      if (number[node] < 0) {
+        number[node] = std::ssize(ids_);
+        ids_.push_back(node);
+      }
+      nodes_.push_back(static_cast<std::uint32_t>(number[node]));
+    }
+  }
+}
+
+Points ShapeEnergy::of_nodes(const Points& points) const {
+  Points result(std::ssize(ids_), 3);
+  parallel_for(std::ssize(ids_), kGrain, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) result.row(i) = points.row(ids_[i]);
+  });
+  return result;
 }
 
 // Of each cell, by the areas that its samples span.
@@ -220,7 +248,7 @@ void ShapeEnergy::set_normals(const Points& points) {
     for (Index i = begin; i < end; ++i) {
       Vector3d sum = Vector3d::Zero();
       for (const Sample& sample : *cells_[i].samples) {
-        const Matrix3d j = edges(sample, mesh_.cell(cells_[i].id), points, Vector3d::Zero());
+        const Matrix3d j = edges(sample, cells_[i], points, Vector3d::Zero());
         sum += j.col(0).cross(j.col(1));
       }
       normals_[i] = sum.normalized();
@@ -254,8 +282,8 @@ void ShapeEnergy::for_each_group(const Chunk& chunk, const Points& points, Visit
   std::size_t count = 0;
   for (Index i = chunk.first; i < chunk.last; ++i)
     for (const Sample& sample : *cells_[i].samples) {
-      const Matrix3d j = this->edges(sample, mesh_.cell(cells_[i].id), points,
-                                     normals_.empty() ? normal_ : normals_[i]);
+      const Matrix3d j =
+          this->edges(sample, cells_[i], points, normals_.empty() ? normal_ : normals_[i]);
       for (int k = 0; k < 9; ++k) edges[k][count] = j.data()[k];
       lanes[count++] = {i, &sample};
       if (count < lanes.size()) continue;
@@ -289,8 +317,9 @@ void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
   });
 }
 
-Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
-                            const Points& points, const Vector3d& normal) const {
+inline Matrix3d ShapeEnergy::edges(const Sample& sample, const Cell& cell, const Points& points,
+                                   const Vector3d& normal) const {
+  const std::uint32_t* nodes = nodes_.data() + cell.first_node;
   Matrix3d j = Matrix3d::Zero();
   j.col(2) = normal;
   if (sample.slopes.size() == 0) {
@@ -299,7 +328,7 @@ Matrix3d ShapeEnergy::edges(const Sample& sample, std::span<const Index> nodes,
       j.col(i) = (points.row(nodes[k[i + 1]]) - points.row(nodes[k[0]])).transpose();
     return j;
   }
-  for (std::size_t n = 0; n < nodes.size(); ++n)
+  for (Index n = 0; n < sample.slopes.rows(); ++n)
     j += points.row(nodes[n]).transpose() * sample.slopes.row(n);
   if (!normal.isZero(0)) j.leftCols<2>() -= normal * (normal.transpose() * j.leftCols<2>());
   return j;
@@ -311,15 +340,14 @@ template <class Visit>
 double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
   double sum = 0;
   SampleEnergy result;
-  for_each_group(
-      chunk, positions_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
-        evaluate_samples(edges, references_[group], chunk.are_tetrahedra,
-                         {squarings_, faces_ ? squarings_ : squarings_ - 1}, result);
-        for (std::size_t l = 0; l < lanes.size(); ++l) {
-          sum += result.energy[l];
-          visit(lanes[l], result.energy[l], lane_of(result.by_edges, l), lane_of(edges, l));
-        }
-      });
+  for_each_group(chunk, placed_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
+    evaluate_samples(edges, references_[group], chunk.are_tetrahedra,
+                     {squarings_, faces_ ? squarings_ : squarings_ - 1}, result);
+    for (std::size_t l = 0; l < lanes.size(); ++l) {
+      sum += result.energy[l];
+      visit(lanes[l], result.energy[l], lane_of(result.by_edges, l), lane_of(edges, l));
+    }
+  });
   return sum;
 }
 
@@ -341,6 +369,7 @@ double ShapeEnergy::add_faces(const Chunk& chunk, double factor, Visit&& visit) 
 
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   free_.move(x, positions_);
+  placed_ = of_nodes(positions_);
   evaluated_ = x;
   if (faces_) faces_->place(positions_);
   std::vector<double> energies(chunks_.size());

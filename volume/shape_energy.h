@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -66,6 +67,7 @@ class ShapeEnergy {
     Index id;
     const Samples* samples;
     double sign;
+    Index first_node = 0;  ///< of its nodes in nodes_
   };
   /// Cells [first, last), whose samples fill lanes from references_[first_reference] on.
   struct Chunk {
@@ -79,7 +81,9 @@ class ShapeEnergy {
   };
 
   const Samples* samples_of(Index cell);
-  Eigen::Matrix3d edges(const Sample& sample, std::span<const Index> nodes, const Points& points,
+  void number_nodes();
+  Points of_nodes(const Points& points) const;
+  Eigen::Matrix3d edges(const Sample& sample, const Cell& cell, const Points& points,
                         const Eigen::Vector3d& normal) const;
   void set_normals(const Points& points);
   void make_chunks();
@@ -94,6 +98,9 @@ class ShapeEnergy {
   const Mesh& mesh_;
   Points positions_;
   FreeNodes free_;
+  std::vector<Index> ids_;            ///< of the cells' nodes, in the order of the cells
+  std::vector<std::uint32_t> nodes_;  ///< of all cells, as numbers of ids_
+  Points placed_;                     ///< positions of ids_
   /// The third edge of all samples in a plane mesh; of each cell in another one of shells.
   Eigen::Vector3d normal_;
   std::vector<Eigen::Vector3d> normals_;
