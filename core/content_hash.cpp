@@ -6,7 +6,9 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <map>
 #include <memory>
+#include <system_error>
 #include <vector>
 
 #include "core/errors.h"
@@ -61,6 +63,22 @@ std::string file_hash(const std::filesystem::path& path) {
   while (const std::size_t count = std::fread(block.data(), 1, kBlock, file.get()))
     hasher.add({block.data(), count});
   if (std::ferror(file.get())) fail(path);
+  return hasher.hash();
+}
+
+std::string mesh_hash(const std::filesystem::path& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return file_hash(path);
+  std::map<std::string, fs::path> files;
+  for (fs::recursive_directory_iterator entry(path, error), end; entry != end;
+       entry.increment(error))
+    if (entry->is_regular_file(error) &&
+        fs::canonical(entry->path().parent_path(), error).filename() == "polyMesh")
+      files.emplace(fs::relative(entry->path(), path, error).generic_string(), entry->path());
+  if (error) throw IoError(path.string() + ": can't be read (" + error.message() + ")");
+  ContentHasher hasher;
+  for (const auto& [name, file] : files) hasher.add(name + "\n" + file_hash(file) + "\n");
   return hasher.hash();
 }
 

@@ -30,4 +30,8 @@ class ContentHasher {
 /// The hash of a file's bytes. Throws IoError.
 std::string file_hash(const std::filesystem::path& path);
 
+/// The same, or for a folder (an OpenFOAM case) that of the names and bytes of the files in its
+/// folders named polyMesh. Throws IoError.
+std::string mesh_hash(const std::filesystem::path& path);
+
 }  // namespace cadmorph

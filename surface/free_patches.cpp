@@ -33,7 +33,7 @@ constexpr double kLeastCovered = 0.25;
 // Nodes that are off the CAD by no more than this part of their shortest mesh edge, and what
 // samples of its faces leave unknown, belong to it.
 constexpr double kOffCad = 0.5, kSamplesApart = 1.5;
-constexpr Index kSamples = 100'000;
+constexpr Index kSamples = 100'000, kCoverSamples = 10'000;
 
 bool is_unmatched_node(const Association& association, int n) {
   return association.dimension[n] == CadDimension::None && !association.is_amid[n];
@@ -249,7 +249,9 @@ void add_lines(const SurfaceMesh& surface, const Association& association, const
   }
 }
 
-// Part of the CAD's faces that the mesh covers by half of their area or more.
+// Of the CAD's faces that reach into the box round the mesh: the part that the mesh covers by half
+// or more of the area that they have in there. So a half model of a body, cut by symmetry planes,
+// counts like the whole.
 double covered_faces(const CadModel& base, const SurfaceMesh& surface,
                      const Association& association) {
   std::vector<double> area(base.faces().size(), 0);
@@ -257,11 +259,22 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
     if (association.facet_face[f] >= 0)
       area[association.facet_face[f]] +=
           area_vector(surface, surface.points, static_cast<Index>(f)).norm();
+  Eigen::AlignedBox3d box(Vector3d(surface.points.colwise().minCoeff()),
+                          Vector3d(surface.points.colwise().maxCoeff()));
+  const FaceSamples samples = sample_faces(base, kCoverSamples);
+  std::vector<double> all(area.size(), 0), inside(area.size(), 0);
+  for (Index i = 0; i < samples.points.rows(); ++i) {
+    ++all[samples.face[i]];
+    inside[samples.face[i]] += box.contains(Vector3d(samples.points.row(i)));
+  }
   const auto features = entity_features(base);
-  Index covered = 0;
-  for (std::size_t f = 0; f < area.size(); ++f)
-    covered += area[f] >= 0.5 * features[f].size * features[f].size;
-  return static_cast<double>(covered) / static_cast<double>(area.size());
+  double reaching = 0, covered = 0;
+  for (std::size_t f = 0; f < area.size(); ++f) {
+    if (inside[f] == 0) continue;
+    ++reaching;
+    covered += area[f] >= 0.5 * features[f].size * features[f].size * inside[f] / all[f];
+  }
+  return reaching > 0 ? covered / reaching : 0;
 }
 
 // Surface nodes on no face.

@@ -314,8 +314,11 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, FaceMapResult& m
   for (const Index i : nodes.straight) {
     const int n = nodes.rows[i];
     if (placed.is_crossing[n]) continue;
-    const FaceFoot foot =
-        project_on_face(pair.variant, variant, surface.middle(n, placed.feet), placed.uv.row(n));
+    // What the file's digits leave between node and middle stays.
+    const Vector3d off = feet.row(n).transpose() - surface.middle(n, feet);
+    const Vector3d middle = surface.middle(n, placed.feet);
+    const FaceFoot foot = project_on_face(
+        pair.variant, variant, middle + pair.match.alignment.rotation * off, placed.uv.row(n));
     placed.feet.row(n) = foot.point;
     placed.uv.row(n) = mapped.uv.row(i) = foot.uv;
   }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "core/parallel.h"
@@ -23,39 +22,29 @@ CellSlopes::CellSlopes(const Mesh& mesh, const std::vector<Index>& cells, const 
         ++row;
       }
   };
-  std::vector<Index> number(free.count(), -1);  // in order_
-  node_first_.push_back(0);
-  for_all([&](Index i, Index) {
-    if (number[i] < 0) {
-      number[i] = std::ssize(order_);
-      order_.push_back(i);
-      node_first_.push_back(0);
-    }
-    ++node_first_[number[i] + 1];
-  });
+  node_first_.assign(std::size_t(free.count()) + 1, 0);
+  for_all([&](Index i, Index) { ++node_first_[i + 1]; });
   std::partial_sum(node_first_.begin(), node_first_.end(), node_first_.begin());
   rows_of_node_.resize(std::size_t(node_first_.back()));
   std::vector<Index> next = node_first_;
-  for_all([&](Index i, Index row) { rows_of_node_[next[number[i]]++] = row; });
+  for_all([&](Index i, Index row) { rows_of_node_[next[i]++] = row; });
 }
 
 void CellSlopes::gather(const FreeNodes& free, double factor, Eigen::VectorXd& gradient) const {
-  gradient.setZero(free.unknowns());
-  parallel_for(std::ssize(order_), 1024, [&](Index begin, Index end) {
+  gradient.resize(free.unknowns());
+  parallel_for(free.count(), 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
       for (Index k = node_first_[i]; k < node_first_[i + 1]; ++k)
         sum += rows_.row(rows_of_node_[k]);
-      free.add_slope(free.node(order_[i]), factor * sum.transpose(), gradient);
+      free.set_slope(i, factor * sum.transpose(), gradient);
     }
   });
 }
 
 std::vector<NodeBlocks::Block> CellSlopes::gather_blocks(const FreeNodes& free) const {
-  std::vector<NodeBlocks::Block> result(
-      std::size_t(free.count()),
-      {Eigen::Matrix3d::Zero(), std::numeric_limits<double>::infinity()});
-  parallel_for(std::ssize(order_), 1024, [&](Index begin, Index end) {
+  std::vector<NodeBlocks::Block> result(std::size_t(free.count()));
+  parallel_for(free.count(), 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
       double stiffness = 0, most = 0;
@@ -66,7 +55,7 @@ std::vector<NodeBlocks::Block> CellSlopes::gather_blocks(const FreeNodes& free) 
         most = std::max<double>(most, stiffness_(row, 1));
       }
       hessian.diagonal().array() += stiffness;
-      result[order_[i]] = {hessian, 1 / std::sqrt(most)};
+      result[i] = {hessian, 1 / std::sqrt(most)};
     }
   });
   return result;

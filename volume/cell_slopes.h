@@ -33,8 +33,7 @@ class CellSlopes {
   Points rows_;
   Eigen::Matrix<float, Eigen::Dynamic, 2, Eigen::RowMajor> stiffness_;  ///< rough numbers do
   std::vector<Index> first_;                                            ///< row of each cell
-  std::vector<Index> order_;                      ///< of the free nodes: as the cells come
-  std::vector<Index> node_first_, rows_of_node_;  ///< the rows of each of them
+  std::vector<Index> node_first_, rows_of_node_;  ///< the rows of each free node
 };
 
 }  // namespace cadmorph

@@ -58,12 +58,11 @@ void FreeNodes::read_slides(const VectorXd& x, RowMatrix& slides) const {
     if (node.slide >= 0) slides.row(node.slide) = x.segment<2>(node.first).transpose();
 }
 
-void FreeNodes::add_slope(Index node, const Eigen::Vector3d& slope, VectorXd& gradient) const {
-  const Index i = local_[node];
+void FreeNodes::set_slope(Index i, const Eigen::Vector3d& slope, VectorXd& gradient) const {
   if (nodes_[i].slide < 0)
-    gradient.segment<3>(nodes_[i].first) += slope;
+    gradient.segment<3>(nodes_[i].first) = slope;
   else
-    gradient.segment<2>(nodes_[i].first) += tangents_[i].transpose() * slope;
+    gradient.segment<2>(nodes_[i].first) = tangents_[i].transpose() * slope;
 }
 
 Eigen::Matrix3d FreeNodes::by_unknowns(Index i, const Eigen::Matrix3d& hessian) const {

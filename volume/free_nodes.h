@@ -29,8 +29,9 @@ class FreeNodes {
   /// Reads the sliding nodes' coordinates from the unknowns.
   void read_slides(const Eigen::VectorXd& x, RowMatrix& slides) const;
 
-  /// Adds a derivative by a node's position, where it was last moved to, to that by the unknowns.
-  void add_slope(Index node, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
+  /// Sets the derivative by the unknowns of node(i), of that by its position, where it was last
+  /// moved to.
+  void set_slope(Index i, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
 
   /// Second derivatives by the position of node(i), where it was last moved to, as those by its
   /// unknowns_of(i) unknowns, the first of which is first_unknown(i): in the first rows and

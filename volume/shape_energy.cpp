@@ -200,7 +200,6 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
   sort_in_space(mesh, positions_, cells);
   // Tetrahedra are evaluated in lanes of their own.
   std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
-  slopes_.emplace(mesh, cells, free_);
   if (volumes) faces_.emplace(*volumes, cells, positions_);
   cells_.reserve(cells.size());
   for (const Index c : cells)
@@ -209,6 +208,10 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
          is_shell ? 1.0 : double(orientation[static_cast<std::size_t>(mesh.types[c])])});
   number_nodes();
   make_chunks();
+  std::vector<Index> first_cell;
+  for (const Chunk& chunk : chunks_) first_cell.push_back(chunk.first);
+  first_cell.push_back(std::ssize(cells_));
+  sums_.emplace(first_cell, first_node_, nodes_, ids_, free_);
   const Points had = of_nodes(reference);
   placed_ = of_nodes(positions_);
   if (is_shell) set_normals(had);
@@ -221,8 +224,8 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
 // Numbers the nodes as the cells come, so that those of a few cells lie near to each other.
 void ShapeEnergy::number_nodes() {
   std::vector<Index> number(mesh_.node_count(), -1);
-  for (Cell& cell : cells_) {
-    cell.first_node = std::ssize(nodes_);
+  first_node_.push_back(0);
+  for (const Cell& cell : cells_) {
     for (const Index node : mesh_.cell(cell.id)) {
       if (number[node] < 0) {
         number[node] = std::ssize(ids_);
@@ -230,6 +233,7 @@ void ShapeEnergy::number_nodes() {
       }
       nodes_.push_back(static_cast<std::uint32_t>(number[node]));
     }
+    first_node_.push_back(std::ssize(nodes_));
   }
 }
 
@@ -245,10 +249,12 @@ Points ShapeEnergy::of_nodes(const Points& points) const {
 void ShapeEnergy::set_normals(const Points& points) {
   normals_.resize(cells_.size());
   parallel_for(std::ssize(cells_), kGrain, [&](Index begin, Index end) {
+    NodeRows x;
     for (Index i = begin; i < end; ++i) {
       Vector3d sum = Vector3d::Zero();
+      read_nodes(i, points, x);
       for (const Sample& sample : *cells_[i].samples) {
-        const Matrix3d j = edges(sample, cells_[i], points, Vector3d::Zero());
+        const Matrix3d j = edges(sample, x, Vector3d::Zero());
         sum += j.col(0).cross(j.col(1));
       }
       normals_[i] = sum.normalized();
@@ -280,16 +286,18 @@ void ShapeEnergy::for_each_group(const Chunk& chunk, const Points& points, Visit
   alignas(SampleReference) SampleLane edges[9] = {};
   Index reference = chunk.first_reference;
   std::size_t count = 0;
-  for (Index i = chunk.first; i < chunk.last; ++i)
+  NodeRows x;
+  for (Index i = chunk.first; i < chunk.last; ++i) {
+    read_nodes(i, points, x);
     for (const Sample& sample : *cells_[i].samples) {
-      const Matrix3d j =
-          this->edges(sample, cells_[i], points, normals_.empty() ? normal_ : normals_[i]);
+      const Matrix3d j = ShapeEnergy::edges(sample, x, normals_.empty() ? normal_ : normals_[i]);
       for (int k = 0; k < 9; ++k) edges[k][count] = j.data()[k];
       lanes[count++] = {i, &sample};
       if (count < lanes.size()) continue;
       visit(reference++, std::span(lanes), edges);
       count = 0;
     }
+  }
   if (count > 0) visit(reference, std::span(lanes).first(count), edges);
 }
 
@@ -317,20 +325,25 @@ void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
   });
 }
 
-inline Matrix3d ShapeEnergy::edges(const Sample& sample, const Cell& cell, const Points& points,
-                                   const Vector3d& normal) const {
-  const std::uint32_t* nodes = nodes_.data() + cell.first_node;
-  Matrix3d j = Matrix3d::Zero();
-  j.col(2) = normal;
-  if (sample.slopes.size() == 0) {
-    const auto& k = sample.corner;
-    for (int i = 0; i < edge_count(sample); ++i)
-      j.col(i) = (points.row(nodes[k[i + 1]]) - points.row(nodes[k[0]])).transpose();
+void ShapeEnergy::read_nodes(Index cell, const Points& points, NodeRows& x) const {
+  const Index first = first_node_[cell], count = first_node_[cell + 1] - first;
+  if (x.rows() != count) x.resize(count, 3);
+  for (Index n = 0; n < count; ++n) x.row(n) = points.row(nodes_[first + n]);
+}
+
+Matrix3d ShapeEnergy::edges(const Sample& sample, const NodeRows& x, const Vector3d& normal) {
+  Matrix3d j;
+  if (sample.slopes.size() > 0) {
+    j.noalias() = x.transpose().lazyProduct(sample.slopes);
+    if (!normal.isZero(0)) {
+      j.leftCols<2>() -= normal * (normal.transpose() * j.leftCols<2>());
+      j.col(2) = normal;
+    }
     return j;
   }
-  for (Index n = 0; n < sample.slopes.rows(); ++n)
-    j += points.row(nodes[n]).transpose() * sample.slopes.row(n);
-  if (!normal.isZero(0)) j.leftCols<2>() -= normal * (normal.transpose() * j.leftCols<2>());
+  const auto& k = sample.corner;
+  for (int i = 0; i < 3; ++i)
+    j.col(i) = k[i + 1] < 0 ? normal : Vector3d((x.row(k[i + 1]) - x.row(k[0])).transpose());
   return j;
 }
 
@@ -351,20 +364,32 @@ double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
   return sum;
 }
 
-// Adds the slopes of the faces times `factor`, and calls visit(cell, energy, stiffness) for each
-// cell; returns the energy.
+// Adds the slopes of the faces to those of the cells, and calls visit(cell, energy, stiffness) for
+// each cell; returns the energy.
 template <class Visit>
-double ShapeEnergy::add_faces(const Chunk& chunk, double factor, Visit&& visit) {
+double ShapeEnergy::add_faces(const Chunk& chunk, Points& slopes, Visit&& visit) const {
   FaceEnergy::Work work;
   VectorXd stiffness;
   double sum = 0;
   for (Index i = chunk.first; i < chunk.last; ++i) {
-    const double energy =
-        faces_->add(i, squarings_ + 1 + kFaceDoublings, factor, slopes_->of(i), stiffness, work);
+    const double energy = faces_->add(i, squarings_ + 1 + kFaceDoublings, 1.0 / (2 << squarings_),
+                                      of_cell(slopes, chunk, i), stiffness, work);
     sum += energy;
     visit(i, energy, stiffness);
   }
   return sum;
+}
+
+void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edges,
+                             Eigen::Ref<Points> slopes) {
+  if (sample.slopes.size() > 0) {
+    slopes.noalias() += sample.slopes.lazyProduct(by_edges.transpose());
+    return;
+  }
+  for (int k = 0; k < edge_count(sample); ++k) {
+    slopes.row(sample.corner[k + 1]) += by_edges.col(k).transpose();
+    slopes.row(sample.corner[0]) -= by_edges.col(k).transpose();
+  }
 }
 
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
@@ -375,24 +400,18 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   std::vector<double> energies(chunks_.size());
   std::atomic<bool> is_infinite = false;  // then nobody needs the rest
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
+    Points slopes;
     for (Index c = begin; c < end && !is_infinite; ++c) {
-      for (Index i = chunks_[c].first; i < chunks_[c].last; ++i) slopes_->of(i).setZero();
-      energies[c] = evaluate(chunks_[c],
-                             [&](const Lane& lane, double, const Matrix3d& by_edges, const auto&) {
-                               auto slope = slopes_->of(lane.cell);
-                               const Sample& sample = *lane.sample;
-                               if (sample.slopes.size() > 0) {
-                                 slope.noalias() += sample.slopes.lazyProduct(by_edges.transpose());
-                                 return;
-                               }
-                               for (int k = 0; k < edge_count(sample); ++k) {
-                                 slope.row(sample.corner[k + 1]) += by_edges.col(k).transpose();
-                                 slope.row(sample.corner[0]) -= by_edges.col(k).transpose();
-                               }
-                             });
+      const Chunk& chunk = chunks_[c];
+      slopes.setZero(first_node_[chunk.last] - first_node_[chunk.first], 3);
+      energies[c] =
+          evaluate(chunk, [&](const Lane& lane, double, const Matrix3d& by_edges, const auto&) {
+            add_slopes(*lane.sample, by_edges, of_cell(slopes, chunk, lane.cell));
+          });
       if (faces_ && std::isfinite(energies[c]))
-        energies[c] += add_faces(chunks_[c], 1.0 / (2 << squarings_), [](auto&&...) {});
+        energies[c] += add_faces(chunk, slopes, [](auto&&...) {});
       if (!std::isfinite(energies[c])) is_infinite = true;
+      sums_->set_slopes(c, first_node_[chunk.first], slopes);
     }
   });
   sum_ = 0;
@@ -401,7 +420,7 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
     gradient.setZero(x.size());
     return kInfinite;
   }
-  slopes_->gather(free_, 1 / sum_, gradient);
+  sums_->gather_slopes(free_, 1 / sum_, gradient);
   return std::log(sum_) / (2 << squarings_);
 }
 
@@ -413,44 +432,53 @@ const Points& ShapeEnergy::positions_at(const VectorXd& x) {
 
 const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
   if (VectorXd gradient; evaluated_.size() == 0 || evaluated_ != x) (*this)(x, gradient);
-  evaluated_.resize(0);  // the slopes become what the guess needs
   const double p = 2 << squarings_;
-  slopes_->reserve_stiffness();
+  sums_->reserve_blocks();
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
+    Points slopes;
     for (Index c = begin; c < end; ++c) {
-      const auto [first, last, reference, are_tetrahedra] = chunks_[c];
-      for (Index i = first; i < last; ++i) slopes_->stiffness_of(i).setZero();
-      std::vector<double> energies(last - first);
-      evaluate(chunks_[c], [&](const Lane& lane, double energy, const auto&, const Matrix3d& j) {
-        auto stiffness = slopes_->stiffness_of(lane.cell);
-        const Sample& sample = *lane.sample;
-        const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
-        const auto add = [&](Index node, double square) {
-          stiffness(node, 0) += float(energy / sum_ * square);
-          stiffness(node, 1) = std::max(stiffness(node, 1), float(square / (kReach * kReach)));
-        };
-        energies[lane.cell - first] += energy;
-        if (sample.slopes.size() > 0) {
-          const NodeRows of = sample.slopes * inverse;
-          for (Index node = 0; node < of.rows(); ++node) add(node, of.row(node).squaredNorm());
-          return;
-        }
-        const int edges = edge_count(sample);
-        for (int i = 0; i < edges; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
-        add(sample.corner[0], inverse.topRows(edges).colwise().sum().squaredNorm());
-      });
+      const Chunk& chunk = chunks_[c];
+      std::vector<double> energies(chunk.last - chunk.first);
+      slopes.setZero(first_node_[chunk.last] - first_node_[chunk.first], 3);
+      sums_->clear_blocks(c);
+      evaluate(
+          chunk, [&](const Lane& lane, double energy, const Matrix3d& by_edges, const Matrix3d& j) {
+            const Sample& sample = *lane.sample;
+            energies[lane.cell - chunk.first] += energy;
+            add_slopes(sample, by_edges, of_cell(slopes, chunk, lane.cell));
+            const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
+            const auto add = [&](Index node, double square) {
+              ChunkSums::Block& block = sums_->block(first_node_[lane.cell] + node);
+              block.stiffness += energy / sum_ * square;
+              block.inverse_square_reach =
+                  std::max(block.inverse_square_reach, square / (kReach * kReach));
+            };
+            if (sample.slopes.size() > 0) {
+              const NodeRows of = sample.slopes * inverse;
+              for (Index node = 0; node < of.rows(); ++node) add(node, of.row(node).squaredNorm());
+              return;
+            }
+            const int edges = edge_count(sample);
+            for (int i = 0; i < edges; ++i) add(sample.corner[i + 1], inverse.row(i).squaredNorm());
+            add(sample.corner[0], inverse.topRows(edges).colwise().sum().squaredNorm());
+          });
       if (faces_)
-        add_faces(chunks_[c], 0, [&](Index i, double energy, const VectorXd& stiffness) {
-          energies[i - first] += energy;
-          slopes_->stiffness_of(i).col(0) +=
-              ((1 << kFaceDoublings) / sum_ * stiffness).cast<float>();
+        add_faces(chunk, slopes, [&](Index i, double energy, const VectorXd& stiffness) {
+          energies[i - chunk.first] += energy;
+          for (Index node = 0; node < stiffness.size(); ++node)
+            sums_->block(first_node_[i] + node).stiffness +=
+                (1 << kFaceDoublings) / sum_ * stiffness[node];
         });
-      for (Index i = first; i < last; ++i)
-        if (const double energy = energies[i - first]; energy > 0)
-          slopes_->of(i) *= std::sqrt(p / (energy * sum_));
+      for (Index i = chunk.first; i < chunk.last; ++i) {
+        const double energy = energies[i - chunk.first];
+        if (!(energy > 0)) continue;
+        const auto own = of_cell(slopes, chunk, i);
+        for (Index node = 0; node < own.rows(); ++node)
+          sums_->block(first_node_[i] + node).add_square(p / (energy * sum_), own.row(node));
+      }
     }
   });
-  hessian_.emplace(free_, slopes_->gather_blocks(free_));
+  hessian_.emplace(free_, sums_->gather_blocks(free_));
   return *hessian_;
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/quality.h"
-#include "volume/cell_slopes.h"
+#include "volume/chunk_sums.h"
 #include "volume/face_energy.h"
 #include "volume/free_nodes.h"
 #include "volume/sample_energy.h"
@@ -67,7 +67,6 @@ class ShapeEnergy {
     Index id;
     const Samples* samples;
     double sign;
-    Index first_node = 0;  ///< of its nodes in nodes_
   };
   /// Cells [first, last), whose samples fill lanes from references_[first_reference] on.
   struct Chunk {
@@ -83,8 +82,10 @@ class ShapeEnergy {
   const Samples* samples_of(Index cell);
   void number_nodes();
   Points of_nodes(const Points& points) const;
-  Eigen::Matrix3d edges(const Sample& sample, const Cell& cell, const Points& points,
-                        const Eigen::Vector3d& normal) const;
+  void read_nodes(Index cell, const Points& points, NodeRows& x) const;
+  /// `x`: the positions of the cell's nodes.
+  static Eigen::Matrix3d edges(const Sample& sample, const NodeRows& x,
+                               const Eigen::Vector3d& normal);
   void set_normals(const Points& points);
   void make_chunks();
   void set_references(const Chunk& chunk, const Points& points);
@@ -93,12 +94,20 @@ class ShapeEnergy {
   template <class Visit>
   double evaluate(const Chunk& chunk, Visit&& visit) const;
   template <class Visit>
-  double add_faces(const Chunk& chunk, double factor, Visit&& visit);
+  double add_faces(const Chunk& chunk, Points& slopes, Visit&& visit) const;
+  static void add_slopes(const Sample& sample, const Eigen::Matrix3d& by_edges,
+                         Eigen::Ref<Points> slopes);
+  /// The rows of a cell's nodes in a matrix of all those of a chunk.
+  auto of_cell(Points& rows, const Chunk& chunk, Index cell) const {
+    return rows.middleRows(first_node_[cell] - first_node_[chunk.first],
+                           first_node_[cell + 1] - first_node_[cell]);
+  }
 
   const Mesh& mesh_;
   Points positions_;
   FreeNodes free_;
   std::vector<Index> ids_;            ///< of the cells' nodes, in the order of the cells
+  std::vector<Index> first_node_;     ///< of each cell in nodes_, and their number
   std::vector<std::uint32_t> nodes_;  ///< of all cells, as numbers of ids_
   Points placed_;                     ///< positions of ids_
   /// The third edge of all samples in a plane mesh; of each cell in another one of shells.
@@ -110,7 +119,7 @@ class ShapeEnergy {
   std::vector<Chunk> chunks_;
   std::vector<SampleReference> references_;
   std::optional<FaceEnergy> faces_;
-  std::optional<CellSlopes> slopes_;  ///< of the energy
+  std::optional<ChunkSums> sums_;  ///< of the energy's slopes
   std::optional<NodeBlocks> hessian_;
   Eigen::VectorXd evaluated_;  ///< where the slopes are those of
   double sum_ = 0;             ///< of the summands there

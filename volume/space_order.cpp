@@ -36,10 +36,8 @@ void sort_in_space(const Mesh& mesh, const Points& positions, std::vector<Index>
   std::vector<std::uint32_t> box_of(count);
   parallel_for(count, kGrain, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
-      box_of[i] = along_curve(((place(i) - box.min()) * scale)
-                                  .array()
-                                  .min((1 << kBits) - 1)
-                                  .cast<int>());
+      box_of[i] =
+          along_curve(((place(i) - box.min()) * scale).array().min((1 << kBits) - 1).cast<int>());
   });
   std::vector<Index> next(kBoxes + 1, 0);
   for (const std::uint32_t one : box_of) ++next[one + 1];

@@ -67,7 +67,7 @@ BatchIdentity identity_of(const BatchOptions& options) {
           .base = options.base_cad.string(),
           .base_hash = file_hash(options.base_cad),
           .mesh = options.mesh.string(),
-          .mesh_hash = file_hash(options.mesh),
+          .mesh_hash = mesh_hash(options.mesh),
           .options = options.options_text};
 }
 

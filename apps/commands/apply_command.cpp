@@ -67,7 +67,7 @@ void add_apply_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<ApplyCommand>();
   CLI::App* parser = app.add_subcommand("apply", "move the points of a mesh by a field file");
   parser->footer(
-      help_end({"apply thick.cmf finer.vtu -o finer_thick.vtu", "apply thick.cmf sensors.csv"},
+      help_end({"apply thick.cmf finer.vtu -o finer_thick.vtu", "apply thick.cmf sensors.vtu"},
                {0, 1, 2, 5, 6}));
   parser->add_option("FIELD", command->field, "file written by cadmorph field")->required();
   parser->add_option("MESH", command->mesh, "mesh or points to move, of any format")->required();

@@ -13,6 +13,7 @@
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
 #include "apps/commands/options.h"
+#include "apps/commands/positive_number.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/report/overview_page.h"
 #include "apps/summary/progress_bar.h"
@@ -72,7 +73,7 @@ void add_options(CLI::App& app, BatchCommand& command) {
          "the i-th of n shares (default: the task of a Slurm, Grid Engine or PBS job array)")
       ->type_name("i/n");
   app.add_option("--shards", command.shards, "number of shares under PBS, which does not tell")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->type_name("N");
   app.add_option("--collect", command.collected,
                  "merge the results of all shares in DIR and name the missing variants")

@@ -8,6 +8,7 @@
 
 #include "apps/batch/step_worker.h"
 #include "apps/commands/choice.h"
+#include "apps/commands/positive_number.h"
 #include "apps/pipeline/exit_code.h"
 
 namespace cadmorph {
@@ -93,7 +94,7 @@ void add_rbf_options(CLI::App& app, MorphOptions& raw) {
          "--shape", raw.shape,
          "epsilon of the Gaussian and the multiquadrics, 1 / support of Wendland's functions; "
          "1 / mesh unit")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->group(group);
   add_choice(app, "--solver", raw.solver,
              {{"auto", SolverKind::Auto},
@@ -108,12 +109,12 @@ void add_rbf_options(CLI::App& app, MorphOptions& raw) {
   app.add_option(
          "--tolerance", raw.tolerance,
          "residual of the adaptive, fast and iqr solvers, in local edge lengths (default: 1e-05)")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->group(group);
   app.add_option("--memory", raw.memory,
                  "most that a solver may take: bytes, or with a suffix as in 16GB (default: 8GB)")
       ->transform(CLI::AsSizeValue(true))
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->type_name("SIZE")
       ->group(group);
 }
@@ -135,7 +136,7 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
       ->capture_default_str()
       ->group(group);
   app.add_option("--max-steps", stepping.max_steps, "most steps of --steps auto")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str()
       ->group(group);
   add_choice(app, "--untangle", raw.pipeline.untangle,
@@ -209,7 +210,7 @@ void add_mesh_options(CLI::App& app, MorphOptions& raw) {
   add_face_map_option(app, raw.face_map)->group(group);
   app.add_option("--association-tolerance", surface.association.tolerance,
                  "largest distance of a surface node from the CAD, in local edge lengths")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str()
       ->group(group);
   app.add_option("--cache", raw.pipeline.cache,
@@ -252,7 +253,7 @@ void add_json_option(CLI::App& app, std::string& json) {
 
 void add_threads_option(CLI::App& app, int& threads) {
   app.add_option("--threads", threads, "number of threads (default: all processors)")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
 }
 
 void add_timeout_option(CLI::App& app, MorphFiles& files) {

@@ -3,6 +3,7 @@
 
 #include "apps/commands/derivative_command.h"
 #include "apps/commands/help_format.h"
+#include "apps/commands/positive_number.h"
 #include "apps/pipeline/design_velocity.h"
 #include "apps/summary/derivative_summary.h"
 #include "core/formats/mesh_format.h"
@@ -56,7 +57,7 @@ void add_velocity_command(CLI::App& app, Action& action) {
   parser->add_option("MESH", files.mesh, "mesh of BASE, of any format in docs/formats.md")
       ->required();
   parser->add_option("--step", files.step, "by which the parameter differs, in its own unit")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->required();
   parser
       ->add_option("--half", command->half,

@@ -53,7 +53,7 @@ std::string likely_mistake(const CadModel& base, const Mesh& mesh, double mm) {
 std::string likely_mistake(const CadModel& base, const CadModel& variant, const Mesh& mesh,
                            double mm) {
   std::string mistake = likely_mistake(base, mesh, mm);
-  if (!mistake.empty()) return mistake;
+  if (!mistake.empty() || variant.file_name() == base.file_name()) return mistake;
   const auto place = find_place(variant, mesh, extract_boundary(mesh), mm);
   if (!place || place->shift.norm() > kNoShift * variant.diagonal()) return "";
   return "the mesh lies on " + variant.file_name() + ", the second CAD model, not on " +

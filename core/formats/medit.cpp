@@ -128,6 +128,7 @@ class Reader {
     TextScanner& text = in_.text();
     text.word("MeshVersionFormatted");
     version_ = int(text.index("the version of the format", 1, 5));
+    bool is_skipping = false;  // numbers of a keyword that is not read
     while (text.skip_space()) {
       const std::size_t place = text.place();
       const std::string_view word = text.word("a keyword");
@@ -135,8 +136,11 @@ class Reader {
       if (word.starts_with('"'))
         skip_quotes(place);
       else if (std::isalpha(static_cast<unsigned char>(word.front())))
-        read_keyword(word, 0, place);
-      // Else a number of a keyword that is not read.
+        is_skipping = !read_keyword(word, 0, place);
+      else if (!is_skipping)
+        text.fail_at(place,
+                     "there is a number in place of a keyword: what stands before has more "
+                     "numbers than its keyword and count say");
     }
   }
 
@@ -174,8 +178,9 @@ class Reader {
   int int_size() const { return version_ < 4 ? 4 : 8; }
   int real_size() const { return version_ < 2 ? 4 : 8; }
 
-  /// The items of a keyword, in text by name, in binary by code; nothing of one that is not needed.
-  void read_keyword(std::string_view name, Index code, std::size_t place) {
+  /// Reads the items of a keyword, in text by name, in binary by code; false, and nothing is read,
+  /// where it is not needed.
+  bool read_keyword(std::string_view name, Index code, std::size_t place) {
     if (name == "Dimension" || code == kDimension) {
       dimension_ = int(in_.index("the dimension", 4, 2, 4));
     } else if (name == "Vertices" || code == kVertices) {
@@ -186,9 +191,12 @@ class Reader {
       in_.fail_at(place, std::string(unread->name) +
                              " are not read; write the mesh with elements of first order, or with "
                              "TrianglesP2 and TetrahedraP2 in their usual order");
-    } else if (const auto* of_base = find_keyword(kOfBase, name, code)) {
-      of_base_ += (of_base_.empty() ? "" : ", ") + std::string(of_base->name);
+    } else {
+      if (const auto* of_base = find_keyword(kOfBase, name, code))
+        of_base_ += (of_base_.empty() ? "" : ", ") + std::string(of_base->name);
+      return false;
     }
+    return true;
   }
 
   void read_vertices(std::size_t place) {

@@ -83,6 +83,16 @@ TEST_CASE("Slips of the pen are told from unknown words", "[apps][options]") {
   CHECK_THAT(option.err, Catch::Contains("did you mean '--output'"));
 }
 
+TEST_CASE("Numbers that must be above zero are asked for as that", "[apps][options]") {
+  const Workplace place;
+  for (const std::string option : {"--threads 0", "--tolerance 0", "--max-steps -2", "--memory 0",
+                                   "--association-tolerance 0", "--tolerance nan"}) {
+    const RunResult refused = place.run("a.step b.step c.vtu " + option);
+    CHECK(refused.exit_code == 1);
+    CHECK_THAT(refused.err, Catch::Contains("is not a number greater than 0"));
+  }
+}
+
 TEST_CASE("What an exit code means is told without a file to look for", "[apps][options]") {
   const Workplace place;
   const RunResult one = place.run("help exit-codes 4");

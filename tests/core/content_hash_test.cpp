@@ -3,7 +3,9 @@
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
+#include <filesystem>
 #include <fstream>
+#include <string>
 
 #include "core/errors.h"
 
@@ -24,4 +26,23 @@ TEST_CASE("A file's hash is that of its bytes", "[core][hash]") {
   CHECK(file_hash(path) == content_hash(bytes));
   std::filesystem::remove(path);
   CHECK_THROWS_AS(file_hash(path), IoError);
+}
+TEST_CASE("The hash of a case is that of the files of its mesh", "[core][hash]") {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::temp_directory_path() / ("cadmorph_hash_" + std::to_string(getpid()));
+  const auto put = [&](const fs::path& name, const std::string& text) {
+    fs::create_directories((folder / name).parent_path());
+    std::ofstream(folder / name) << text;
+  };
+  put("constant/polyMesh/points", "0 0 0");
+  put("processor0/constant/polyMesh/points", "0 0 0");
+  put("0/U", "0");
+  const std::string before = mesh_hash(folder);
+  put("0/U", "1");
+  CHECK(mesh_hash(folder) == before);
+  CHECK(mesh_hash(folder / "constant/polyMesh") != before);
+  put("processor0/constant/polyMesh/points", "0 0 1");
+  CHECK(mesh_hash(folder) != before);
+  CHECK(mesh_hash(folder / "0/U") == file_hash(folder / "0/U"));
+  fs::remove_all(folder);
 }

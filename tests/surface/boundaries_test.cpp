@@ -16,6 +16,7 @@
 #include "cad/topology_match.h"
 #include "core/errors.h"
 #include "morph_case.h"
+#include "surface/node_slide.h"
 #include "triangulation.h"
 
 using namespace cadmorph;
@@ -168,6 +169,34 @@ TEST_CASE("a far field stays while its body grows and shifts", "[surface][far-fi
     });
     CHECK(largest_difference(result.positions, expected) <= 1e-9 * c.diagonal);
   }
+}
+
+TEST_CASE("half a body in a flow is the body's", "[surface][far-field]") {
+  // Around half of a cylinder, up to its ends and beyond, coarse: chords take from its area.
+  const Mesh mesh = hex_grid({8, 6, 6}, [](const Vector3d& s) -> Vector3d {
+    const double r = 5 + 45 * s.x() * s.x(), a = pi * s.y();
+    return {r * std::cos(a), r * std::sin(a), 20 * s.z()};
+  });
+  const MorphCase c = mesh_case(to_model(cylinder(5, 20)), mesh);
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  CHECK(surface.association().face_nodes + surface.association().edge_nodes == 7 * 7);
+  const CadModel variant = to_model(cylinder(7, 20));
+  const auto moved = surface.morph(variant, match_topology(*c.base, variant));
+  const Points old = surface_points(c.boundary, mesh.points);
+  // The rim, where the symmetry plane cuts the body, stays in the plane: it does not slide.
+  const SlidingNodes sliding = slide_on_cad(variant, surface.association(), c.boundary, moved);
+  Index on_rim = 0;
+  for (Index n = 0; n < old.rows(); ++n) {
+    const bool is_on_body = std::hypot(old(n, 0), old(n, 1)) < 5 + 1e-9;
+    const bool is_in_plane = std::abs(old(n, 1)) < 1e-9;
+    if (is_in_plane) CHECK(std::abs(moved.positions(n, 1)) < 1e-9);
+    if (is_in_plane && is_on_body) {
+      ++on_rim;
+      CHECK_FALSE(std::ranges::binary_search(sliding.nodes, c.boundary.nodes[n]));
+    }
+  }
+  CHECK(on_rim == 2 * 7);
+  CHECK(sliding.nodes.size() > 20);
 }
 
 TEST_CASE("an unmatched boundary is refused on request", "[surface][far-field][errors]") {

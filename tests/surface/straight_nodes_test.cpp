@@ -1,6 +1,7 @@
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakePolygon.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakePrism.hxx>
 #include <algorithm>
@@ -148,6 +149,21 @@ TEST_CASE("straight edges of quadratic cells within plane faces stay straight",
             1e-12 * c.diagonal);
     }
   CHECK(count > 300);
+}
+
+TEST_CASE("middles of straight edges that digits left off stay where nothing changes",
+          "[surface][quadratic]") {
+  Mesh mesh = with_middles(hex_grid({5, 5, 2},
+                                    [](const Vector3d& s) -> Vector3d {
+                                      return {10 * s.x(), 10 * s.y(), 4 * s.z()};
+                                    }),
+                           true);
+  // As a deck of few digits has them.
+  mesh.points = ((mesh.points / 3 * 1e4).array().round() * 3e-4).matrix().eval();
+  const TopoDS_Shape block = BRepPrimAPI_MakeBox(10, 10, 4).Shape();
+  const MorphCase c = mesh_case(to_model(block), mesh);
+  CHECK(largest_difference(morph_surface(c, to_model(block)).positions,
+                           surface_points(c.boundary, mesh.points)) < 1e-12 * c.diagonal);
 }
 
 TEST_CASE("long curved edges of slender facets may lie off the CAD by a part of their own length",

@@ -173,6 +173,8 @@ TEST_CASE("Bad Medit files are refused by place", "[core][formats]") {
   refused("Prisms", "PrismsP2", {"line 32", "PrismsP2", "first order"});
   refused("Dimension\n3", "Dimension\n4", {"line 4", "dimension 4"});
   refused("Dimension\n3", "", {"vertices before the dimension"});
+  // More nodes than the keyword's elements have.
+  refused("4 5 6 7 2", "4 5 6 7 2 3", {"line 31", "number in place of a keyword"});
   require_refused(folder.put("bad.mesh", "MeshVersionFormatted 2\nDimension 3\nEnd\n"),
                   {"no vertices"});
   const std::string bytes = binary(2, false);

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <string>
+
+namespace cadmorph {
+
+/// The check of an option that takes numbers above zero. CLI11's own names the largest double in
+/// all its 309 digits, and zero as allowed.
+inline CLI::Validator positive_number() {
+  return CLI::Validator(
+      [](const std::string& text) -> std::string {
+        double value = 0;
+        const bool is_number = CLI::detail::lexical_cast(text, value);
+        return is_number && value > 0 && std::isfinite(value)
+                   ? ""
+                   : "'" + text + "' is not a number greater than 0";
+      },
+      "POSITIVE");
+}
+
+}  // namespace cadmorph
