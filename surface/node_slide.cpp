@@ -79,8 +79,9 @@ std::vector<char> marks_of_bound_nodes(const Association& association, const Bou
     rows.clear();
     for (const Index node : boundary.facet(f))
       rows.push_back(std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin());
-    const bool is_on_cad = std::ranges::all_of(
-        rows, [&](Index row) { return association.dimension[row] != CadDimension::None; });
+    const bool is_on_cad = std::ranges::all_of(rows, [&](Index row) {
+      return association.dimension[row] != CadDimension::None && !association.is_amid[row];
+    });
     if (is_on_cad && association.facet_face[f] >= 0) continue;
     for (const Index row : rows) is_bound[row] = 1;
   }

@@ -62,8 +62,7 @@ ChunkSums::ChunkSums(std::span<const Index> first_cell, std::span<const Index> f
 void ChunkSums::set_slopes(Index chunk, Index first, const Points& slopes) {
   std::fill(slopes_.begin() + first_row_[chunk], slopes_.begin() + first_row_[chunk + 1],
             Vector3d::Zero());
-  for (Index i = 0; i < slopes.rows(); ++i)
-    slopes_[rows_[first + i]] += slopes.row(i).transpose();
+  for (Index i = 0; i < slopes.rows(); ++i) slopes_[rows_[first + i]] += slopes.row(i).transpose();
 }
 
 void ChunkSums::clear_blocks(Index chunk) {
@@ -75,8 +74,9 @@ template <class Visit>
 void ChunkSums::for_each_node(const Visit& visit) const {
   parallel_for(std::ssize(free_), kGrain, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
-      visit(free_[i], std::span(rows_of_).subspan(static_cast<std::size_t>(first_[i]),
-                                                  static_cast<std::size_t>(first_[i + 1] - first_[i])));
+      visit(free_[i],
+            std::span(rows_of_).subspan(static_cast<std::size_t>(first_[i]),
+                                        static_cast<std::size_t>(first_[i + 1] - first_[i])));
   });
 }
 

@@ -23,14 +23,14 @@ class ChunkSums {
     void add_square(double factor, const Eigen::RowVector3d& slope);
   };
 
-  /// `first_cell`: of each chunk, and their number; `first_node`: of each cell in `nodes`, and their
-  /// number; `nodes`: of the cells one after the other, as numbers of `ids`, mesh nodes.
+  /// `first_cell`: of each chunk, and their number; `first_node`: of each cell in `nodes`, and
+  /// their number; `nodes`: of the cells one after the other, as numbers of `ids`, mesh nodes.
   ChunkSums(std::span<const Index> first_cell, std::span<const Index> first_node,
             std::span<const std::uint32_t> nodes, const std::vector<Index>& ids,
             const FreeNodes& free);
 
-  /// Sets those of a chunk to the sums of `slopes`, derivatives by the positions of its cells' nodes,
-  /// which are those from `first` in `nodes` on.
+  /// Sets those of a chunk to the sums of `slopes`, derivatives by the positions of its cells'
+  /// nodes, which are those from `first` in `nodes` on.
   void set_slopes(Index chunk, Index first, const Points& slopes);
   /// Sets the gradient by the unknowns of `free` to `factor` times the sums.
   void gather_slopes(const FreeNodes& free, double factor, Eigen::VectorXd& gradient) const;
@@ -49,7 +49,7 @@ class ChunkSums {
   std::vector<Index> first_row_;  ///< of each chunk, and their number
   std::vector<Eigen::Vector3d> slopes_;
   std::vector<Block> blocks_;
-  std::vector<Index> free_;  ///< nodes with rows: places in FreeNodes, in the order of the cells
+  std::vector<Index> free_;   ///< nodes with rows: places in FreeNodes, in the order of the cells
   std::vector<Index> first_;  ///< of each of them in rows_of_, and their number
   std::vector<std::uint32_t> rows_of_;
 };
