@@ -165,6 +165,24 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
   }
 }
 
+std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
+                                              const GroupConstraints& constraints,
+                                              const Association& association) {
+  std::vector<std::string> lines;
+  const auto describe = [&](const std::vector<std::string>& names, const char* what) {
+    for (const std::string& name : names)
+      if (std::ranges::all_of(rows_of_group(mesh, boundary, name), [&](int row) {
+            return association.dimension[row] != CadDimension::None || association.is_amid[row];
+          }))
+        lines.push_back("the group '" + name + "' is to " + what +
+                        ", but all of its nodes lie on the CAD, which moves them: that changes "
+                        "nothing");
+  };
+  describe(constraints.sliding, "slide");
+  describe(constraints.following, "follow the volume");
+  return lines;
+}
+
 PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
                         const GroupConstraints& constraints,
                         const std::vector<GroupConstraint>& of_node) {

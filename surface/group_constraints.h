@@ -44,6 +44,12 @@ std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary, const
 void apply_constraints(const std::vector<GroupConstraint>& constraints, const Boundary& boundary,
                        Association& association);
 
+/// A line for each group that is to slide or follow but whose nodes all lie on the CAD, which moves
+/// them. `association`: with the constraints applied.
+std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
+                                              const GroupConstraints& constraints,
+                                              const Association& association);
+
 /// Where the groups cut the surface into patches of their own, and which nodes move rigidly.
 PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
                         const GroupConstraints& constraints,

@@ -139,6 +139,7 @@ struct SurfaceMorph::Impl {
   std::vector<RigidGroup> rigid;
   std::vector<PeriodicSides> periodic;  // those that have names
   std::string crack;                    // what to tell of one inside of the mesh
+  std::vector<std::string> idle;        // of groups that no constraint reaches
   std::vector<FaceNodes> faces;
   Joints joints;
   Points feet;     // of all nodes on the base CAD, millimetres
@@ -647,6 +648,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                                         impl_->options.groups.periodic);
   impl_->find_forms();
   impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
+  impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association);
   impl_->check_policy();
   impl_->find_feet();
   impl_->find_offsets();
@@ -691,6 +693,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);
+  result.warnings.insert(result.warnings.end(), self.idle.begin(), self.idle.end());
   auto slid = self.slide(moved);
   const Points before = moved;
   self.settle_named(named, moved);

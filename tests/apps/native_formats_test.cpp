@@ -151,6 +151,11 @@ TEST_CASE("Named parts are held, and unknown names refused", "[apps][formats]") 
     if (before(n, 2) == 0) CHECK(held.row(n) == before.row(n));
     if (before(n, 2) == 30) CHECK(held(n, 0) == Approx(1.2 * before(n, 0)).margin(1e-9));
   }
+  // What the CAD moves can't follow anything else.
+  const RunResult idle = place.run(job + "--follow floor --slide lid -o idle.su2");
+  CHECK(idle.exit_code == 0);
+  CHECK_THAT(idle.err, Catch::Contains("'floor' is to follow the volume, but all of its nodes") &&
+                           Catch::Contains("'lid' is to slide, but all of its nodes"));
   const RunResult unknown = place.run(job + "--hold ceiling");
   CHECK(unknown.exit_code == 2);
   CHECK_THAT(unknown.err, Catch::Contains("ceiling") && Catch::Contains("inlet, floor, lid"));
