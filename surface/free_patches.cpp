@@ -259,8 +259,9 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
     if (association.facet_face[f] >= 0)
       area[association.facet_face[f]] +=
           area_vector(surface, surface.points, static_cast<Index>(f)).norm();
-  Eigen::AlignedBox3d box(Vector3d(surface.points.colwise().minCoeff()),
-                          Vector3d(surface.points.colwise().maxCoeff()));
+  const double margin = plane_tolerance(surface);
+  const Eigen::AlignedBox3d box(Vector3d(surface.points.colwise().minCoeff().array() - margin),
+                                Vector3d(surface.points.colwise().maxCoeff().array() + margin));
   const FaceSamples samples = sample_faces(base, kCoverSamples);
   std::vector<double> all(area.size(), 0), inside(area.size(), 0);
   for (Index i = 0; i < samples.points.rows(); ++i) {
