@@ -29,7 +29,7 @@ ChunkSums::ChunkSums(std::span<const Index> first_cell, std::span<const Index> f
     : rows_(nodes.size()), first_row_{0} {
   std::vector<Index> row_in_chunk(ids.size(), -1);  // where it is not below the chunk's first
   std::vector<Index> place(ids.size());             // in free_
-  std::vector<std::uint32_t> node_of_row;           // place; free_.size(): of none
+  std::vector<std::uint32_t> node_of_row;           // its place, or kNone
   constexpr auto kNone = std::numeric_limits<std::uint32_t>::max();
   for (std::size_t i = 0; i < ids.size(); ++i) {
     place[i] = free.contains(ids[i]) ? std::ssize(free_) : -1;
