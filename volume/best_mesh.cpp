@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <numeric>
@@ -14,6 +13,7 @@
 #include "core/lbfgs.h"
 #include "core/plane_mesh.h"
 #include "core/rbf/anchors.h"
+#include "core/stopwatch.h"
 #include "volume/node_cells.h"
 #include "volume/shape_energy.h"
 
@@ -488,10 +488,9 @@ WorstCells worst_cells(const QualityReport& quality) {
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
                               const MeasuredShape& moved, const std::vector<char>& is_fixed,
                               const Orientation& orientation, const BestMeshOptions& options) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   BestMeshResult result = BestMesh(mesh, reference, moved, is_fixed, orientation, options).run();
-  result.report.seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.report.seconds = watch.seconds();
   return result;
 }
 

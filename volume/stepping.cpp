@@ -1,18 +1,14 @@
 #include "volume/stepping.h"
 
 #include <algorithm>
-#include <chrono>
 #include <optional>
 
 #include "core/errors.h"
+#include "core/stopwatch.h"
 #include "volume/held_cells.h"
 
 namespace cadmorph {
 namespace {
-
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
 
 void check_options(const SteppingOptions& options) {
   if (options.steps < 0 || options.max_steps < 1)
@@ -44,9 +40,9 @@ class Stepper {
     Mesh moved = mesh_;
     for (int step = 2; step <= steps; ++step) {
       moved.points = std::move(positions);
-      const auto start = std::chrono::steady_clock::now();
+      const Stopwatch watch;
       const VolumeMorph morph(moved, first_.surface_nodes(), first_.options());
-      seconds_set_up_ += seconds_since(start);
+      seconds_set_up_ += watch.seconds();
       positions = morph.morph(at(step, steps), &rbf);
     }
     return positions;

@@ -1,7 +1,6 @@
 #include "volume/untangle.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <utility>
@@ -9,6 +8,7 @@
 #include "core/errors.h"
 #include "core/foldover.h"
 #include "core/lbfgs.h"
+#include "core/stopwatch.h"
 #include "volume/distortion.h"
 #include "volume/held_cells.h"
 #include "volume/node_cells.h"
@@ -229,7 +229,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
                         const std::vector<char>& is_fixed, const Orientation& orientation,
                         const UntangleOptions& options) {
   check_sizes(mesh, positions, is_fixed);
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   UntangleResult result{positions, options.sliding ? options.sliding->slides : RowMatrix(), {}};
   UntangleReport& report = result.report;
   report.validity = check_validity(mesh, positions, orientation);
@@ -242,7 +242,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   }
   report.after = report.validity.invalid;
   report.max_move = (result.positions - positions).rowwise().norm().maxCoeff();
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.seconds = watch.seconds();
   return result;
 }
 

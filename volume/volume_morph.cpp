@@ -1,7 +1,6 @@
 #include "volume/volume_morph.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <memory>
 #include <mutex>
@@ -16,6 +15,7 @@
 #include "core/rbf/anchors.h"
 #include "core/rbf/point_order.h"
 #include "core/rbf/solver_choice.h"
+#include "core/stopwatch.h"
 #include "volume/baselines/baseline.h"
 #include "volume/components.h"
 
@@ -69,10 +69,6 @@ NodeScales node_scales(const Mesh& mesh, const std::vector<Index>& surface_nodes
   const Eigen::VectorXd shortest = edges.shortest(surface_nodes);
   return {options.local_length.size() > 0 ? options.local_length : shortest,
           (kOpenSlit * shortest).cwiseMax(kSpannedSlit * edges.longest(surface_nodes))};
-}
-
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 // Positions of the surface nodes that serve as centres, of those within `reach` of each other one.
@@ -410,22 +406,22 @@ void VolumeMorph::Impl::gather_reports() {
 }
 
 void VolumeMorph::Impl::set_up_baseline(const Mesh& mesh) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   baseline = make_baseline(options.method, mesh, surface_nodes);
   report.centres = static_cast<Index>(surface_nodes.size());
-  report.seconds = seconds_since(start);
+  report.seconds = watch.seconds();
 }
 
 Points VolumeMorph::Impl::morph_by_baseline(const Points& surface_positions,
                                             RbfReport* figures) const {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   Points result = base + baseline->displacements(surface_positions -
                                                  RowMatrix(base(surface_nodes, Eigen::all)));
   for (std::size_t i = 0; i < surface_nodes.size(); ++i)
     result.row(surface_nodes[i]) = surface_positions.row(i);
   if (figures) {
     *figures = report;
-    figures->seconds += seconds_since(start);
+    figures->seconds += watch.seconds();
   }
   return result;
 }

@@ -4,7 +4,6 @@
 #include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
-#include <chrono>
 #include <map>
 #include <optional>
 #include <utility>
@@ -21,21 +20,17 @@
 #include "core/formats/folder_copy.h"
 #include "core/formats/mesh_format.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 
 namespace cadmorph {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 // Variants solved together: more take little less time and more memory.
 constexpr std::size_t kBlock = 6;
 // Of a variant under way: positions, displacements, quality, and the solver's vectors.
 constexpr double kBytesPerNode = 400, kBytesPerCell = 64;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 // A variant on its way.
 struct Work {
@@ -228,7 +223,7 @@ class BatchRun {
   }
 
   void morph_all() {
-    start_ = Clock::now();
+    since_start_ = Stopwatch();
     const std::size_t under_way = variants_under_way();
     const std::size_t most = std::min(kBlock, under_way);
     // A block's worth read ahead, what the readers themselves hold included.
@@ -264,7 +259,7 @@ class BatchRun {
   }
 
   void morph_block(const Block& block) const {
-    const auto start = Clock::now();
+    const Stopwatch watch;
     std::vector<CadModel> variants;
     Block good;
     for (const WorkPointer& work : block) {
@@ -282,7 +277,7 @@ class BatchRun {
         good[i]->result = std::move(attempts[i].result);
       });
     for (const WorkPointer& work : block)
-      work->seconds += seconds_since(start) / static_cast<double>(block.size());
+      work->seconds += watch.seconds() / static_cast<double>(block.size());
   }
 
   static void begin_row(Work& work) {
@@ -311,15 +306,15 @@ class BatchRun {
 
   // VTK writes one mesh at a time.
   void finish(Work& work) {
-    const auto start = Clock::now();
+    const Stopwatch watch;
     ResultRow& row = work.row;
     if (work.result) write(work);
-    row.seconds = work.seconds + seconds_since(start);
+    row.seconds = work.seconds + watch.seconds();
     if (const auto begun = rows_.find(row.id); begun != rows_.end())
       row.revision = begun->second.revision + 1;
     folder_.append(*work.read.variant, row);
     count(row);
-    count_.seconds = seconds_since(start_);
+    count_.seconds = since_start_.seconds();
     if (progress_) progress_(row, count_);
   }
 
@@ -353,7 +348,7 @@ class BatchRun {
   std::map<std::string, ResultRow> rows_;
   std::optional<MorphJob> job_;
   BatchCount count_;
-  Clock::time_point start_;
+  Stopwatch since_start_;
 };
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "core/errors.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 
 namespace cadmorph {
 
@@ -63,11 +64,11 @@ void StepReaders::run() {
 }
 
 StepReaders::Item StepReaders::read(StepWorker& worker, const Variant& variant) const {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   auto item = std::make_shared<StepRead>();
   item->variant = &variant;
   item->reply = worker.read(variant.step, timeout_, [this] { return is_over(); });
-  item->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  item->seconds = watch.seconds();
   return item;
 }
 

@@ -1,8 +1,7 @@
 #pragma once
 
-#include <chrono>
-
 #include "apps/bench/families.h"
+#include "core/stopwatch.h"
 
 namespace cadmorph::bench {
 
@@ -23,15 +22,12 @@ double cpu_seconds();
 /// Bytes of memory that this machine has.
 double physical_memory();
 
-class Stopwatch {
+/// Processor time, too.
+class Stopwatch : public cadmorph::Stopwatch {
  public:
-  double seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
   double cpu() const { return cpu_seconds() - cpu_start_; }
 
  private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   double cpu_start_ = cpu_seconds();
 };
 

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <ctime>
 #include <fstream>
 #include <future>
@@ -14,6 +13,7 @@
 #include "apps/pipeline/likely_mistake.h"
 #include "apps/pipeline/output_file.h"
 #include "cad/step_reader.h"
+#include "core/stopwatch.h"
 
 namespace cadmorph {
 namespace {
@@ -138,8 +138,7 @@ class Trip {
     PipelineReport report = is_series() ? series_report() : result_.report;
     report.written = written.path;
     report.rounding = written.rounding;
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start_;
-    phases_.push_back({"other", std::max(0.0, elapsed.count() - sum(phases_))});
+    phases_.push_back({"other", std::max(0.0, whole_job_.seconds() - sum(phases_))});
     report.phases = phases_;
     report.seconds = sum(phases_);
     report.peak_memory = peak_memory();
@@ -165,7 +164,7 @@ class Trip {
   const PipelineOptions& options_;
   std::vector<fs::path> targets_;  ///< a leg each
   std::size_t leg_ = 0;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  Stopwatch whole_job_;
   std::shared_ptr<const CadModel> base_;
   std::shared_ptr<const MeshFile> mesh_;
   std::future<CadModel> variant_;

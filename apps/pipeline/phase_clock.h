@@ -1,10 +1,10 @@
 #pragma once
 
-#include <chrono>
 #include <string>
 #include <vector>
 
 #include "core/progress.h"
+#include "core/stopwatch.h"
 
 namespace cadmorph {
 
@@ -24,14 +24,13 @@ class PhaseClock {
     stop();
     phases_.push_back({name, 0});
     is_running_ = true;
-    begin_ = std::chrono::steady_clock::now();
+    phase_ = Stopwatch();
     if (progress_) progress_(name, 0);
   }
 
   void stop() {
     if (!is_running_) return;
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin_;
-    phases_.back().seconds = elapsed.count();
+    phases_.back().seconds = phase_.seconds();
     is_running_ = false;
   }
 
@@ -44,7 +43,7 @@ class PhaseClock {
  private:
   Progress progress_;
   std::vector<PhaseTime> phases_;
-  std::chrono::steady_clock::time_point begin_;
+  Stopwatch phase_;
   bool is_running_ = false;
 };
 

@@ -80,6 +80,24 @@ constexpr Keyword kOfBase[] = {
     {"ByteFlow", 126},
 };
 
+/// What says nothing of elements.
+constexpr std::string_view kLeftAlone[] = {"AngleOfCornerBound",
+                                           "Corners",
+                                           "Geometry",
+                                           "Identifier",
+                                           "NormalAtVertices",
+                                           "RequiredEdges",
+                                           "RequiredTriangles",
+                                           "RequiredVertices",
+                                           "Ridges",
+                                           "SubDomainFromGeom",
+                                           "SubDomainFromMesh",
+                                           "TangentAtVertices",
+                                           "TangentAtEdgeVertices",
+                                           "NormalAtTriangleVertices",
+                                           "RequiredQuadrilaterals",
+                                           "NormalAtQuadrilateralVertices"};
+
 /// The keyword of a text, by name, or of a binary file, by code.
 template <class Word, std::size_t N>
 const Word* find_keyword(const Word (&keywords)[N], std::string_view name, Index code) {
@@ -194,6 +212,9 @@ class Reader {
     } else {
       if (const auto* of_base = find_keyword(kOfBase, name, code))
         of_base_ += (of_base_.empty() ? "" : ", ") + std::string(of_base->name);
+      else if (!name.empty() && std::ranges::find(kLeftAlone, name) == std::end(kLeftAlone))
+        result_.remarks.push_back("what the file has under '" + std::string(name.substr(0, 40)) +
+                                  "' is not known and copied as it is");
       return false;
     }
     return true;

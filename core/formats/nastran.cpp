@@ -554,6 +554,9 @@ class Reader {
         sources_.fail(place, "element " + std::to_string(number) + " lacks a corner node");
       nodes.push_back(node);
     }
+    if (dimension(element.linear) == 3 && !is_empty(card.field(element.nodes_at + most)))
+      sources_.fail(place, "element " + std::to_string(number) + " has more than the " +
+                               std::to_string(most) + " nodes that Nastran knows of such ones");
     // A mid-side node that is missing has the number 0.
     const bool is_full = std::ranges::find(nodes, 0) == nodes.end();
     const auto is_node = [](Index node) { return node > 0; };

@@ -1,6 +1,5 @@
 #include "core/rbf/rbf_system.h"
 
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <mutex>
@@ -17,6 +16,7 @@
 #include "core/rbf/incremental_qr.h"
 #include "core/rbf/rbf_field_impl.h"
 #include "core/rbf/solver_choice.h"
+#include "core/stopwatch.h"
 
 namespace cadmorph {
 namespace {
@@ -49,16 +49,6 @@ std::string scientific(double x) {
   std::snprintf(text, sizeof text, "%.1e", x);
   return text;
 }
-
-class Stopwatch {
- public:
-  double seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 void require_finite(const RowMatrix& rows, const char* what) {
   for (Index i = 0; i < rows.rows(); ++i)

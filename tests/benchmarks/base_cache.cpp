@@ -5,7 +5,6 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -15,6 +14,7 @@
 #include "cad/step_reader.h"
 #include "core/blas.h"
 #include "core/mesh_file.h"
+#include "core/stopwatch.h"
 
 namespace {
 
@@ -61,11 +61,10 @@ struct Job {
   std::shared_ptr<const MeshFile> mesh;
 
   void measure(const std::string& name, const PipelineOptions& options) const {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     const double before = processor_seconds();
     const MorphJob job(cad, mesh, options);
-    const double wall =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const double wall = watch.seconds();
     std::printf("%-24s %7.2f s wall, %7.2f s processor\n", name.c_str(), wall,
                 processor_seconds() - before);
     std::fflush(stdout);

@@ -8,7 +8,6 @@
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeRevol.hxx>
 #include <TopTools_ListOfShape.hxx>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -19,6 +18,7 @@
 #include "cad/topology_match.h"
 #include "cad_variants.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 #include "surface/association.h"
 
 using namespace cadmorph;
@@ -30,16 +30,6 @@ using std::numbers::pi;
 namespace {
 
 constexpr double kPitch = 20, kHeight = 12, kDepth = 7, kBore = 4, kHead = 7;  // millimetres
-
-class Clock {
- public:
-  double seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 double peak_gib() {
   rusage usage;
@@ -131,7 +121,7 @@ void time_association(Index nodes) {
   const Mesh mesh = plate_mesh(kColumns, kRows, nodes);
   const Boundary boundary = extract_boundary(mesh);
   const double before = peak_gib();
-  const Clock clock;
+  const Stopwatch clock;
   const Association a = associate(model, mesh, boundary);
   const double seconds = clock.seconds();
   std::printf(
@@ -150,12 +140,12 @@ void time_association(Index nodes) {
 void time_projection(const char* name, const TopoDS_Shape& shape, Index count) {
   constexpr Index kProbes = 100'000;
   const CadModel model = to_model(shape);
-  Clock sampling;
+  Stopwatch sampling;
   const FaceSamples samples = sample_faces(model, count);
   const KdTree tree(samples.points);
   const double set_up = sampling.seconds();
   const Index stride = std::max<Index>(1, samples.points.rows() / kProbes);
-  const Clock clock;
+  const Stopwatch clock;
   Index probes = 0;
   double farthest = 0;
   for (Index i = 0; i < samples.points.rows(); i += stride, ++probes) {
@@ -177,7 +167,7 @@ void time_matching(int columns, int rows) {
   const TopoDS_Shape part = counterbored_plate(columns, rows);
   const Shuffled shuffled = shuffle(part, {.seed = 1, .has_reversed_planes = true});
   const CadModel base = to_model(part), variant = to_model(shuffled.shape);
-  const Clock clock;
+  const Stopwatch clock;
   const TopologyMatch match = match_topology(base, variant);
   std::printf(
       "matching: %zu faces, %zu edges, shuffled and reversed: %.2f s (2,000 faces: at most "

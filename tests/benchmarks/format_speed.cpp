@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -15,6 +14,7 @@
 #include <string>
 
 #include "core/mesh_file.h"
+#include "core/stopwatch.h"
 
 namespace {
 
@@ -43,11 +43,10 @@ struct Times {
 
 template <class Call>
 Times measure(Call&& call) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const double before = processor_seconds();
   call();
-  return {std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
-          processor_seconds() - before};
+  return {watch.seconds(), processor_seconds() - before};
 }
 
 // As `cp` does, flushed to disk like a mesh that is written.

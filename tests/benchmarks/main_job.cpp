@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -19,6 +18,7 @@
 #include "cad/projector.h"
 #include "cad/step_reader.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 
 namespace {
 
@@ -30,9 +30,9 @@ constexpr Index kSamples = 1'000'000;
 constexpr Index kPoints = 100'000;
 
 double seconds_of(const auto& call) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   call();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return watch.seconds();
 }
 
 // Runs a program and waits for it.

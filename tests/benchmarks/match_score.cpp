@@ -1,12 +1,12 @@
 // Prints how many pairs of the corpus are matched as known, by the class of their rows:
 // match_score [-v] [TEXT]: only rows with this text in them. -v names the wrong rows.
 
-#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <map>
 #include <string>
 
+#include "core/stopwatch.h"
 #include "known_pairs.h"
 
 using namespace cadmorph;
@@ -39,10 +39,9 @@ int main(int count, char** words) {
   for (const KnownPair& row : known_pairs()) {
     if (to_string(row).find(text) == std::string::npos) continue;
     const MadePair pair = make(row);
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     const std::string wrong = outcome(pair);
-    const double seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const double seconds = watch.seconds();
     if (is_verbose && !wrong.empty())
       std::printf("%s\n    %s\n", to_string(row).c_str(), wrong.c_str());
     for (Score* score : {&scores[class_of(row)], &sum}) {

@@ -5,7 +5,6 @@
 // threads in it.
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -20,6 +19,7 @@
 #include "core/mesh_file.h"
 #include "core/parallel.h"
 #include "core/quality_checks.h"
+#include "core/stopwatch.h"
 #include "core/validity.h"
 
 namespace cadmorph {
@@ -33,10 +33,9 @@ Times best_of_three(const std::function<void()>& pass) {
   Times best;
   for (int run = 0; run < 3; ++run) {
     const std::clock_t cpu = std::clock();
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     pass();
-    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-    best.wall = std::min(best.wall, wall.count());
+    best.wall = std::min(best.wall, watch.seconds());
     best.cpu = std::min(best.cpu, static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC);
   }
   return best;

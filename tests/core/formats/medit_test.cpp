@@ -158,6 +158,15 @@ TEST_CASE("Medit files come back with other coordinates alone", "[core][formats]
   require_promise(folder.put("two.mesh", kText), folder, "out.mesh");
 }
 
+TEST_CASE("What Medit does not know is said", "[core][formats]") {
+  const FormatFolder folder;
+  std::string text = kText;
+  text.replace(text.find("Prisms"), 6, "Prims");
+  const MeshFile file(folder.put("two.mesh", text));
+  REQUIRE(file.remarks().size() == 2);
+  CHECK_THAT(file.remarks().front(), Catch::Contains("'Prims' is not known"));
+}
+
 TEST_CASE("Bad Medit files are refused by place", "[core][formats]") {
   const FormatFolder folder;
   const auto refused = [&](const std::string& old_text, const std::string& new_text,

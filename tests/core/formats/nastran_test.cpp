@@ -203,6 +203,9 @@ TEST_CASE("Bad Nastran decks are refused by line", "[core][formats]") {
   refused("      30       4\n", "      30       6\n", {"bad.bdf", "line 15", "node 6"});
   refused("      30       4\n", "      30\n", {"line 15", "the number of a node", "''"});
   refused("      30       4\n", "      30      x4\n", {"line 15", "'x4'"});
+  refused("CTETRA         1       1      10       7      30       4\n",
+          "CTETRA,1,1,10,7,30,4,11,12,\n+,13,10,7,30,4\n",
+          {"line 15", "element 1", "more than the 10 nodes"});
   refused("1.25-1", "1.25-x", {"line 13", "a coordinate", "'1.25-x'"});
   refused("GRID    12 ", "GRID     x ", {"line 13", "number of a node", "'x'"});
   refused("GRID    12 ", "GRID    13 ", {"line 14", "node 13", "defined before"});
