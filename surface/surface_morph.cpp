@@ -29,6 +29,7 @@ namespace cadmorph {
 namespace {
 
 using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
@@ -46,6 +47,24 @@ Matrix3d frame(const SurfacePoint& s) {
   f.col(2) = cross.normalized();
   f.col(1) = f.col(2).cross(f.col(0));
   return f;
+}
+
+// Orthonormal tangents of a face or an edge, columns; all directions where it has none.
+Matrix3Xd tangents(const CadModel& model, int entity, bool is_face, const Vector2d& uv) {
+  if (!is_face) return model.evaluate_edge(entity, uv[0]).dt.normalized();
+  const SurfacePoint s = model.evaluate(entity, uv);
+  const Matrix3d all = frame(s);
+  return all.isIdentity(0) ? Matrix3Xd(all) : Matrix3Xd(all.leftCols<2>());
+}
+
+// The least step along tangents (columns, orthonormal) that, to first order, is each of the ways
+// (columns) long in its direction.
+Vector3d step_along(const Matrix3Xd& tangents, const Matrix3Xd& ways) {
+  const VectorXd lengths = ways.colwise().norm();
+  Matrix3Xd directions = ways;
+  for (Index i = 0; i < ways.cols(); ++i) directions.col(i).normalize();
+  const Eigen::MatrixXd parts = directions.transpose() * tangents;
+  return tangents * parts.completeOrthogonalDecomposition().solve(lengths);
 }
 
 std::string describe(const PartedJoints& parted) {
@@ -114,6 +133,14 @@ Vector2d place_on_face(const CadModel& variant, int face, const Placement& place
   return project_on_face(variant, face, placed.feet.row(row), warped).uv;
 }
 
+std::string describe_left_patches(const PartedJoints& left) {
+  std::ostringstream text;
+  text << left.nodes
+       << " nodes where the CAD meets a part of the mesh that slides went with the CAD, by up to "
+       << left.distance << " mm off that part: the two hardly meet there in the variant";
+  return text.str();
+}
+
 std::string text_of(const Vector3d& point) {
   std::ostringstream text;
   text << point.transpose();
@@ -167,7 +194,7 @@ struct SurfaceMorph::Impl {
   std::vector<ImagePair> named_pairs(const Points& moved) const;
   void settle_named(const std::vector<ImagePair>& pairs, Points& moved) const;
   void follow_named(Points& moved) const;
-  void settle_junctions(const CadModel& variant, Placement& placed) const;
+  PartedJoints settle_junctions(const CadModel& variant, Placement& placed) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, int face, FaceMapResult& mapped, Placement& placed) const;
@@ -523,10 +550,12 @@ void SurfaceMorph::Impl::follow_named(Points& moved) const {
 }
 
 // Nodes on the CAD and on a patch that slides stay on both: on a symmetry plane that cuts a face,
-// on a hub that a blade goes through. Alternate projections; where they don't meet nearby, the
-// CAD's place counts.
-void SurfaceMorph::Impl::settle_junctions(const CadModel& variant, Placement& placed) const {
-  constexpr int kMostSteps = 100;
+// on a hub that a blade goes through. Least steps along the CAD's tangents onto the patches, and
+// from there back to the CAD; where they don't meet nearby, the CAD's place counts. Returns how
+// many nodes that are, and by how much they leave their patches.
+PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
+                                                  Placement& placed) const {
+  constexpr int kMostSteps = 50;
   // Times what the node is off the patch: surfaces that meet at 15 degrees.
   constexpr double kFarthest = 4;
   const double rounding = kRounding * tolerance / kSamePlane;
@@ -534,38 +563,47 @@ void SurfaceMorph::Impl::settle_junctions(const CadModel& variant, Placement& pl
   const auto sliding = sliding_patches();
   for (const FreePatch& patch : sliding)
     for (const int n : patch.touched) patches_of[n].push_back(&patch);
+  PartedJoints parted;
   for (const auto& [n, own] : patches_of) {
-    const bool is_on_face = association.dimension[n] == CadDimension::Face;
     if (placed.is_crossing[n] || placed.entity[n] < 0) continue;
-    const Vector3d start = placed.feet.row(n);
-    const auto onto_patches = [&](Vector3d x) {
-      for (const FreePatch* patch : own) x = onto_patch(surface, *patch, n, x);
-      return x;
+    const bool is_on_face = association.dimension[n] == CadDimension::Face;
+    const auto project = [&](const Vector3d& x, const Vector2d& uv) {
+      if (is_on_face) return project_on_face(variant, placed.entity[n], x, uv);
+      const EdgeFoot foot = project_on_edge(variant, placed.entity[n], x, uv[0]);
+      return FaceFoot{{foot.t, 0}, foot.point, foot.distance};
     };
-    const double off = (onto_patches(start) - start).norm();
-    Vector3d x = start;
-    Vector2d uv = placed.uv.row(n);
-    double step = off;
-    for (int k = 0; k < kMostSteps && step > rounding; ++k) {
-      const Vector3d before = x;
-      x = onto_patches(x);
-      if (is_on_face) {
-        const FaceFoot foot = project_on_face(variant, placed.entity[n], x, uv);
-        x = foot.point;
-        uv = foot.uv;
-      } else {
-        const EdgeFoot foot = project_on_edge(variant, placed.entity[n], x, uv[0]);
-        x = foot.point;
-        uv = {foot.t, 0};
-      }
-      step = (x - before).norm();
+    const auto ways = [&](const Vector3d& x) {
+      Matrix3Xd result(3, std::ssize(own));
+      for (std::size_t i = 0; i < own.size(); ++i)
+        result.col(Index(i)) = onto_patch(surface, *own[i], n, x) - x;
+      return result;
+    };
+    const Vector3d start = placed.feet.row(n);
+    FaceFoot at{placed.uv.row(n), start, 0};
+    Matrix3Xd way = ways(start);
+    const double off = way.colwise().norm().maxCoeff();
+    // What a node is off a curved patch has a direction of its own, which turns with the patch.
+    double least = rounding;
+    const Vector3d came = surface.points.row(n);
+    for (const FreePatch* patch : own)
+      if (patch->form) least = std::max(least, (came - patch->form->foot(came, n).point).norm());
+    if (off <= least) continue;
+    for (int k = 0; k < kMostSteps && way.colwise().norm().maxCoeff() > least; ++k) {
+      Vector3d step = step_along(tangents(variant, placed.entity[n], is_on_face, at.uv), way);
+      if (step.norm() > off) step *= off / step.norm();
+      at = project(at.point + step, at.uv);
+      way = ways(at.point);
     }
-    if (off <= rounding || step > rounding || (onto_patches(x) - x).norm() > rounding ||
-        (x - start).norm() > kFarthest * off)
+    const double left = way.colwise().norm().maxCoeff();
+    if (left > least || (at.point - start).norm() > kFarthest * off) {
+      ++parted.nodes;
+      parted.distance = std::max(parted.distance, off);
       continue;
-    placed.feet.row(n) = x;
-    placed.uv.row(n) = uv;
+    }
+    placed.feet.row(n) = at.point;
+    placed.uv.row(n) = at.uv;
   }
+  return parted;
 }
 
 std::vector<FreePatch> SurfaceMorph::Impl::sliding_patches() const {
@@ -683,13 +721,14 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   self.place_images(pair, images, placed);
   const auto named = self.named_pairs(self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, named, placed);
-  self.settle_junctions(joined, placed);
+  const PartedJoints left = self.settle_junctions(joined, placed);
   for (Index n = 0; n < placed.feet.rows(); ++n)
     placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
   self.settle_images(images, moved);
   move_rigid_groups(self.surface, self.rigid, moved);
+  if (left.nodes > 0) result.warnings.push_back(describe_left_patches(left));
   result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);

@@ -199,6 +199,28 @@ TEST_CASE("half a body in a flow is the body's", "[surface][far-field]") {
   CHECK(sliding.nodes.size() > 20);
 }
 
+TEST_CASE("a body that sinks through a symmetry plane stays cut by it", "[surface][far-field]") {
+  const Mesh mesh = hex_grid({8, 6, 6}, [](const Vector3d& s) -> Vector3d {
+    const double r = 5 + 45 * s.x() * s.x(), a = pi * s.y();
+    return {r * std::cos(a), r * std::sin(a), 20 * s.z()};
+  });
+  const MorphCase c = mesh_case(to_model(cylinder(5, 20)), mesh);
+  const Points old = surface_points(c.boundary, mesh.points);
+  gp_Trsf down;
+  down.SetTranslation(gp_Vec(0, -4.5, 0));
+  const auto moved = morph_surface(c, to_model(transformed(cylinder(5, 20), down)));
+  Index on_rim = 0;
+  for (Index n = 0; n < old.rows(); ++n) {
+    if (std::hypot(old(n, 0), old(n, 1)) > 5 + 1e-9 || std::abs(old(n, 1)) > 1e-9) continue;
+    ++on_rim;
+    CHECK(std::abs(moved.positions(n, 1)) < 1e-10);
+    CHECK(moved.positions(n, 0) ==
+          Approx(std::copysign(std::sqrt(25 - 4.5 * 4.5), old(n, 0))).margin(1e-9));
+    CHECK(std::abs(moved.positions(n, 2) - old(n, 2)) < 1e-9);
+  }
+  CHECK(on_rim == 2 * 7);
+}
+
 TEST_CASE("an unmatched boundary is refused on request", "[surface][far-field][errors]") {
   const MorphCase c = shape_case("sphere_far_field");
   SurfaceMorphOptions options;

@@ -157,10 +157,14 @@ TEST_CASE("walls that no CAD tells of keep their shape when they slide", "[surfa
 }
 
 TEST_CASE("nodes where the CAD goes through a wall stay on both", "[surface][far-field]") {
-  for (const auto& [hub, casing] : {std::pair{cylinder_wall(5), cylinder_wall(10)},
-                                    std::pair{sphere_wall(6), sphere_wall(10)}}) {
-    CAPTURE(hub.kind);
-    const MorphCase c = mesh_case(to_model(pin(0)), space_around_pin(hub, casing));
+  for (const auto& [hub, casing, digits] :
+       {std::tuple{cylinder_wall(5), cylinder_wall(10), 1e-14},
+        std::tuple{sphere_wall(6), sphere_wall(10), 1e-14},
+        std::tuple{cylinder_wall(5), cylinder_wall(10), 1e-8}}) {  // as text rounds them
+    CAPTURE(hub.kind, digits);
+    Mesh mesh = space_around_pin(hub, casing);
+    mesh.points = ((mesh.points / digits).array().round() * digits).matrix();
+    const MorphCase c = mesh_case(to_model(pin(0)), mesh);
     SurfaceMorphOptions options;
     options.groups.sliding = {"hub", "casing"};
     const Morphed m = morph(c, to_model(pin(0.1, 1.3)), options);
@@ -171,13 +175,13 @@ TEST_CASE("nodes where the CAD goes through a wall stay on both", "[surface][far
       for (const Index node : c.mesh.groups[side].nodes) {
         const Vector3d y = m.points.row(node);
         off = std::max(off, off_wall(side == 0 ? hub : casing, y));
-        if (std::abs(c.mesh.points.row(node).tail<2>().norm() - 1) > 1e-9) continue;
+        if (std::abs(c.mesh.points.row(node).tail<2>().norm() - 1) > 1e-9 + digits) continue;
         ++on_pin;
         off_pin = std::max(off_pin, std::abs(turned(y, -0.1).tail<2>().norm() - 1.3));
       }
     CHECK(on_pin == 48);
-    CHECK(off <= 1e-12 * c.diagonal);
-    CHECK(off_pin <= 1e-9);
+    CHECK(off <= 1e-12 * c.diagonal + 2 * digits);
+    CHECK(off_pin <= 1e-9 + 2 * digits);
   }
 }
 
