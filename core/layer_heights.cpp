@@ -17,6 +17,9 @@ using Eigen::Vector3d;
 constexpr double kKept = 0.01;
 // Of its floor's shortest edge: a cell that is higher is none of a layer.
 constexpr double kFlat = 1.5;
+// Layers towards a wall are made with growth rates of 1.1 to 1.3, the same from one to the next;
+// other cells are as high as they happen to be.
+constexpr double kGrowth = 1.1, kSameRate = 0.1;
 
 std::vector<Index> corners(const Facet& facet) {
   const Index count = corner_count(facet.type, std::ssize(facet.nodes));
@@ -91,11 +94,10 @@ bool moves(const Storey& one, const Points& before, const Points& after) {
   return std::ranges::any_of(one.floor, [&](Index n) { return before.row(n) != after.row(n); });
 }
 
-// The storey between the cell's one face on the part of the surface that moves and the cell that
-// stands on it, if any.
+// The storey between the cell's one face on the surface that `counts` and the cell that stands on
+// it, if any.
 Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index cell,
-                    const std::vector<char>& is_surface, const Points& before,
-                    const Points& after) {
+                    const std::vector<char>& is_surface, const auto& counts) {
   const auto own = std::span(neighbours.neighbour)
                        .subspan(static_cast<std::size_t>(neighbours.offsets[cell]),
                                 static_cast<std::size_t>(neighbours.offsets[cell + 1] -
@@ -107,7 +109,7 @@ Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index ce
     if (own[f] != -1) continue;
     Storey one = storey(neighbours, cell, facets, f);
     if (one.above < 0 || std::ranges::any_of(one.floor, [&](Index n) { return !is_surface[n]; }) ||
-        !moves(one, before, after) || !is_flat(one, before))
+        !counts(one))
       continue;
     if (!found.floor.empty()) return {};
     found = std::move(one);
@@ -122,7 +124,9 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   Index kept = 0, stacked = 0;
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
-    const Storey first = first_storey(mesh, neighbours, cell, is_surface, before, after);
+    const Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
+      return moves(one, before, after) && is_flat(one, before);
+    });
     if (first.floor.empty()) continue;
     const double height = first.height(before), ratio = first.height(after) / height;
     if (!std::isfinite(ratio)) continue;
@@ -145,6 +149,46 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   return result;
 }
 
+std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                         const std::vector<char>& is_surface,
+                                         const Points& points) {
+  const auto growth = [&](const Storey& one, const Storey& above) {
+    return above.ceiling.empty() ? 0 : above.height(points) / one.height(points);
+  };
+  std::vector<Index> result;
+  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
+    if (!can_stand(mesh.types[cell])) continue;
+    const Storey first = first_storey(mesh, neighbours, cell, is_surface,
+                                      [&](const Storey& one) { return is_flat(one, points); });
+    if (first.floor.empty()) continue;
+    const Storey second = next(mesh, neighbours, cell, first);
+    const double rate = growth(first, second);
+    const double next_rate = growth(second, next(mesh, neighbours, first.above, second));
+    if (rate < kGrowth || std::abs(next_rate / rate - 1) > kSameRate) continue;
+    for (const auto* nodes : {&first.floor, &first.ceiling})
+      result.insert(result.end(), nodes->begin(), nodes->end());
+  }
+  std::ranges::sort(result);
+  result.erase(std::ranges::unique(result).begin(), result.end());
+  return result;
+}
+
+// A plane mesh as one layer of solid cells, with the nodes of both its sides, these as far apart as
+// the mesh is large: no floor is less long than it is across.
+struct PlaneLayer {
+  PlaneLayer(const Mesh& plane, const Points& points, const std::vector<char>& is_surface)
+      : mesh(one_layer(plane, points)), is_on(is_surface) {
+    is_on.insert(is_on.end(), is_surface.begin(), is_surface.end());
+    const Index n = points.rows();
+    const double size = (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
+    mesh.points.bottomRows(n) = points + size * (mesh.points.bottomRows(n) - points);
+  }
+
+  Mesh mesh;
+  CellNeighbours neighbours = find_cell_neighbours(mesh);
+  std::vector<char> is_on;
+};
+
 }  // namespace
 
 LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
@@ -154,13 +198,24 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
     return measure_solid_layers(mesh, neighbours, is_surface, before, after);
   const int axis = flat_axis(mesh, before);
   if (axis < 0) return {};
-  const Mesh layer = one_layer(mesh, before);
-  Points moved = layer.points;
+  const PlaneLayer layer(mesh, before, is_surface);
+  Points moved = layer.mesh.points;
   moved.topRows(after.rows()) = after;
   moved.bottomRows(after.rows()) += after - before;
-  std::vector<char> is_on = is_surface;
-  is_on.insert(is_on.end(), is_surface.begin(), is_surface.end());
-  return measure_solid_layers(layer, find_cell_neighbours(layer), is_on, layer.points, moved);
+  return measure_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points, moved);
+}
+
+std::vector<Index> nodes_of_first_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                         const std::vector<char>& is_surface,
+                                         const Points& points) {
+  if (!neighbours.neighbour.empty())
+    return nodes_of_solid_layers(mesh, neighbours, is_surface, points);
+  if (flat_axis(mesh, points) < 0) return {};
+  const PlaneLayer layer(mesh, points, is_surface);
+  std::vector<Index> result =
+      nodes_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points);
+  std::erase_if(result, [&](Index node) { return node >= mesh.node_count(); });
+  return result;
 }
 
 }  // namespace cadmorph

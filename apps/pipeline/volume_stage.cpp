@@ -171,6 +171,15 @@ std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult&
   return result;
 }
 
+std::vector<char> on_cad(const BaseSide& base) {
+  std::vector<char> result(static_cast<std::size_t>(base.mesh().node_count()), 0);
+  const Association& association = base.association();
+  for (std::size_t row = 0; row < association.dimension.size(); ++row)
+    result[base.boundary.nodes[row]] =
+        association.dimension[row] != CadDimension::None || association.is_amid[row];
+  return result;
+}
+
 bool is_for_finite_volumes(const BaseSide& base) {
   const MeshUse use = base.options.mesh_use;
   return use == MeshUse::FiniteVolumes ||
@@ -188,13 +197,20 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   if (base.moved) of_file = measure_quality(base.mesh(), reference, base.orientation);
   const bool is_in_plane =
       !plane_normal(base.mesh(), base.mesh().points, result.positions).isZero(0);
-  const std::vector<char> is_fixed = nodes_to_leave(base, result.surface, is_in_plane);
+  std::vector<char> is_fixed = nodes_to_leave(base, result.surface, is_in_plane);
   BestMeshOptions how;
   std::optional<FiniteVolumes> volumes;
   if (is_for_finite_volumes(base))
     volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
   if (volumes && volumes->has_cells()) how.volumes = &*volumes;
   how.held = nodes_to_hold(base, result.surface);
+  // Faces of finite volumes that are raised keep them by themselves.
+  if (!how.volumes)
+    for (const Index node :
+         nodes_of_first_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points)) {
+      is_fixed[node] = 1;
+      how.held.push_back(node);
+    }
   how.validity = &result.validity;
   if (!is_in_plane) how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
@@ -263,15 +279,6 @@ std::vector<GroupFigures> figures_of_groups(const Mesh& mesh, const Points& posi
                    mesh_unit_mm * (positions.row(node) - mesh.points.row(node)).norm());
     result.push_back(std::move(figures));
   }
-  return result;
-}
-
-std::vector<char> on_cad(const BaseSide& base) {
-  std::vector<char> result(static_cast<std::size_t>(base.mesh().node_count()), 0);
-  const Association& association = base.association();
-  for (std::size_t row = 0; row < association.dimension.size(); ++row)
-    result[base.boundary.nodes[row]] =
-        association.dimension[row] != CadDimension::None || association.is_amid[row];
   return result;
 }
 

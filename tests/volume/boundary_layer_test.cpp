@@ -71,4 +71,33 @@ TEST_CASE("Heights and growth of layers are compared", "[volume][layers]") {
   CHECK(high.growth_before == Approx(factor - 1));
 }
 
+TEST_CASE("Layers are told by their growth", "[volume][layers]") {
+  // Heights of the cells on the floor: 1, g, g^2, ... of a thousandth.
+  const auto on_floor = [](double growth) {
+    Mesh mesh = graded_layers(6, 1e-3);
+    std::vector<char> is_floor(static_cast<std::size_t>(mesh.node_count()), 0);
+    const double factor = std::pow(1000, 0.2);
+    for (Index n = 0; n < mesh.node_count(); ++n) {
+      is_floor[n] = mesh.points(n, 2) == 0;
+      if (is_floor[n]) continue;
+      const double layer = std::round(std::log(mesh.points(n, 2) / 1e-3) / std::log(factor));
+      double height = 0;
+      for (int k = 0; k <= int(layer); ++k) height += 1e-3 * std::pow(growth, k);
+      mesh.points(n, 2) = height;
+    }
+    std::vector<Index> expected;
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      if (mesh.points(n, 2) < 1.5e-3) expected.push_back(n);
+    return std::pair(nodes_of_first_layers(mesh, find_cell_neighbours(mesh), is_floor, mesh.points),
+                     expected);
+  };
+  for (const double growth : {1.2, 1.5}) {
+    const auto [found, expected] = on_floor(growth);
+    CHECK(found.size() > 10);
+    CHECK(found == expected);
+  }
+  CHECK(on_floor(1.0).first.empty());
+  CHECK(on_floor(0.8).first.empty());
+}
+
 }  // namespace cadmorph
