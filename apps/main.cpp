@@ -37,20 +37,22 @@ constexpr const char* kDescription =
     "result has the same elements, each surface node on the new CAD.";
 
 void name_remedies() {
-  set_remedy_words({{Remedy::MeshUnit, "--mesh-unit"},
-                    {Remedy::AssociationTolerance, "--association-tolerance"},
-                    {Remedy::Unmatched, "--unmatched"},
-                    {Remedy::KeepUnmatched, "--unmatched auto or fix"},
-                    {Remedy::SlideUnmatched, "--slide NAME or --unmatched slide"},
-                    {Remedy::Method, "another --method"},
-                    {Remedy::RbfMethod, "--method rbf"},
-                    {Remedy::FaceMap, "--map"},
-                    {Remedy::Via, "--via"},
-                    {Remedy::Improve, "--improve"},
-                    {Remedy::AutomaticUntangling, "--untangle auto"},
-                    {Remedy::AutomaticSteps, "--steps auto"},
-                    {Remedy::Cache, "--cache"},
-                    {Remedy::AllFigures, "--json"}});
+  set_remedy_words(
+      {{Remedy::MeshUnit, "--mesh-unit"},
+       {Remedy::AssociationTolerance, "--association-tolerance"},
+       {Remedy::Unmatched, "--unmatched"},
+       {Remedy::KeepUnmatched, "--unmatched auto or fix"},
+       {Remedy::SlideUnmatched, "--slide NAME or --unmatched slide"},
+       {Remedy::ExpectUnmatched, "--unmatched fix or slide, or --slide, --hold, --follow NAME"},
+       {Remedy::Method, "another --method"},
+       {Remedy::RbfMethod, "--method rbf"},
+       {Remedy::FaceMap, "--map"},
+       {Remedy::Via, "--via"},
+       {Remedy::Improve, "--improve"},
+       {Remedy::AutomaticUntangling, "--untangle auto"},
+       {Remedy::AutomaticSteps, "--steps auto"},
+       {Remedy::Cache, "--cache"},
+       {Remedy::AllFigures, "--json"}});
 }
 
 int fail(const std::string& message, ExitCode code, const std::string& json) {

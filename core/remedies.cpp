@@ -13,6 +13,7 @@ auto& all_words() {
       "the setting of unmatched patches",
       "have unmatched patches fixed",
       "have unmatched patches slide",
+      "have unmatched patches fixed or slide",
       "another method",
       "the RBF method",
       "a face map",

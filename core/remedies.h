@@ -15,6 +15,7 @@ enum class Remedy {
   Unmatched,             ///< choose what boundary patches on no CAD face do
   KeepUnmatched,         ///< let them be
   SlideUnmatched,        ///< let them slide on their own surface
+  ExpectUnmatched,       ///< say that they are meant, and what they do
   Method,                ///< another method of the volume morph
   RbfMethod,             ///< radial basis functions for it
   FaceMap,               ///< give the pairs of faces

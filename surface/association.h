@@ -18,7 +18,10 @@ struct AssociationOptions {
   double tolerance = 0.1;
   /// Millimetres per mesh unit; 0: detect (mm, m, cm, inch, foot).
   double mesh_unit_mm = 0;
-  Progress progress;
+  /// Nodes of the mesh that are known to be off the CAD or not to matter, ascending: nothing is
+  /// refused for them alone.
+  std::vector<Index> expected_off = {};
+  Progress progress = {};
 };
 
 /// The kind of CAD entity a surface node lies on.

@@ -135,6 +135,22 @@ std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& 
   return result;
 }
 
+std::vector<Index> named_nodes(const Mesh& mesh, const GroupConstraints& constraints) {
+  std::vector<Index> result;
+  const auto add = [&](const std::string& name) {
+    check_name(mesh, name);
+    const std::vector<Index> nodes = nodes_of(mesh, name);
+    result.insert(result.end(), nodes.begin(), nodes.end());
+  };
+  for (const auto* names :
+       {&constraints.held, &constraints.rigid, &constraints.sliding, &constraints.following})
+    std::ranges::for_each(*names, add);
+  for (const auto& [first, second] : constraints.periodic) add(first), add(second);
+  std::ranges::sort(result);
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
 std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary,
                                const std::string& name) {
   check_name(mesh, name);
@@ -165,21 +181,53 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
   }
 }
 
+void require_outer_groups(const Mesh& mesh, const Boundary& boundary,
+                          const GroupConstraints& constraints) {
+  for (const auto* names : {&constraints.held, &constraints.rigid, &constraints.sliding})
+    for (const std::string& name : *names)
+      if (rows_of_group(mesh, boundary, name).empty())
+        throw InvalidInputError("the group '" + name +
+                                "' lies inside of the mesh, where all nodes follow the volume. "
+                                "Parts inside can be held, moved or slid only where they are the "
+                                "border of a region of the mesh or a crack in it");
+}
+
 std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints,
-                                              const Association& association) {
+                                              const Association& association,
+                                              const std::vector<FreePatch>& patches) {
   std::vector<std::string> lines;
-  const auto describe = [&](const std::vector<std::string>& names, const char* what) {
-    for (const std::string& name : names)
-      if (std::ranges::all_of(rows_of_group(mesh, boundary, name), [&](int row) {
-            return association.dimension[row] != CadDimension::None || association.is_amid[row];
-          }))
-        lines.push_back("the group '" + name + "' is to " + what +
-                        ", but all of its nodes lie on the CAD, which moves them: that changes "
-                        "nothing");
+  const auto describe = [&](const std::string& name, const char* what, const char* but) {
+    lines.push_back("the group '" + name + "' is to " + what + ", but " + but);
   };
-  describe(constraints.sliding, "slide");
-  describe(constraints.following, "follow the volume");
+  const auto is_all = [&](const std::vector<int>& rows, const auto& is) {
+    return !rows.empty() && std::ranges::all_of(rows, is);
+  };
+  const auto is_on_cad = [&](int row) {
+    return association.dimension[row] != CadDimension::None || association.is_amid[row];
+  };
+  constexpr const char* kOnCad =
+      "all of its nodes lie on the CAD, which moves them: that changes nothing";
+  for (const std::string& name : constraints.following)
+    if (is_all(rows_of_group(mesh, boundary, name), is_on_cad))
+      describe(name, "follow the volume", kOnCad);
+  // Patches that slide are moved by what touches them.
+  std::vector<char> is_moved(association.dimension.size(), 0);
+  for (const FreePatch& patch : patches)
+    if (!patch.touched.empty())
+      for (const auto* nodes : {&patch.inner, &patch.border})
+        for (const int n : *nodes) is_moved[n] = 1;
+  for (const std::string& name : constraints.sliding) {
+    const std::vector<int> rows = rows_of_group(mesh, boundary, name);
+    if (is_all(rows, is_on_cad))
+      describe(name, "slide", kOnCad);
+    else if (is_all(rows, [&](int n) { return is_on_cad(n) || association.is_free[n]; }))
+      describe(name, "slide",
+               "it lies inside of the mesh, between regions, and follows the volume: only what is "
+               "outside slides");
+    else if (is_all(rows, [&](int n) { return !is_moved[n]; }))
+      describe(name, "slide", "nothing that lies on the CAD touches it: it stays as it is");
+  }
   return lines;
 }
 

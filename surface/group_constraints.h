@@ -35,6 +35,10 @@ enum class GroupConstraint : std::int8_t { None, Hold, Rigid, Slide, Follow };
 std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints);
 
+/// The nodes of all groups that are named, ascending. Throws InvalidInputError for a name that no
+/// group has.
+std::vector<Index> named_nodes(const Mesh& mesh, const GroupConstraints& constraints);
+
 /// The boundary nodes (rows, ascending) of the groups of this name. Throws InvalidInputError for a
 /// name that no group has (it lists those there are).
 std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary, const std::string& name);
@@ -44,11 +48,18 @@ std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary, const
 void apply_constraints(const std::vector<GroupConstraint>& constraints, const Boundary& boundary,
                        Association& association);
 
-/// A line for each group that is to slide or follow but whose nodes all lie on the CAD, which moves
-/// them. `association`: with the constraints applied.
+/// Throws InvalidInputError for a group that is to be held, rigid or to slide but has no node on
+/// the outside of the mesh or between its regions.
+void require_outer_groups(const Mesh& mesh, const Boundary& boundary,
+                          const GroupConstraints& constraints);
+
+/// A line for each group that is to slide or follow but does not: all of its nodes lie on the CAD,
+/// which moves them, or between regions, or nothing touches it. `association`: with the constraints
+/// applied.
 std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints,
-                                              const Association& association);
+                                              const Association& association,
+                                              const std::vector<FreePatch>& patches);
 
 /// Where the groups cut the surface into patches of their own, and which nodes move rigidly.
 PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,

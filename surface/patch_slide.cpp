@@ -92,11 +92,9 @@ std::vector<Matrix3d> move_inner(const SurfaceMesh& surface, const FreePatch& pa
 
 }  // namespace
 
-Vector3d onto_patch(const SurfaceMesh& surface, const FreePatch& patch, int node,
-                    const Vector3d& x) {
-  const Vector3d start = surface.points.row(node);
-  if (patch.is_planar) return x - patch.normal.dot(x - start) * patch.normal;
-  return patch.form->foot(x, node).point + (start - patch.form->foot(start, node).point);
+Vector3d onto_patch(const FreePatch& patch, int node, const Vector3d& from, const Vector3d& x) {
+  if (patch.is_planar) return x - patch.normal.dot(x - from) * patch.normal;
+  return patch.form->foot(x, node).point + (from - patch.form->foot(from, node).point);
 }
 
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved) {

@@ -17,8 +17,8 @@ namespace cadmorph {
 void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& moved);
 
 /// The point of a patch (planar, or with a form) nearest to x, for a node that stays as far off the
-/// patch as it is at the surface's points.
-Eigen::Vector3d onto_patch(const SurfaceMesh& surface, const FreePatch& patch, int node,
+/// patch as it is at `from`.
+Eigen::Vector3d onto_patch(const FreePatch& patch, int node, const Eigen::Vector3d& from,
                            const Eigen::Vector3d& x);
 
 /// What slide_patch does, one patch after the other, as a linear map of the displacements of all

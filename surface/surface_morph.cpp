@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <sstream>
 
 #include "cad/projector.h"
@@ -572,10 +573,12 @@ PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
       const EdgeFoot foot = project_on_edge(variant, placed.entity[n], x, uv[0]);
       return FaceFoot{{foot.t, 0}, foot.point, foot.distance};
     };
+    // The node itself is as far off as its foot is on the base.
+    const Vector3d from = (options.snap ? surface.points : feet).row(n);
     const auto ways = [&](const Vector3d& x) {
       Matrix3Xd result(3, std::ssize(own));
       for (std::size_t i = 0; i < own.size(); ++i)
-        result.col(Index(i)) = onto_patch(surface, *own[i], n, x) - x;
+        result.col(Index(i)) = onto_patch(*own[i], n, from, x) - x;
       return result;
     };
     const Vector3d start = placed.feet.row(n);
@@ -584,9 +587,8 @@ PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
     const double off = way.colwise().norm().maxCoeff();
     // What a node is off a curved patch has a direction of its own, which turns with the patch.
     double least = rounding;
-    const Vector3d came = surface.points.row(n);
     for (const FreePatch* patch : own)
-      if (patch->form) least = std::max(least, (came - patch->form->foot(came, n).point).norm());
+      if (patch->form) least = std::max(least, (from - patch->form->foot(from, n).point).norm());
     if (off <= least) continue;
     for (int k = 0; k < kMostSteps && way.colwise().norm().maxCoeff() > least; ++k) {
       Vector3d step = step_along(tangents(variant, placed.entity[n], is_on_face, at.uv), way);
@@ -644,20 +646,50 @@ std::string SurfaceMorph::Impl::describe_patches(const Points& moved) const {
            });
   };
   const auto dragged = std::ranges::count_if(patches, is_dragged);
-  std::string text = std::to_string(association.unmatched_nodes) +
-                     " surface nodes lie on no CAD face: " + std::to_string(fixed) +
-                     " patches stay fixed, " + std::to_string(slid) +
-                     " slide along their surface (" + words_for(Remedy::Unmatched) + ")";
+  const bool has_taken = std::ranges::any_of(constraints, [](GroupConstraint constraint) {
+    return constraint == GroupConstraint::Hold || constraint == GroupConstraint::Rigid;
+  });
+  std::string text = std::to_string(association.unmatched_nodes) + " surface nodes " +
+                     (has_taken ? "are held, rigid or" : "lie") +
+                     " on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
+                     std::to_string(slid) + " slide along their surface (" +
+                     words_for(Remedy::Unmatched) + ")";
   if (dragged > 0)
     text += "; what moves touches " + std::to_string(dragged) +
             " of the fixed ones, which may slide, too (" + words_for(Remedy::SlideUnmatched) + ")";
   return text;
 }
 
+namespace {
+
+// The first face between two solids that no facet of the mesh lies on; -1.
+int face_between_solids_off_mesh(const CadModel& base, const Association& association) {
+  std::vector<char> is_met(base.faces().size(), 0);
+  for (const int face : association.facet_face)
+    if (face >= 0) is_met[face] = 1;
+  for (std::size_t f = 0; f < is_met.size(); ++f)
+    if (base.faces()[f].other_solid >= 0 && !is_met[f]) return static_cast<int>(f);
+  return -1;
+}
+
+// What the options say of nodes on no CAD face vouches for these.
+AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& options) {
+  AssociationOptions result = options.association;
+  if (options.unmatched == UnmatchedPolicy::Fix || options.unmatched == UnmatchedPolicy::Slide) {
+    result.expected_off.resize(static_cast<std::size_t>(mesh.node_count()));
+    std::iota(result.expected_off.begin(), result.expected_off.end(), Index{0});
+  } else {
+    result.expected_off = named_nodes(mesh, options.groups);
+  }
+  return result;
+}
+
+}  // namespace
+
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
                            const Boundary& boundary, SurfaceMorphOptions options)
-    : SurfaceMorph(base, mesh, boundary, associate(*base, mesh, boundary, options.association),
-                   options) {}
+    : SurfaceMorph(base, mesh, boundary,
+                   associate(*base, mesh, boundary, for_association(mesh, options)), options) {}
 
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
                            const Boundary& boundary, Association association,
@@ -667,6 +699,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->options = std::move(options);
   impl_->association = std::move(association);
   impl_->start = mesh.points(boundary.nodes, Eigen::all);
+  require_outer_groups(mesh, boundary, impl_->options.groups);
   impl_->constraints = find_constraints(mesh, boundary, impl_->options.groups);
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
@@ -686,7 +719,12 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                                         impl_->options.groups.periodic);
   impl_->find_forms();
   impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
-  impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association);
+  impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association,
+                                     impl_->patches);
+  if (const int face = face_between_solids_off_mesh(*impl_->base, impl_->association); face >= 0)
+    impl_->idle.push_back("face " + std::to_string(face + 1) + " of " + impl_->base->file_name() +
+                          " lies between two solids, but the mesh has no regions that meet there: "
+                          "its nodes on that face are moved as inner ones");
   impl_->check_policy();
   impl_->find_feet();
   impl_->find_offsets();

@@ -14,6 +14,7 @@ const bool kHasWords = [] {
                     {Remedy::Unmatched, "the option unmatched"},
                     {Remedy::KeepUnmatched, "unmatched auto or fix"},
                     {Remedy::SlideUnmatched, "slide or unmatched slide"},
+                    {Remedy::ExpectUnmatched, "unmatched fix or slide, or slide, hold or follow"},
                     {Remedy::Method, "another method"},
                     {Remedy::RbfMethod, "method rbf"},
                     {Remedy::FaceMap, "face_map"},

@@ -221,6 +221,61 @@ TEST_CASE("a body that sinks through a symmetry plane stays cut by it", "[surfac
   CHECK(on_rim == 2 * 7);
 }
 
+TEST_CASE("half of a part is taken where its cut is expected", "[surface][far-field][errors]") {
+  Mesh mesh = hex_grid({4, 4, 4}, [](const Vector3d& s) -> Vector3d {
+    return {20 * s.x(), 20 * s.y(), 10 * s.z()};
+  });
+  mesh.groups = {{"cut", "marker", {}}};
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    if (mesh.points(n, 0) > 20 - 1e-9) mesh.groups[0].nodes.push_back(n);
+  const auto box = [](double width) {
+    return to_model(BRepPrimAPI_MakeBox(40., width, 10.).Solid());
+  };
+  const MorphCase c = mesh_case(box(20), mesh);
+  CHECK_THROWS_WITH(SurfaceMorph(c.base, c.mesh, c.boundary),
+                    Catch::Contains("hardly larger") && Catch::Contains("If they are meant"));
+  SurfaceMorphOptions by_policy, by_name;
+  by_policy.unmatched = UnmatchedPolicy::Slide;
+  by_name.groups.sliding = {"cut"};
+  for (const auto& options : {by_policy, by_name}) {
+    const CadModel variant = box(24);
+    const auto moved = SurfaceMorph(c.base, c.mesh, c.boundary, options)
+                           .morph(variant, match_topology(*c.base, variant));
+    const Points expected = moved_by(c, [](const Vector3d& x) -> Vector3d {
+      return {x.x(), 1.2 * x.y(), x.z()};
+    });
+    CHECK(largest_difference(moved.positions, expected) <= 1e-9);
+  }
+  // Others are not expected.
+  CHECK_THROWS_WITH(
+      SurfaceMorph(std::make_shared<const CadModel>(box(11)), c.mesh, c.boundary, by_policy),
+      Catch::Contains("another part"));
+}
+
+TEST_CASE("groups that can't do what they are asked to are named", "[surface][errors]") {
+  MorphCase c = shape_case("sphere_far_field");
+  c.mesh.groups = {{"far", "marker", {}}, {"inside", "marker", {}}};
+  for (Index n = 0; n < c.mesh.node_count(); ++n)
+    if (!std::ranges::binary_search(c.boundary.nodes, n))
+      c.mesh.groups[1].nodes.push_back(n);
+    else if (c.mesh.points.row(n).norm() > 11)
+      c.mesh.groups[0].nodes.push_back(n);
+  SurfaceMorphOptions options;
+  for (auto* names : {&options.groups.held, &options.groups.rigid, &options.groups.sliding}) {
+    *names = {"inside"};
+    CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, options), InvalidInputError);
+    names->clear();
+  }
+  options.groups.following = {"inside"};
+  options.groups.sliding = {"far"};
+  const auto moved = SurfaceMorph(c.base, c.mesh, c.boundary, options)
+                         .morph(*c.base, match_topology(*c.base, *c.base));
+  CHECK(std::ranges::any_of(moved.warnings, [](const std::string& line) {
+    return line.find("'far' is to slide, but nothing that lies on the CAD touches it") !=
+           std::string::npos;
+  }));
+}
+
 TEST_CASE("an unmatched boundary is refused on request", "[surface][far-field][errors]") {
   const MorphCase c = shape_case("sphere_far_field");
   SurfaceMorphOptions options;
