@@ -249,14 +249,10 @@ void add_lines(const SurfaceMesh& surface, const Association& association, const
   }
 }
 
-// What of the CAD lies in the box round the mesh: a half model, cut by symmetry planes, is compared
-// with half of the CAD, a duct with the piece of a strut that crosses it.
-struct CadInside {
-  double covered = 0;  ///< of the faces: those that the mesh covers by half of their area in there
-  double size = 0;     ///< diagonal
-};
-
-CadInside cad_inside(const CadModel& base, const SurfaceMesh& surface,
+// Of the CAD's faces that reach into the box round the mesh: the part that the mesh covers by half
+// or more of the area that they have in there. So a half model of a body, cut by symmetry planes,
+// counts like the whole.
+double covered_faces(const CadModel& base, const SurfaceMesh& surface,
                      const Association& association) {
   std::vector<double> area(base.faces().size(), 0);
   for (std::size_t f = 0; f < association.facet_face.size(); ++f)
@@ -268,12 +264,9 @@ CadInside cad_inside(const CadModel& base, const SurfaceMesh& surface,
                                 Vector3d(surface.points.colwise().maxCoeff().array() + margin));
   const FaceSamples samples = sample_faces(base, kCoverSamples);
   std::vector<double> all(area.size(), 0), inside(area.size(), 0);
-  Eigen::AlignedBox3d reached;
   for (Index i = 0; i < samples.points.rows(); ++i) {
-    const Vector3d x = samples.points.row(i);
     ++all[samples.face[i]];
-    inside[samples.face[i]] += box.contains(x);
-    if (box.contains(x)) reached.extend(x);
+    inside[samples.face[i]] += box.contains(Vector3d(samples.points.row(i)));
   }
   const auto features = entity_features(base);
   double reaching = 0, covered = 0;
@@ -282,11 +275,7 @@ CadInside cad_inside(const CadModel& base, const SurfaceMesh& surface,
     ++reaching;
     covered += area[f] >= 0.5 * features[f].size * features[f].size * inside[f] / all[f];
   }
-  CadInside result;
-  if (reaching > 0) result = {covered / reaching, reached.diagonal().norm()};
-  // Samples end a little before the CAD does.
-  result.size = std::min(result.size + samples.spacing, base.diagonal());
-  return result;
+  return reaching > 0 ? covered / reaching : 0;
 }
 
 // Surface nodes on no face.
@@ -495,12 +484,11 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
     unexpected += !std::ranges::binary_search(expected_off, boundary.nodes[n]);
   }
   if (unmatched == 0) return;
-  const CadInside cad = cad_inside(base, surface, association);
-  if (cad.covered < kLeastCovered)
+  if (covered_faces(base, surface, association) < kLeastCovered)
     refuse(base, boundary, surface, {example, unmatched, outside},
            other_part(base, surface, association.mesh_unit_mm));
   if (unexpected == 0) return;
-  const bool is_larger = size_of(surface) >= kBeyondCad * cad.size;
+  const bool is_larger = size_of(surface) >= kBeyondCad * base.diagonal();
   if (!is_larger && is_hole(surface, association, unmatched_facets(surface, boundary, association)))
     refuse(base, boundary, surface, {example, unmatched, outside},
            "; they bound a hole inside of the mesh that the CAD does not have.");

@@ -62,7 +62,7 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
 /// AssociationError where the unmatched outside can't be a far field or a symmetry plane: the mesh
 /// covers less than a quarter of the CAD's faces by half their area, or, of nodes that are not
 /// expected to be off the CAD (`expected_off`, of the mesh, ascending): it reaches no further than
-/// 1.2 times the part of the CAD within its bounds, or they lie by the CAD amid matched ones.
+/// 1.2 times the CAD, or they lie by the CAD amid matched ones.
 void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
                      const std::vector<Index>& expected_off, Association& association);
 

@@ -51,25 +51,32 @@ void step_and_untangle(const BaseSide& base, const Points& surface_positions,
   untangle_result(base, result);
 }
 
+bool is_free(const BaseSide& base) {
+  return stepping(base).steps == 0 && base.options.untangle != UntangleMode::Never;
+}
+
+// What step_and_untangle made.
+void take_volume(MorphResult& result, MorphResult from) {
+  result.positions = std::move(from.positions);
+  result.validity = std::move(from.validity);
+  result.report.solver = std::move(from.report.solver);
+  result.report.stepping = std::move(from.report.stepping);
+  result.report.untangling = std::move(from.report.untangling);
+}
+
 // Steps, then repair. When few elements are inverted, repair comes before further steps.
 void morph_volume(const BaseSide& base, PhaseClock& clock, MorphResult& result,
                   VolumeMorphResult* one_step) {
   SteppingOptions how = stepping(base);
-  const bool is_free = how.steps == 0 && base.options.untangle != UntangleMode::Never;
-  if (is_free) how.few = std::max<Index>(1, base.mesh().cell_count() / kFewCells);
+  if (is_free(base)) how.few = std::max<Index>(1, base.mesh().cell_count() / kFewCells);
   step_and_untangle(base, result.surface_positions, how, clock, result, one_step);
   const SteppingAttempt last = result.report.stepping.attempts.back();
   const bool is_cut_short = last.inverted > last.held && last.inverted - last.held <= how.few;
-  if (!is_free || !is_cut_short || result.validity.invalid <= last.held) return;
+  if (!is_free(base) || !is_cut_short || result.validity.invalid <= last.held) return;
   how.few = 0;
   MorphResult more;
   step_and_untangle(base, result.surface_positions, how, clock, more, nullptr);
-  if (more.validity.invalid >= result.validity.invalid) return;
-  result.positions = std::move(more.positions);
-  result.validity = std::move(more.validity);
-  result.report.solver = std::move(more.report.solver);
-  result.report.stepping = std::move(more.report.stepping);
-  result.report.untangling = std::move(more.report.untangling);
+  if (more.validity.invalid < result.validity.invalid) take_volume(result, std::move(more));
 }
 
 // Nodes that slid lie within the wires of their faces.
@@ -136,6 +143,27 @@ void slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) 
   result.surface.folds.clear();
   result.surface.folded_facets.clear();
   settle_slid_nodes(base, result);
+}
+
+// Fewer inverted elements after steps are no easier to repair: where that failed, what one step
+// makes is another start.
+void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+                          MorphResult& result) {
+  if (result.validity.invalid <= base.validity.invalid || !is_free(base) ||
+      result.report.stepping.attempts.back().steps == 1)
+    return;
+  MorphResult stepped;
+  take_volume(stepped, result);
+  SteppingOptions how = stepping(base);
+  how.steps = 1;
+  result.report.untangling.reset();
+  step_and_untangle(base, result.surface_positions, how, clock, result, nullptr);
+  slide_surface(base, sliding, result);
+  if (result.validity.invalid >= stepped.validity.invalid)
+    return take_volume(result, std::move(stepped));
+  std::vector<SteppingAttempt>& attempts = result.report.stepping.attempts;
+  attempts.insert(attempts.begin(), stepped.report.stepping.attempts.begin(),
+                  stepped.report.stepping.attempts.end());
 }
 
 // Surface nodes that may slide to repair a mesh, but not to raise its cells: those at rest, and
@@ -343,6 +371,7 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
   morph_volume(base, clock, result, one_step);
   Sliding sliding(result);
   slide_surface(base, sliding, result);
+  repair_from_one_step(base, sliding, clock, result);
   clock.start("quality after");
   measure(base, sliding, result);
   describe_surface(base, result);

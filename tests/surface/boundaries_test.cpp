@@ -248,8 +248,8 @@ TEST_CASE("half of a part is taken where its cut is expected", "[surface][far-fi
   }
   // Others are not expected.
   CHECK_THROWS_WITH(
-      SurfaceMorph(std::make_shared<const CadModel>(box(11)), c.mesh, c.boundary, by_policy),
-      Catch::Contains("another part"));
+      SurfaceMorph(std::make_shared<const CadModel>(box(11)), c.mesh, c.boundary, by_name),
+      Catch::Contains("hardly larger"));
 }
 
 TEST_CASE("groups that can't do what they are asked to are named", "[surface][errors]") {
