@@ -242,6 +242,7 @@ struct Part {
   std::vector<bool> is_plane = {};  ///< of each element
   SetTable nodes = {}, elements = {}, surfaces = {};
   std::vector<std::pair<std::string, std::string>> sections = {};  ///< set of elements, material
+  std::vector<std::string> element_sets = {};  ///< that *ELEMENT names, in capitals
   int instances = 0;
   int placed = 0;  ///< of the instances; after the last the mesh is gone
 };
@@ -271,7 +272,8 @@ class Reader {
     end_keyword();
     if (is_in_part_) sources_.fail(part_place_, "*END PART is missing");
     assemble();
-    ReadMesh result = assembly_.finish(std::move(sources_), "material");
+    ReadMesh result =
+        assembly_.finish(std::move(sources_), has_sections_ ? "material" : "element set");
     add_remarks(result);
     return result;
   }
@@ -426,6 +428,7 @@ class Reader {
     if (name == "INCLUDE") return read_include(keyword.get("INPUT"));
     end_keyword();
     keyword_place_ = here_;
+    has_sections_ = has_sections_ || name.ends_with("SECTION");
     if (name == "NODE")
       begin_nodes(keyword);
     else if (name == "ELEMENT")
@@ -655,6 +658,7 @@ class Reader {
     element_set_ = keyword.has("ELSET")
                        ? &part().elements.get(keyword.get("ELSET"), "element set", true)
                        : nullptr;
+    if (element_set_ && !left_out_) part().element_sets.push_back(upper(keyword.get("ELSET")));
   }
 
   void read_element(std::string_view line) {
@@ -816,8 +820,12 @@ class Reader {
     for (const Instance& instance : instances_)
       for (Part& part : parts_)
         if (part.name == instance.part) place(part, instance);
-    std::map<std::string, int> materials;
-    for (const Placed& placed : placed_) assign_regions(placed, materials);
+    // The deck of a mesh generator: its volumes are the sets of its elements.
+    if (!has_sections_)
+      for (Part& part : parts_)
+        for (const std::string& set : part.element_sets) part.sections.emplace_back(set, set);
+    std::map<std::string, int> regions;
+    for (const Placed& placed : placed_) assign_regions(placed, regions);
     for (const Placed& placed : placed_) add_groups(*placed.part, placed);
     const bool is_own_placed = !placed_.empty() && placed_[0].part == &parts_[0];
     if (!is_own_placed) add_groups(parts_[0], {.instance = {}, .part = &parts_[0]});
@@ -838,12 +846,12 @@ class Reader {
   }
 
   /// The first section that names a cell's set tells its material, and so its region.
-  void assign_regions(const Placed& placed, std::map<std::string, int>& materials) {
+  void assign_regions(const Placed& placed, std::map<std::string, int>& regions) {
     Mesh& mesh = assembly_.mesh();
     for (const auto& [set, material] : placed.part->sections) {
       std::vector<Index> cells;
       collect(placed, {.set = set}, true, 0, cells);
-      const int region = materials.emplace(material, int(materials.size()) + 1).first->second;
+      const int region = regions.emplace(material, int(regions.size()) + 1).first->second;
       for (const Index cell : cells)
         if (mesh.regions[std::size_t(cell)] == 0) mesh.regions[std::size_t(cell)] = region;
     }
@@ -956,7 +964,7 @@ class Reader {
   // What is being read.
   DeckPlace here_, keyword_place_, part_place_, element_place_;
   Data data_ = Data::Skip;
-  bool is_in_part_ = false;
+  bool is_in_part_ = false, has_sections_ = false;
   std::size_t current_part_ = 0;
   std::vector<NodeFrame> system_, node_frames_;
   std::vector<double> frame_numbers_;

@@ -114,6 +114,21 @@ TEST_CASE("An Abaqus deck gives its cells, points, sets and materials", "[core][
   CHECK_THAT(file.remarks()[1], Catch::Contains("normals"));
 }
 
+TEST_CASE("The element sets of a deck without sections are its regions", "[core][formats]") {
+  const FormatFolder folder;
+  const std::string text =
+      "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n5, 1, 1, 1\n"
+      "*ELEMENT, TYPE=C3D4, ELSET=porous\n1, 1, 2, 3, 4\n"
+      "*ELEMENT, TYPE=C3D4, ELSET=air\n2, 2, 3, 4, 5\n";
+  const MeshFile file(folder.put("zones.inp", text));
+  CHECK(file.mesh().regions == std::vector<int>{1, 2});
+  CHECK(file.mesh().region_array == "element set");
+  const MeshFile one(folder.put(
+      "one.inp",
+      text + "*SOLID SECTION, ELSET=air, MATERIAL=a\n*SOLID SECTION, ELSET=porous, MATERIAL=a\n"));
+  CHECK(one.mesh().regions.empty());
+}
+
 TEST_CASE("Abaqus decks come back with other coordinates alone", "[core][formats]") {
   const FormatFolder folder;
   require_promise(folder.put("deck.inp", kDeck), folder, "out.inp", 1e-16);
