@@ -204,7 +204,8 @@ struct SurfaceMorph::Impl {
   void move_amid(Points& moved) const;
   std::vector<FreePatch> sliding_patches() const;
   std::vector<ImagePair> slide(Points& moved) const;
-  std::string describe_patches(const Points& moved) const;
+  Index dragged_patches(const Points& moved) const;
+  std::string describe_patches(Index dragged) const;
 };
 
 void SurfaceMorph::Impl::find_feet() {
@@ -631,21 +632,24 @@ std::vector<ImagePair> SurfaceMorph::Impl::slide(Points& moved) const {
   return pairs;
 }
 
+// Those that stay fixed, unasked, though what moves touches them.
+Index SurfaceMorph::Impl::dragged_patches(const Points& moved) const {
+  return std::ranges::count_if(patches, [&](const FreePatch& patch) {
+    return !slides(patch) && constraint(patch) == GroupConstraint::None &&
+           std::ranges::any_of(patch.touched, [&](int n) {
+             return (moved.row(n) - surface.points.row(n)).norm() > tolerance;
+           });
+  });
+}
+
 // What the patches on no CAD face do; empty where there are none.
-std::string SurfaceMorph::Impl::describe_patches(const Points& moved) const {
+std::string SurfaceMorph::Impl::describe_patches(Index dragged) const {
   const auto follows = [&](const FreePatch& patch) {
     return constraint(patch) == GroupConstraint::Follow;
   };
   const auto slid = sliding_patches().size();
   const auto fixed = patches.size() - slid - std::ranges::count_if(patches, follows);
   if (slid + fixed == 0) return {};
-  const auto is_dragged = [&](const FreePatch& patch) {
-    return !slides(patch) && constraint(patch) == GroupConstraint::None &&
-           std::ranges::any_of(patch.touched, [&](int n) {
-             return (moved.row(n) - surface.points.row(n)).norm() > tolerance;
-           });
-  };
-  const auto dragged = std::ranges::count_if(patches, is_dragged);
   const bool has_taken = std::ranges::any_of(constraints, [](GroupConstraint constraint) {
     return constraint == GroupConstraint::Hold || constraint == GroupConstraint::Rigid;
   });
@@ -777,7 +781,8 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   result.periodic = nodes_of(named);
   for (std::size_t i = 0; i < named.size(); ++i)
     result.notes.push_back(describe(self.periodic[i], named[i]));
-  if (std::string text = self.describe_patches(moved); !text.empty())
+  result.dragged_patches = self.dragged_patches(moved);
+  if (std::string text = self.describe_patches(result.dragged_patches); !text.empty())
     result.warnings.push_back(std::move(text));
   slid.insert(slid.end(), images.begin(), images.end());
   slid.insert(slid.end(), named.begin(), named.end());

@@ -42,6 +42,7 @@ struct SurfaceMorphResult {
   Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
   Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
   PartedJoints parted;
+  Index dragged_patches = 0;  ///< on no CAD face, that stay fixed though what moves touches them
   std::vector<int> paired;    ///< nodes on sides that are images of each other, ascending
   std::vector<int> periodic;  ///< those of them on sides named as periodic: no repair moves them
   std::vector<std::string> folds;     ///< faces with folded facets: a line each

@@ -19,8 +19,9 @@ struct Diagnosis {
   Index misordered = 0;    ///< inverted in the input by the order of their nodes
   Index held_cells =
       0;  ///< inverted and held so by their surface nodes (is_held), not in the input
-  Index parted_nodes = 0;   ///< see PartedJoints
-  Index folded_shells = 0;  ///< shell cells that lie folded on their CAD face
+  Index parted_nodes = 0;     ///< see PartedJoints
+  Index dragged_patches = 0;  ///< see SurfaceMorphResult
+  Index folded_shells = 0;    ///< shell cells that lie folded on their CAD face
   Index worst_cell = -1;
   Eigen::Vector3d location = Eigen::Vector3d::Zero();  ///< of its centroid, in the mesh's unit
   std::vector<std::pair<int, Index>> regions;  ///< region id and bad cells in it, most first

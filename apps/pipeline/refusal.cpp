@@ -96,6 +96,10 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         "ask for less, or better the input mesh: " + std::to_string(found.poor_in_base) +
         " of these cells are below in it already, whose smallest scaled Jacobian is " +
         short_number(figures.before.min_scaled_jacobian));
+  if (is_inverted && made > 0 && found.dragged_patches > 0)
+    lines.push_back("let parts on no CAD face slide with what moves along them (" +
+                    words_for(Remedy::SlideUnmatched) + "): it touches " +
+                    std::to_string(found.dragged_patches) + " that stay fixed");
   if (found.parted_nodes > 0)
     lines.push_back("look whether parts still meet in the variant as they do in the base: " +
                     std::to_string(found.parted_nodes) +
@@ -157,6 +161,7 @@ void judge(MorphResult& result) {
       poor, [&](Index c) { return base.quality.values[c] < *base.options.min_scaled_jacobian; });
   figures.diagnosis->misordered = std::ssize(base.misordered);
   figures.diagnosis->parted_nodes = result.surface.parted.nodes;
+  figures.diagnosis->dragged_patches = result.surface.dragged_patches;
   figures.diagnosis->held_cells =
       held_among(sorted_difference(inverted, base.validity.invalid_cells), base, full);
   figures.diagnosis->worst_cell = worst_of(bad, result.quality);
