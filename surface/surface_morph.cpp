@@ -566,7 +566,9 @@ PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
   for (const FreePatch& patch : sliding)
     for (const int n : patch.touched) patches_of[n].push_back(&patch);
   PartedJoints parted;
-  for (const auto& [n, own] : patches_of) {
+  for (const auto& entry : patches_of) {
+    const int n = entry.first;
+    const std::vector<const FreePatch*>& own = entry.second;
     if (placed.is_crossing[n] || placed.entity[n] < 0) continue;
     const bool is_on_face = association.dimension[n] == CadDimension::Face;
     const auto project = [&](const Vector3d& x, const Vector2d& uv) {
