@@ -59,10 +59,6 @@ int row_of(const Boundary& boundary, Index node) {
   return static_cast<int>(std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin());
 }
 
-bool is_taken_from_cad(GroupConstraint constraint) {
-  return constraint == GroupConstraint::Hold || constraint == GroupConstraint::Rigid;
-}
-
 // Nodes of the facets on the CAD, by pieces that hang together.
 std::vector<std::vector<int>> parts_on_cad(const SurfaceMesh& surface,
                                            const Association& association) {
@@ -119,6 +115,10 @@ void take_from_cad(std::size_t row, Association& association) {
 }
 
 }  // namespace
+
+bool is_taken_from_cad(GroupConstraint constraint) {
+  return constraint == GroupConstraint::Hold || constraint == GroupConstraint::Rigid;
+}
 
 std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints) {

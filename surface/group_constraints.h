@@ -29,6 +29,9 @@ struct GroupConstraints {
 
 enum class GroupConstraint : std::int8_t { None, Hold, Rigid, Slide, Follow };
 
+/// Whether nodes with this constraint don't go with the CAD that they may lie on.
+bool is_taken_from_cad(GroupConstraint constraint);
+
 /// The constraint of each boundary node (rows as Boundary::nodes). Where groups share a node the
 /// first that counts is: held, rigid, sliding, following. Throws InvalidInputError for a name that
 /// no group has (it lists those there are), and for one that is to do two things.

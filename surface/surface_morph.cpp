@@ -148,6 +148,28 @@ std::string text_of(const Vector3d& point) {
   return text.str();
 }
 
+// The first face between two solids that no facet of the mesh lies on; -1.
+int face_between_solids_off_mesh(const CadModel& base, const Association& association) {
+  std::vector<char> is_met(base.faces().size(), 0);
+  for (const int face : association.facet_face)
+    if (face >= 0) is_met[face] = 1;
+  for (std::size_t f = 0; f < is_met.size(); ++f)
+    if (base.faces()[f].other_solid >= 0 && !is_met[f]) return static_cast<int>(f);
+  return -1;
+}
+
+// What the options say of nodes on no CAD face vouches for these.
+AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& options) {
+  AssociationOptions result = options.association;
+  if (options.unmatched == UnmatchedPolicy::Fix || options.unmatched == UnmatchedPolicy::Slide) {
+    result.expected_off.resize(static_cast<std::size_t>(mesh.node_count()));
+    std::iota(result.expected_off.begin(), result.expected_off.end(), Index{0});
+  } else {
+    result.expected_off = named_nodes(mesh, options.groups);
+  }
+  return result;
+}
+
 std::string name_of(const CadModel& base, const TopologyMatch& match, int face) {
   return "face " + std::to_string(face + 1) + " (" + to_string(base.faces()[face].type) +
          ", variant face " + std::to_string(match.faces[face] + 1) + ")";
@@ -652,9 +674,7 @@ std::string SurfaceMorph::Impl::describe_patches(Index dragged) const {
   const auto slid = sliding_patches().size();
   const auto fixed = patches.size() - slid - std::ranges::count_if(patches, follows);
   if (slid + fixed == 0) return {};
-  const bool has_taken = std::ranges::any_of(constraints, [](GroupConstraint constraint) {
-    return constraint == GroupConstraint::Hold || constraint == GroupConstraint::Rigid;
-  });
+  const bool has_taken = std::ranges::any_of(constraints, is_taken_from_cad);
   std::string text = std::to_string(association.unmatched_nodes) + " surface nodes " +
                      (has_taken ? "are held, rigid or" : "lie") +
                      " on no CAD face: " + std::to_string(fixed) + " patches stay fixed, " +
@@ -665,32 +685,6 @@ std::string SurfaceMorph::Impl::describe_patches(Index dragged) const {
             " of the fixed ones, which may slide, too (" + words_for(Remedy::SlideUnmatched) + ")";
   return text;
 }
-
-namespace {
-
-// The first face between two solids that no facet of the mesh lies on; -1.
-int face_between_solids_off_mesh(const CadModel& base, const Association& association) {
-  std::vector<char> is_met(base.faces().size(), 0);
-  for (const int face : association.facet_face)
-    if (face >= 0) is_met[face] = 1;
-  for (std::size_t f = 0; f < is_met.size(); ++f)
-    if (base.faces()[f].other_solid >= 0 && !is_met[f]) return static_cast<int>(f);
-  return -1;
-}
-
-// What the options say of nodes on no CAD face vouches for these.
-AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& options) {
-  AssociationOptions result = options.association;
-  if (options.unmatched == UnmatchedPolicy::Fix || options.unmatched == UnmatchedPolicy::Slide) {
-    result.expected_off.resize(static_cast<std::size_t>(mesh.node_count()));
-    std::iota(result.expected_off.begin(), result.expected_off.end(), Index{0});
-  } else {
-    result.expected_off = named_nodes(mesh, options.groups);
-  }
-  return result;
-}
-
-}  // namespace
 
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
                            const Boundary& boundary, SurfaceMorphOptions options)
@@ -716,11 +710,8 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                         mark_patches(mesh, boundary, impl_->options.groups, impl_->constraints));
   impl_->rigid = find_rigid_groups(mesh, boundary, impl_->surface, impl_->association,
                                    impl_->options.groups.rigid);
-  const auto is_held = [](GroupConstraint wanted) {
-    return wanted == GroupConstraint::Hold || wanted == GroupConstraint::Rigid;
-  };
   std::vector<char> held(impl_->constraints.size());
-  std::ranges::transform(impl_->constraints, held.begin(), is_held);
+  std::ranges::transform(impl_->constraints, held.begin(), is_taken_from_cad);
   impl_->periodic = find_periodic_sides(mesh, boundary, impl_->surface, impl_->association, held,
                                         impl_->options.groups.periodic);
   impl_->find_forms();

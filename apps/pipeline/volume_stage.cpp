@@ -55,8 +55,8 @@ bool is_free(const BaseSide& base) {
   return stepping(base).steps == 0 && base.options.untangle != UntangleMode::Never;
 }
 
-// What step_and_untangle made.
-void take_volume(MorphResult& result, MorphResult from) {
+// Moves what step_and_untangle made.
+void take_volume(MorphResult& result, MorphResult&& from) {
   result.positions = std::move(from.positions);
   result.validity = std::move(from.validity);
   result.report.solver = std::move(from.report.solver);
@@ -153,7 +153,7 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
       result.report.stepping.attempts.back().steps == 1)
     return;
   MorphResult stepped;
-  take_volume(stepped, result);
+  take_volume(stepped, std::move(result));
   SteppingOptions how = stepping(base);
   how.steps = 1;
   result.report.untangling.reset();

@@ -242,7 +242,7 @@ struct Part {
   std::vector<bool> is_plane = {};  ///< of each element
   SetTable nodes = {}, elements = {}, surfaces = {};
   std::vector<std::pair<std::string, std::string>> sections = {};  ///< set of elements, material
-  std::vector<std::string> element_sets = {};  ///< that *ELEMENT names, in capitals
+  std::vector<std::string> element_sets = {};  ///< that *ELEMENT names, in capitals, each once
   int instances = 0;
   int placed = 0;  ///< of the instances; after the last the mesh is gone
 };
@@ -658,7 +658,10 @@ class Reader {
     element_set_ = keyword.has("ELSET")
                        ? &part().elements.get(keyword.get("ELSET"), "element set", true)
                        : nullptr;
-    if (element_set_ && !left_out_) part().element_sets.push_back(upper(keyword.get("ELSET")));
+    if (!element_set_ || left_out_) return;
+    std::vector<std::string>& sets = part().element_sets;
+    if (std::string set = upper(keyword.get("ELSET")); std::ranges::find(sets, set) == sets.end())
+      sets.push_back(std::move(set));
   }
 
   void read_element(std::string_view line) {
