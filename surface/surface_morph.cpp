@@ -718,10 +718,12 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
   impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association,
                                      impl_->patches);
-  if (const int face = face_between_solids_off_mesh(*impl_->base, impl_->association); face >= 0)
+  // With regions, who holds an interface takes its facets from the CAD.
+  if (const int face = face_between_solids_off_mesh(*impl_->base, impl_->association);
+      face >= 0 && mesh.regions.empty())
     impl_->idle.push_back("face " + std::to_string(face + 1) + " of " + impl_->base->file_name() +
-                          " lies between two solids, but the mesh has no regions that meet there: "
-                          "its nodes on that face are moved as inner ones");
+                          " lies between two solids, but the mesh has no regions: its nodes there "
+                          "are moved as inner ones");
   impl_->check_policy();
   impl_->find_feet();
   impl_->find_offsets();
