@@ -16,26 +16,26 @@ namespace {
 
 using Row = std::vector<std::string>;
 
-const Row kHeader = {"family",
-                     "mesh",
-                     "surface",
-                     "mode",
-                     "method",
-                     "step",
-                     "change_percent",
-                     "nodes",
-                     "surface_nodes",
-                     "cells",
-                     "min_scaled_jacobian",
-                     "mean_worst_5_percent",
-                     "mean_scaled_jacobian",
-                     "inverted",
-                     "invalid",
-                     "first_inverted_step",
-                     "set_up_seconds",
-                     "seconds",
-                     "cpu_seconds",
-                     "note"};
+const Row kEvaluationHeader = {"family",
+                               "mesh",
+                               "surface",
+                               "mode",
+                               "method",
+                               "step",
+                               "change_percent",
+                               "nodes",
+                               "surface_nodes",
+                               "cells",
+                               "min_scaled_jacobian",
+                               "mean_worst_5_percent",
+                               "mean_scaled_jacobian",
+                               "inverted",
+                               "invalid",
+                               "first_inverted_step",
+                               "set_up_seconds",
+                               "seconds",
+                               "cpu_seconds",
+                               "note"};
 
 // Error of RBF-IQR at the surface nodes, root mean square, in local edge lengths.
 constexpr double kIqrTolerance = 1e-2;
@@ -242,7 +242,7 @@ std::vector<Subject> chosen_subjects(const EvaluateOptions& options) {
 }
 
 void evaluate(const EvaluateOptions& options) {
-  ResultsFile file(options.output, kHeader);
+  ResultsFile file(options.output, kEvaluationHeader);
   for (const Subject& subject : chosen_subjects(options)) {
     const std::vector<Task> tasks = open_tasks(subject, options, file);
     if (tasks.empty()) continue;

@@ -11,17 +11,17 @@ namespace {
 
 using Row = std::vector<std::string>;
 
-const Row kHeader = {"family",
-                     "mesh",
-                     "kernel",
-                     "parameter",
-                     "condition",
-                     "min_scaled_jacobian",
-                     "mean_worst_5_percent",
-                     "inverted",
-                     "invalid",
-                     "seconds",
-                     "note"};
+const Row kKernelHeader = {"family",
+                           "mesh",
+                           "kernel",
+                           "parameter",
+                           "condition",
+                           "min_scaled_jacobian",
+                           "mean_worst_5_percent",
+                           "inverted",
+                           "invalid",
+                           "seconds",
+                           "note"};
 
 // Dense systems above this many centres take more time and memory than the comparison is worth.
 constexpr std::size_t kMostCentres = 8000;
@@ -77,7 +77,7 @@ Row row_of(const Series& series, const Candidate& candidate) {
 }  // namespace
 
 void evaluate_kernels(const EvaluateOptions& options) {
-  ResultsFile file(options.output, kHeader);
+  ResultsFile file(options.output, kKernelHeader);
   for (const Subject& subject : chosen_subjects(options)) {
     const Series series = make_series(subject, {Route()}, kSteps);
     if (series.surface_nodes.size() > kMostCentres) continue;

@@ -23,7 +23,7 @@ namespace {
 
 using Row = std::vector<std::string>;
 
-const Row kHeader = {
+const Row kSolverHeader = {
     "family",         "mesh",          "solver",      "surface_nodes", "nodes",
     "set_up_seconds", "morph_seconds", "cpu_seconds", "memory_bytes",  "min_scaled_jacobian",
     "lapack",         "note"};
@@ -101,7 +101,7 @@ Row row_without_figures(const Subject& subject, const Series& series, const Solv
                         const std::string& note) {
   Row row = {subject.family, subject.mesh, solver.name, std::to_string(series.surface_nodes.size()),
              std::to_string(series.mesh.node_count())};
-  row.resize(kHeader.size());
+  row.resize(kSolverHeader.size());
   row.back() = note;
   return row;
 }
@@ -167,7 +167,7 @@ Row measured_row(const Subject& subject, const Series& series, const Solver& sol
 }  // namespace
 
 void compare_solvers(const EvaluateOptions& options, const std::string& program) {
-  ResultsFile file(options.output, kHeader);
+  ResultsFile file(options.output, kSolverHeader);
   for (const Subject& subject : chosen_subjects(options)) {
     const Series series = make_series(subject, {Route()}, kSteps);
     std::vector<std::pair<const Solver*, pid_t>> running;
@@ -202,7 +202,7 @@ void run_solver(const EvaluateOptions& options, const std::string& name) {
     throw SolverError("the reference LAPACK was not loaded");
   const Subject subject = chosen_subjects(options).front();
   const Series series = make_series(subject, {Route()}, kSteps);
-  ResultsFile file(options.output, kHeader);
+  ResultsFile file(options.output, kSolverHeader);
   try {
     file.append({measured_row(subject, series, solver, library)});
   } catch (const SolverError& error) {

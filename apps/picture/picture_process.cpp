@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::chrono::seconds kPatience{120};
+constexpr std::chrono::seconds kLongest{120};
 constexpr const char* kProgram = "cadmorph-picture";
 constexpr const char* kLog = "messages";
 
@@ -104,7 +104,7 @@ DrawnPictures PictureProcess::wait() {
 
 // Returns what went wrong; empty for nothing.
 std::string PictureProcess::wait_for_end() {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  const auto deadline = std::chrono::steady_clock::now() + kLongest;
   int status = 0;
   while (waitpid(process_, &status, WNOHANG) != process_) {
     if (std::chrono::steady_clock::now() > deadline)

@@ -7,7 +7,7 @@ namespace cadmorph::python {
 namespace {
 
 // "float32 of shape (5, 3)"
-std::string describe(const py::array& array) {
+std::string type_and_shape(const py::array& array) {
   return std::string(py::str(array.dtype())) + " of shape " +
          std::string(py::str(array.attr("shape")));
 }
@@ -26,7 +26,7 @@ bool is_integral(const py::array& array) {
 
 std::vector<Index> integers_of(const py::array& array, const std::string& what) {
   if (array.size() > 0 && !is_integral(array))
-    throw InvalidInputError(what + ": expected an array of integers, not " + describe(array));
+    throw InvalidInputError(what + ": expected an array of integers, not " + type_and_shape(array));
   if (array.dtype().kind() == 'u' && array.itemsize() == 8 && array.size() > 0 &&
       array.attr("max")().cast<std::uint64_t>() > std::uint64_t(std::numeric_limits<Index>::max()))
     throw InvalidInputError(what + ": a number is above 2^63 - 1");
@@ -41,10 +41,10 @@ RowMatrix rows_of(const py::object& object, const std::string& name, const std::
                   const Fits& fits) {
   const py::array array = to_array(object, name, expected.c_str());
   if (!fits(array))
-    throw InvalidInputError(name + ": expected " + expected + ", not " + describe(array));
+    throw InvalidInputError(name + ": expected " + expected + ", not " + type_and_shape(array));
   const bool is_float64 = array.dtype().kind() == 'f' && array.itemsize() == 8;
   if (!is_float64 && !is_integral(array))
-    throw InvalidInputError(name + ": expected " + expected + ", not " + describe(array) +
+    throw InvalidInputError(name + ": expected " + expected + ", not " + type_and_shape(array) +
                             "; where fewer digits do, convert it by .astype(float)");
   const auto rows = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
   if (!rows) throw py::error_already_set();
@@ -99,7 +99,8 @@ void add_block(const py::object& type, const py::object& data, MeshArrays& array
   if (block.ndim() != 2 || (kind.nodes > 0 && block.shape(1) != kind.nodes))
     throw InvalidInputError(what + ": expected an array of shape (cells, " +
                             (kind.nodes > 0 ? std::to_string(kind.nodes) : "nodes of one") +
-                            ") for " + std::string(py::repr(type)) + ", not " + describe(block));
+                            ") for " + std::string(py::repr(type)) + ", not " +
+                            type_and_shape(block));
   const std::vector<Index> nodes = integers_of(block, what);
   arrays.connectivity.insert(arrays.connectivity.end(), nodes.begin(), nodes.end());
   for (py::ssize_t row = 0; row < block.shape(0); ++row) {
@@ -177,7 +178,8 @@ RowMatrix to_rows(const py::object& object, const char* what) {
 std::vector<Index> to_integers(const py::object& object, const std::string& what) {
   const py::array array = to_array(object, what, "an array of integers");
   if (array.ndim() != 1)
-    throw InvalidInputError(what + ": expected integers in one dimension, not " + describe(array));
+    throw InvalidInputError(what + ": expected integers in one dimension, not " +
+                            type_and_shape(array));
   return integers_of(array, what);
 }
 

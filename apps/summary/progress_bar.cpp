@@ -11,7 +11,7 @@
 namespace cadmorph {
 namespace {
 
-constexpr std::chrono::milliseconds kPatience{1000};
+constexpr std::chrono::milliseconds kQuietFor{1000};
 constexpr std::chrono::milliseconds kInterval{100};
 constexpr int kWidth = 30, kLeastWidth = 5;
 constexpr int kUsualColumns = 80;
@@ -31,7 +31,7 @@ ProgressBar::~ProgressBar() { erase(); }
 void ProgressBar::show(std::string_view phase, double fraction) {
   if (!is_active_) return;
   const auto now = Clock::now();
-  if (now - start_ < kPatience) return;
+  if (now - start_ < kQuietFor) return;
   if (phase == phase_ && now - last_ < kInterval) return;
   phase_ = phase;
   last_ = now;
