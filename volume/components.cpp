@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/kd_tree.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -125,10 +126,14 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
     if (size[id] > 1) component[id] = static_cast<Index>(count++);  // alone: of no cell
 
   std::vector<Component> components(std::max<std::size_t>(count, 1));
+  std::vector<Index> loose;
   const auto add = [&](Index node, Index id) {
-    Component& to = components[component[sets.find(id)]];
+    const Index set = sets.find(id);
+    Component& to = components[component[set]];
     if (is_prescribed[node])
       to.surface.push_back(position[node]);
+    else if (size[set] == 1)
+      loose.push_back(node);
     else
       to.volume.push_back(node);
   };
@@ -137,6 +142,14 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
   for (Component& one : components) {
     std::ranges::sort(one.surface);
     one.surface.erase(std::ranges::unique(one.surface).begin(), one.surface.end());
+  }
+  if (loose.empty() || surface_nodes.empty()) return components;
+  const KdTree tree(Points(mesh.points(surface_nodes, Eigen::all)));
+  for (const Index node : loose) {
+    const Index nearest = surface_nodes[tree.nearest(mesh.points.row(node).data(), 1)[0].index];
+    Component& to = components[component[sets.find(nearest)]];
+    to.volume.push_back(node);
+    ++to.loose;
   }
   return components;
 }

@@ -10,17 +10,19 @@ namespace cadmorph {
 struct Component {
   std::vector<Index> surface;  ///< positions in the list of surface nodes
   std::vector<Index> volume;   ///< node ids
+  Index loose = 0;             ///< the last so many of `volume` are nodes of no cell
 
   template <class Archive>
   void serialize(Archive& archive) {
-    archive(surface, volume);
+    archive(surface, volume, loose);
   }
 };
 
 /// Splits a mesh into components: connected cells of one region, joined across regions where they
 /// share a node that is not prescribed. Bodies in contact through prescribed nodes are morphed one
-/// by one (Sieger et al. 2013, sect. 7) and agree on these. Nodes of no cell belong to the first
-/// component. `surface_nodes`: ids of the prescribed nodes. O(cells).
+/// by one (Sieger et al. 2013, sect. 7) and agree on these. A node of no cell, such as the
+/// reference node of a coupling, belongs to the component of the nearest prescribed node.
+/// `surface_nodes`: ids of the prescribed nodes. O(cells).
 std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes);
 
 }  // namespace cadmorph

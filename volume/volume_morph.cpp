@@ -97,6 +97,7 @@ struct Part {
   Component nodes;
   RowMatrix centres;                // of its surface nodes
   Index dropped = 0;                // surface nodes that the other side of a slit stands for
+  Index beyond = 0;                 // see Targets
   Eigen::VectorXd lengths;          // local ones of the centres; may be empty
   std::optional<RbfSystem> system;  // none where no node is free
   std::optional<RbfTargets> targets;
@@ -106,6 +107,32 @@ RowMatrix centres_of(const Component& nodes, const Mesh& mesh,
                      const std::vector<Index>& surface_nodes) {
   const std::vector<Index> ids = at(surface_nodes, nodes.surface);
   return mesh.points(ids, Eigen::all);
+}
+
+// Where the field of a part is evaluated for its volume nodes. It is known about the mesh alone,
+// and runs on outside: nodes of no cell beyond the ball about the mesh, such as dummies at the end
+// of the world, move as the nearest point of that ball.
+struct Targets {
+  RowMatrix points;
+  Index of_cells = 0;  // rows of nodes of cells, the first; others neither bound nor hold the field
+  Index beyond = 0;    // nodes of no cell beyond the ball
+};
+
+Targets targets_of(const Part& part, const Points& base) {
+  Targets targets{base(part.nodes.volume, Eigen::all),
+                  std::ssize(part.nodes.volume) - part.nodes.loose, 0};
+  if (part.nodes.loose == 0 || part.centres.rows() == 0) return targets;
+  const Eigen::RowVector3d middle = part.centres.colwise().mean();
+  const double radius =
+      std::sqrt((part.centres.rowwise() - middle).rowwise().squaredNorm().maxCoeff());
+  for (Index i = targets.of_cells; i < targets.points.rows(); ++i) {
+    const Eigen::RowVector3d way = targets.points.row(i) - middle;
+    const double distance = way.norm();
+    if (distance <= radius) continue;
+    targets.points.row(i) = middle + radius / distance * way;
+    ++targets.beyond;
+  }
+  return targets;
 }
 
 // Takes surface nodes out that lie across a slit, and factors the rest.
@@ -129,14 +156,16 @@ Part make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surf
   part.centres = centres_of(part.nodes, mesh, surface_nodes);
   if (part.nodes.volume.empty() || part.nodes.surface.empty()) return part;
   add_system(part, scales, options);
-  part.targets.emplace(*part.system, mesh.points(part.nodes.volume, Eigen::all));
+  const Targets targets = targets_of(part, mesh.points);
+  part.beyond = targets.beyond;
+  part.targets.emplace(*part.system, targets.points);
   return part;
 }
 
 Part restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
                   const VolumeMorphOptions& options, InputArchive& archive) {
   Part part;
-  archive(part.nodes, part.dropped, part.lengths);
+  archive(part.nodes, part.dropped, part.beyond, part.lengths);
   part.centres = centres_of(part.nodes, mesh, surface_nodes);
   if (!take<bool>(archive)) return part;
   part.system.emplace(part.centres, options.kernel, options.rbf, archive);
@@ -145,7 +174,7 @@ Part restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
 }
 
 void store_part(const Part& part, OutputArchive& archive) {
-  archive(part.nodes, part.dropped, part.lengths, part.system.has_value());
+  archive(part.nodes, part.dropped, part.beyond, part.lengths, part.system.has_value());
   if (!part.system) return;
   part.system->store(archive);
   part.targets->store(archive);
@@ -265,13 +294,29 @@ void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targe
   }
 }
 
+// As hold_back, by the nodes of cells alone; those of no cell follow the field that results.
+void hold_back_by_cells(const Part& part, const RowMatrix& values, const Targets& targets,
+                        const VolumeMorphOptions& options, BoundedField& bounded,
+                        HoldHistory* history = nullptr) {
+  const Index of_cells = targets.of_cells, loose = targets.points.rows() - of_cells;
+  if (loose == 0) return hold_back(part, values, targets.points, options, bounded, history);
+  BoundedField result{std::move(bounded.field), bounded.displacements.topRows(of_cells), {}};
+  hold_back(part, values, targets.points.topRows(of_cells), options, result, history);
+  bounded.displacements.topRows(of_cells) = result.displacements;
+  bounded.displacements.bottomRows(loose) = result.field.evaluate(targets.points.bottomRows(loose));
+  bounded.field = std::move(result.field);
+  bounded.remark = std::move(result.remark);
+}
+
 // The derivative of what move_part does for these values.
-FieldMap derivative_of(const Part& part, const RowMatrix& values, const RowMatrix& targets,
+FieldMap derivative_of(const Part& part, const RowMatrix& values, const Points& base,
                        const VolumeMorphOptions& options) {
   BoundedField bounded{part.system->solve(values), RowMatrix(0, 3), {}};
   bounded.displacements = part.targets->evaluate({bounded.field}).front();
   HoldHistory history;
-  hold_back(part, values, targets, options, bounded, &history);
+  const Targets all = targets_of(part, base);
+  const RowMatrix& targets = all.points;
+  hold_back_by_cells(part, values, all, options, bounded, &history);
   FieldMap map;
   if (history.taken == 0) {
     map.field = part.system->derivative(bounded.field, targets);
@@ -299,10 +344,13 @@ std::vector<Component> components_of(const Mesh& mesh, const std::vector<Index>&
   return {all};
 }
 
-RbfReport with_dropped(RbfReport report, Index dropped) {
-  report.merged += dropped;
-  if (dropped > 0)
-    report.reason += "; " + std::to_string(dropped) + " nodes follow the other side of a slit";
+RbfReport with_remarks(RbfReport report, const Part& part) {
+  report.merged += part.dropped;
+  if (part.dropped > 0)
+    report.reason += "; " + std::to_string(part.dropped) + " nodes follow the other side of a slit";
+  if (part.beyond > 0)
+    report.reason += "; " + std::to_string(part.beyond) +
+                     " nodes of no element lie outside and move as the mesh does next to them";
   return report;
 }
 
@@ -401,7 +449,7 @@ void VolumeMorph::Impl::restore_rbf(const Mesh& mesh, InputArchive& archive) {
 void VolumeMorph::Impl::gather_reports() {
   std::vector<RbfReport> reports;
   for (const Part& part : parts)
-    if (part.system) reports.push_back(with_dropped(part.system->report(), part.dropped));
+    if (part.system) reports.push_back(with_remarks(part.system->report(), part));
   report = combine(reports);
 }
 
@@ -448,15 +496,15 @@ VolumeMorph::Impl::PartFigures VolumeMorph::Impl::move_part(
     if (solutions[s].error) continue;
     solved.push_back(sound[s]);
     if (solved.size() - 1 != s) values[solved.size() - 1] = std::move(values[s]);
-    figures.reports[sound[s]] = with_dropped(solutions[s].field.report(), part.dropped);
+    figures.reports[sound[s]] = with_remarks(solutions[s].field.report(), part);
     fields.push_back(std::move(solutions[s].field));
   }
   std::vector<RowMatrix> displacements = part.targets->evaluate(fields);
-  const RowMatrix targets = base(part.nodes.volume, Eigen::all);
+  const Targets targets = targets_of(part, base);
   for (std::size_t s = 0; s < solved.size(); ++s) {
     const std::size_t r = solved[s];
     BoundedField bounded{std::move(fields[s]), std::move(displacements[s]), {}};
-    hold_back(part, values[s], targets, options, bounded);
+    hold_back_by_cells(part, values[s], targets, options, bounded);
     figures.reports[r]->reason += bounded.remark;
     for (std::size_t i = 0; i < part.nodes.volume.size(); ++i)
       results[r].positions.row(part.nodes.volume[i]) += bounded.displacements.row(i);
@@ -555,7 +603,8 @@ std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const
     Part whole = part;
     if (!whole.system) add_system(whole, impl_->scales, impl_->options);
     const RowMatrix values = surface_positions(whole.nodes.surface, Eigen::all) - whole.centres;
-    const RowMatrix targets = impl_->base(whole.nodes.volume, Eigen::all);
+    RowMatrix targets = targets_of(whole, impl_->base).points;
+    targets.conservativeResize(targets.rows() - whole.nodes.loose, 3);
     BoundedField bounded{whole.system->solve(values), RowMatrix(0, 3), {}};
     if (targets.rows() > 0) {
       bounded.displacements = bounded.field.evaluate(targets);
@@ -579,7 +628,7 @@ VolumeDerivative VolumeMorph::derivative(const Points& surface_positions) const 
       if (!part.system) continue;
       const RowMatrix values = surface_positions(part.nodes.surface, Eigen::all) - part.centres;
       parts[p] = {part.nodes.surface, part.nodes.volume,
-                  derivative_of(part, values, s.base(part.nodes.volume, Eigen::all), s.options)};
+                  derivative_of(part, values, s.base, s.options)};
     }
   });
   std::erase_if(parts, [](const auto& part) { return part.volume.empty(); });
@@ -590,11 +639,14 @@ VolumeMorph::HoldCheck VolumeMorph::hold_check() const {
   const Impl& s = *impl_;
   HoldCheck result;
   if (s.baseline || !is_bounded(s.options)) return result;
-  for (const Part& part : s.parts)
-    if (part.system)
-      result.parts_.push_back(
-          {part.nodes.surface, part.centres,
-           OvershootCheck(part.centres, s.options.kernel, s.base(part.nodes.volume, Eigen::all))});
+  for (const Part& part : s.parts) {
+    if (!part.system) continue;
+    const Targets targets = targets_of(part, s.base);
+    if (targets.of_cells == 0) continue;
+    result.parts_.push_back(
+        {part.nodes.surface, part.centres,
+         OvershootCheck(part.centres, s.options.kernel, targets.points.topRows(targets.of_cells))});
+  }
   return result;
 }
 
