@@ -1,6 +1,7 @@
 #include "core/cell_topology.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace cadmorph {
 namespace {
@@ -164,6 +165,26 @@ constexpr std::array<CellInfo, kTypes> kTable = make_table();
 const CellInfo& info_of(CellType type) {
   const auto number = static_cast<std::size_t>(type);
   return kTable[number < kTypes ? number : 0];
+}
+
+std::vector<LocalMidNode> mid_nodes_of(CellType type) {
+  const CellInfo& info = info_of(type);
+  std::vector<LocalMidNode> result;
+  int next = info.corners;
+  for (const LocalEdge& edge : info.edges.first(std::size_t(info.mid_nodes)))
+    result.push_back({next++, {edge.a, edge.b}});
+  for (const LocalFace& face : info.faces) {
+    const CellInfo& of_face = info_of(face.type);
+    if (face.count == of_face.corners + of_face.mid_nodes) continue;
+    result.push_back({face.nodes[std::size_t(face.count - 1)],
+                      {face.nodes.begin(), face.nodes.begin() + of_face.corners}});
+    ++next;
+  }
+  if (next < info.nodes) {  // in the middle of all
+    result.push_back({next, std::vector<int>(std::size_t(info.corners))});
+    std::iota(result.back().corners.begin(), result.back().corners.end(), 0);
+  }
+  return result;
 }
 
 int dimension(CellType type) { return info_of(type).dimension; }

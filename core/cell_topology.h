@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "core/mesh.h"
 
@@ -53,6 +54,16 @@ struct CellInfo {
 };
 
 const CellInfo& info_of(CellType type);
+
+/// A node that is no corner, and the corners in whose middle it lies: those of its edge, its face
+/// or the cell.
+struct LocalMidNode {
+  int node;
+  std::vector<int> corners;
+};
+
+/// Those of a type whose number of nodes does not vary.
+std::vector<LocalMidNode> mid_nodes_of(CellType type);
 
 /// Number of nodes of a cell type; -1 when it varies (polygon, polyhedron, polyline, polyvertex), 0
 /// for a number that is no type of CellType.

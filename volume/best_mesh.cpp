@@ -72,6 +72,7 @@ bool is_measured(double value) { return !std::isnan(value); }
 // The nodes that move, and all cells that these change.
 struct Patch {
   std::vector<Index> nodes, cells;  ///< ascending
+  std::vector<Index> followers;     ///< nodes amid these, as numbers of MidNodes
 };
 
 class BestMesh {
@@ -98,6 +99,7 @@ class BestMesh {
   BestMeshResult run() {
     if (kept() < kLost && compare_with_stretch()) {
       hold_flat_cells();
+      mid_nodes_ = MidNodes(mesh_, came_.points);
       lost_much_ = has_lost_much();
       if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
       raise(RaiseBy::InnerNodes, 2);
@@ -292,7 +294,8 @@ class BestMesh {
     for (const Index seed : seeds()) {
       if (double(result.cells.size()) >= most) break;
       for (const Index node : mesh_.cell(seed)) {
-        if (is_fixed_[node] || std::exchange(has_node[node], 1)) continue;
+        if (is_fixed_[node] || mid_nodes_.contains(node) || std::exchange(has_node[node], 1))
+          continue;
         result.nodes.push_back(node);
         for (const Index c : incidence_->cells(node))
           if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1))
@@ -301,7 +304,16 @@ class BestMesh {
     }
     std::ranges::sort(result.nodes);
     std::ranges::sort(result.cells);
+    for (Index i = 0; i < mid_nodes_.count(); ++i)
+      if (!is_fixed_[mid_nodes_.node(i)] &&
+          std::ranges::any_of(mid_nodes_.corners(i), [&](Index node) { return has_node[node]; }))
+        result.followers.push_back(i);
     return result;
+  }
+
+  void carry_followers(const Patch& around, State& state) const {
+    for (const Index i : around.followers)
+      mid_nodes_.follow(mid_nodes_.follower(i, sliding_), sliding_, state.positions, state.slides);
   }
 
   void raise(RaiseBy by, int doublings) {
@@ -314,6 +326,7 @@ class BestMesh {
       // What raises shapes raises faces, too, and costs less: it begins.
       const FiniteVolumes* volumes = result_.report.attempts.empty() ? nullptr : options_.volumes;
       FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
+      free.let_follow(mid_nodes_, around.followers);
       VectorXd x = free.start(at_.positions, at_.slides);
       ShapeEnergy energy(mesh_, reference_.points, at_.positions, std::move(free), around.cells,
                          orientation_, volumes);
@@ -356,13 +369,16 @@ class BestMesh {
     for (Index i = 0; i < slides.rows(); ++i)
       if (slides.row(i) != at_.slides.row(i) && !sliding_->is_within(i, slides.row(i).transpose()))
         is_fixed_[sliding_->nodes[i]] = has_any = true;
+    for (Index i = 0; has_any && i < mid_nodes_.count(); ++i)
+      if (is_fixed_[mid_nodes_.node(i)] && is_slider(mid_nodes_.node(i)))
+        for (const Index corner : mid_nodes_.corners(i)) is_fixed_[corner] = 1;
     return has_any;
   }
 
   // The next attempt starts where this one ended, unless that is no mesh to hand out.
   void judge(State next, const Patch& around, int doublings, RaiseAttempt& attempt) {
     BestMeshReport& report = result_.report;
-    take_back_far(around.nodes, next.positions);
+    take_back_far(around, next);
     next.quality = measure_after(std::move(at_.quality), next.positions, around.cells);
     if (!take_back_bad(around, next) ||
         (sliding_ && options_.is_folded && options_.is_folded(next.positions, next.slides))) {
@@ -391,10 +407,11 @@ class BestMesh {
 
   // Large cells far from a small change have room for moves beyond all that the part does: these
   // are not asked for.
-  void take_back_far(const std::vector<Index>& nodes, Points& positions) const {
-    for (const Index n : nodes)
-      if (!is_slider(n) && moved(positions, n) > reach_)
-        positions.row(n) = result_.positions.row(n);
+  void take_back_far(const Patch& around, State& state) const {
+    bool has_any = false;
+    for (const Index n : around.nodes)
+      if (!is_slider(n) && moved(state.positions, n) > reach_) has_any |= take_back(n, state);
+    if (has_any) carry_followers(around, state);
   }
 
   // Puts the nodes of cells that fell below the smallest of the motion that came, or are not valid,
@@ -414,11 +431,12 @@ class BestMesh {
       std::vector<Index> changed;
       for (const Index c : bad)
         for (const Index node : mesh_.cell(c))
-          if (!is_fixed_[node] && take_back(node, state)) {
+          if (!is_fixed_[node] && !mid_nodes_.contains(node) && take_back(node, state)) {
             const auto cells = incidence_->cells(node);
             changed.insert(changed.end(), cells.begin(), cells.end());
           }
       if (changed.empty()) break;
+      carry_followers(around, state);
       std::ranges::sort(changed);
       changed.erase(std::ranges::unique(changed).begin(), changed.end());
       state.quality = measure_after(std::move(state.quality), state.positions, changed);
@@ -449,6 +467,7 @@ class BestMesh {
   const BestMeshOptions& options_;
   std::vector<char> is_fixed_, is_flat_;
   std::optional<NodeCells> incidence_;
+  MidNodes mid_nodes_;
   const SlidingNodes* sliding_ = nullptr;
   bool lost_much_ = false;  ///< by the motion that came
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole

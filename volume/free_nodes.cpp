@@ -28,6 +28,16 @@ FreeNodes::FreeNodes(Index node_count, const std::vector<Index>& nodes, const Sl
   }
 }
 
+void FreeNodes::let_follow(const MidNodes& mid_nodes, const std::vector<Index>& followers) {
+  mid_nodes_ = &mid_nodes;
+  if (sliding_) slides_ = sliding_->slides;
+  for (const Index i : followers) {
+    local_[mid_nodes.node(i)] = kFollows - std::ssize(followers_);
+    followers_.push_back(mid_nodes.follower(i, sliding_));
+  }
+  carried_.assign(followers_.size(), Eigen::Matrix3d::Identity());
+}
+
 VectorXd FreeNodes::start(const Points& positions, const RowMatrix& slides) const {
   VectorXd x(unknowns_);
   for (const Node& node : nodes_)
@@ -51,11 +61,17 @@ void FreeNodes::move(const VectorXd& x, Points& positions) {
       tangents_[i] = place.tangents;
     }
   });
+  parallel_for(std::ssize(followers_), 256, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i)
+      carried_[i] = mid_nodes_->follow(followers_[i], sliding_, positions, slides_);
+  });
 }
 
 void FreeNodes::read_slides(const VectorXd& x, RowMatrix& slides) const {
   for (const Node& node : nodes_)
     if (node.slide >= 0) slides.row(node.slide) = x.segment<2>(node.first).transpose();
+  for (const MidNodes::Follower& follower : followers_)
+    if (follower.slide >= 0) slides.row(follower.slide) = slides_.row(follower.slide);
 }
 
 void FreeNodes::set_slope(Index i, const Eigen::Vector3d& slope, VectorXd& gradient) const {

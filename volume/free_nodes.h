@@ -4,15 +4,24 @@
 
 #include "core/mesh.h"
 #include "core/sliding_nodes.h"
+#include "volume/mid_nodes.h"
 
 namespace cadmorph {
 
 /// The unknowns of a repair: three coordinates of each node that moves freely, two of each that
-/// slides.
+/// slides. Nodes in the middle of others may follow these.
 class FreeNodes {
  public:
   /// `nodes`: ids, ascending; `sliding`, where not null, tells which of them slide.
   FreeNodes(Index node_count, const std::vector<Index>& nodes, const SlidingNodes* sliding);
+
+  /// Has `followers`, as numbers of `mid_nodes`, none of `nodes`, follow their corners.
+  void let_follow(const MidNodes& mid_nodes, const std::vector<Index>& followers);
+  bool follows(Index node) const { return local_[node] <= kFollows; }
+  /// Of an energy's slope by the position of a node that follows, that by the mean of its corners.
+  Eigen::RowVector3d by_corners(Index node, const Eigen::RowVector3d& slope) const {
+    return slope * carried_[kFollows - local_[node]];
+  }
 
   Index count() const { return static_cast<Index>(nodes_.size()); }
   Index node(Index i) const { return nodes_[i].id; }
@@ -23,7 +32,7 @@ class FreeNodes {
   /// The unknowns at `positions` (N x 3) and `slides` (a row for each of SlidingNodes::nodes).
   Eigen::VectorXd start(const Points& positions, const RowMatrix& slides) const;
 
-  /// Puts the nodes where the unknowns say.
+  /// Puts the nodes where the unknowns say, and those that follow.
   void move(const Eigen::VectorXd& x, Points& positions);
 
   /// Reads the sliding nodes' coordinates from the unknowns.
@@ -48,9 +57,15 @@ class FreeNodes {
     Index slide;      ///< row of SlidingNodes::nodes; -1: moves freely
   };
 
+  static constexpr Index kFollows = -2;
+
   const SlidingNodes* sliding_;
+  const MidNodes* mid_nodes_ = nullptr;
+  std::vector<MidNodes::Follower> followers_;
+  std::vector<Eigen::Matrix3d> carried_;  ///< what MidNodes::follow returned of each
+  RowMatrix slides_;                      ///< rows of the followers that slide
   std::vector<Node> nodes_;
-  std::vector<Index> local_;  ///< row of nodes_, of a mesh node
+  std::vector<Index> local_;  ///< row of nodes_, of a mesh node; kFollows - i for a follower i
   std::vector<Eigen::Matrix<double, 3, 2>> tangents_;
   Index unknowns_ = 0;
 };

@@ -195,17 +195,22 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
       positions_(std::move(positions)),
       free_(std::move(free)),
       normal_(plane_normal(mesh, reference, positions_)),
-      samples_(kTypes) {
+      samples_(kTypes),
+      mid_nodes_(kTypes) {
   const bool is_shell = dimension(mesh) == 2 && normal_.isZero(0);
   sort_in_space(mesh, positions_, cells);
   // Tetrahedra are evaluated in lanes of their own.
   std::ranges::stable_partition(cells, [&](Index c) { return is_tetrahedron(mesh.types[c]); });
   if (volumes) faces_.emplace(*volumes, cells, positions_);
   cells_.reserve(cells.size());
-  for (const Index c : cells)
-    cells_.push_back(
-        {c, samples_of(c),
-         is_shell ? 1.0 : double(orientation[static_cast<std::size_t>(mesh.types[c])])});
+  for (const Index c : cells) {
+    const auto type = static_cast<std::size_t>(mesh.types[c]);
+    const auto follows = [&](Index node) { return free_.follows(node); };
+    const bool has_followers = std::ranges::any_of(mesh.cell(c), follows);
+    if (has_followers && mid_nodes_[type].empty()) mid_nodes_[type] = mid_nodes_of(mesh.types[c]);
+    cells_.push_back({c, samples_of(c), is_shell ? 1.0 : double(orientation[type]),
+                      has_followers ? &mid_nodes_[type] : nullptr});
+  }
   number_nodes();
   make_chunks();
   std::vector<Index> first_cell;
@@ -392,6 +397,22 @@ void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edges,
   }
 }
 
+void ShapeEnergy::give_to_corners(const Chunk& chunk, Points& slopes) const {
+  for (Index i = chunk.first; i < chunk.last; ++i) {
+    if (!cells_[i].mid_nodes) continue;
+    const auto nodes = mesh_.cell(cells_[i].id);
+    auto own = of_cell(slopes, chunk, i);
+    for (const LocalMidNode& mid : *cells_[i].mid_nodes) {
+      const Index node = nodes[std::size_t(mid.node)];
+      if (!free_.follows(node)) continue;
+      const Eigen::RowVector3d share =
+          free_.by_corners(node, own.row(mid.node)) / double(mid.corners.size());
+      for (const int corner : mid.corners) own.row(corner) += share;
+      own.row(mid.node).setZero();
+    }
+  }
+}
+
 double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   free_.move(x, positions_);
   placed_ = of_nodes(positions_);
@@ -411,6 +432,7 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
       if (faces_ && std::isfinite(energies[c]))
         energies[c] += add_faces(chunk, slopes, [](auto&&...) {});
       if (!std::isfinite(energies[c])) is_infinite = true;
+      give_to_corners(chunk, slopes);
       sums_->set_slopes(c, first_node_[chunk.first], slopes);
     }
   });
@@ -444,6 +466,7 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
       evaluate(
           chunk, [&](const Lane& lane, double energy, const Matrix3d& by_edges, const Matrix3d& j) {
             const Sample& sample = *lane.sample;
+            const Cell& cell = cells_[lane.cell];
             energies[lane.cell - chunk.first] += energy;
             add_slopes(sample, by_edges, of_cell(slopes, chunk, lane.cell));
             const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
@@ -456,6 +479,13 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
             if (sample.slopes.size() > 0) {
               const NodeRows of = sample.slopes * inverse;
               for (Index node = 0; node < of.rows(); ++node) add(node, of.row(node).squaredNorm());
+              if (!cell.mid_nodes) return;
+              // The square of a mean is at most the mean of the squares.
+              const auto nodes = mesh_.cell(cell.id);
+              for (const LocalMidNode& mid : *cell.mid_nodes)
+                if (free_.follows(nodes[std::size_t(mid.node)]))
+                  for (const int corner : mid.corners)
+                    add(corner, of.row(mid.node).squaredNorm() / double(mid.corners.size()));
               return;
             }
             const int edges = edge_count(sample);
@@ -469,6 +499,7 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
             sums_->block(first_node_[i] + node).stiffness +=
                 (1 << kFaceDoublings) / sum_ * stiffness[node];
         });
+      give_to_corners(chunk, slopes);
       for (Index i = chunk.first; i < chunk.last; ++i) {
         const double energy = energies[i - chunk.first];
         if (!(energy > 0)) continue;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/cell_topology.h"
 #include "core/quality.h"
 #include "volume/chunk_sums.h"
 #include "volume/face_energy.h"
@@ -67,6 +68,7 @@ class ShapeEnergy {
     Index id;
     const Samples* samples;
     double sign;
+    const std::vector<LocalMidNode>* mid_nodes;  ///< null: none follows its corners
   };
   /// Cells [first, last), whose samples fill lanes from references_[first_reference] on.
   struct Chunk {
@@ -97,6 +99,8 @@ class ShapeEnergy {
   double add_faces(const Chunk& chunk, Points& slopes, Visit&& visit) const;
   static void add_slopes(const Sample& sample, const Eigen::Matrix3d& by_edges,
                          Eigen::Ref<Points> slopes);
+  /// Gives the slopes of nodes that follow their corners to these.
+  void give_to_corners(const Chunk& chunk, Points& slopes) const;
   /// The rows of a cell's nodes in a matrix of all those of a chunk.
   auto of_cell(Points& rows, const Chunk& chunk, Index cell) const {
     return rows.middleRows(first_node_[cell] - first_node_[chunk.first],
@@ -114,7 +118,8 @@ class ShapeEnergy {
   Eigen::Vector3d normal_;
   std::vector<Eigen::Vector3d> normals_;
   int squarings_ = 1;
-  std::vector<std::unique_ptr<Samples>> samples_;  ///< of a cell type; then of polyhedra
+  std::vector<std::unique_ptr<Samples>> samples_;     ///< of a cell type; then of polyhedra
+  std::vector<std::vector<LocalMidNode>> mid_nodes_;  ///< of a cell type
   std::vector<Cell> cells_;
   std::vector<Chunk> chunks_;
   std::vector<SampleReference> references_;

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/mesh.h"
+#include "core/sliding_nodes.h"
+
+namespace cadmorph {
+
+/// Nodes of second-order cells that are no corners. Those that follow their corners go by the mean
+/// of the ways of the corners of their edge, face or cell, so that an edge stays as straight as it
+/// came; on a surface they go by what of that lies in the surface.
+class MidNodes {
+ public:
+  MidNodes() = default;
+  /// All of a mesh; `start` (N x 3): where ways begin.
+  MidNodes(const Mesh& mesh, const Points& start);
+
+  bool contains(Index node) const { return !is_mid_.empty() && is_mid_[node]; }
+
+  Index count() const { return std::ssize(nodes_); }
+  Index node(Index i) const { return nodes_[i]; }
+  std::span<const Index> corners(Index i) const {
+    return std::span(corners_).subspan(std::size_t(first_[i]),
+                                       std::size_t(first_[i + 1] - first_[i]));
+  }
+
+  /// How node i follows.
+  struct Follower {
+    Index mid;         ///< i
+    Index slide = -1;  ///< its row of SlidingNodes; -1: in space
+    Eigen::Matrix<double, 3, 2> tangents = {};  ///< where it started
+  };
+  Follower follower(Index i, const SlidingNodes* sliding) const;
+  /// Puts it where the positions (N x 3) of its corners carry it; sets its row of `slides`. Returns
+  /// the derivative of its place by that way.
+  Eigen::Matrix3d follow(const Follower& follower, const SlidingNodes* sliding, Points& positions,
+                         RowMatrix& slides) const;
+
+ private:
+  std::vector<char> is_mid_;  ///< of all nodes; empty where there are none
+  std::vector<Index> nodes_;
+  std::vector<Index> first_ = {0}, corners_;
+  std::vector<Eigen::RowVector3d> start_;         ///< of each node
+  std::vector<Eigen::RowVector3d> corner_start_;  ///< mean of its corners
+};
+
+}  // namespace cadmorph
