@@ -164,15 +164,20 @@ class Search {
 
 }  // namespace
 
-std::vector<ColourClass> open_classes(const ColourRefinement& colours, int entities) {
+std::vector<ColourClass> classes_of(const ColourRefinement& colours, int entities) {
   std::map<int, ColourClass> classes;
   for (int n = 0; n < entities; ++n) {
     classes[colours.base_colours()[n]].base.push_back(n);
     classes[colours.variant_colours()[n]].variant.push_back(n);
   }
-  std::vector<ColourClass> open;
-  for (auto& [colour, members] : classes)
-    if (members.base.size() > 1) open.push_back(std::move(members));
+  std::vector<ColourClass> result;
+  for (auto& [colour, members] : classes) result.push_back(std::move(members));
+  return result;
+}
+
+std::vector<ColourClass> open_classes(const ColourRefinement& colours, int entities) {
+  std::vector<ColourClass> open = classes_of(colours, entities);
+  std::erase_if(open, [](const ColourClass& members) { return members.base.size() < 2; });
   return open;
 }
 

@@ -10,11 +10,12 @@
 
 namespace cadmorph {
 
-/// A colour that several entities share: nodes that the topology can't tell apart.
+/// The nodes of a colour: where there are several, the topology can't tell them apart.
 struct ColourClass {
   std::vector<int> base, variant;
 };
 
+std::vector<ColourClass> classes_of(const ColourRefinement& colours, int entities);
 /// Colours of several entities.
 std::vector<ColourClass> open_classes(const ColourRefinement& colours, int entities);
 

@@ -28,8 +28,8 @@ class MidNodes {
 
   /// How node i follows.
   struct Follower {
-    Index mid;         ///< i
-    Index slide = -1;  ///< its row of SlidingNodes; -1: in space
+    Index mid;                                  ///< i
+    Index slide = -1;                           ///< its row of SlidingNodes; -1: in space
     Eigen::Matrix<double, 3, 2> tangents = {};  ///< where it started
   };
   Follower follower(Index i, const SlidingNodes* sliding) const;
