@@ -135,6 +135,10 @@ void MeshFile::check_target(const fs::path& path) const {
   if (!is_vtk_name(path)) impl_->contents.copier->check_target(path);
 }
 
+bool MeshFile::needs_folder(const fs::path& path) const {
+  return !is_vtk_name(path) && impl_->contents.copier->needs_folder();
+}
+
 CoordinateRounding MeshFile::write(const fs::path& path, const Points& points,
                                    const ExtraArrays& extra) const {
   const Mesh& mesh = impl_->contents.mesh;

@@ -79,6 +79,9 @@ class MeshFile {
   /// (VTK's apart), or files that belong to the mesh would have to lie elsewhere.
   void check_target(const std::filesystem::path& path) const;
 
+  /// Whether a copy at `path` needs a folder of its own: a deck includes files that hold nodes.
+  bool needs_folder(const std::filesystem::path& path) const;
+
   /// Writes a copy with only the coordinates replaced (N x 3): a coordinate that is as it was keeps
   /// its bytes. It appears whole or not at all: written beside `path` (beside its target, if that
   /// is a link), flushed to disk, then renamed. Returns how far coordinates were rounded to the

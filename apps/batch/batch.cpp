@@ -218,8 +218,24 @@ class BatchRun {
       throw AssociationError(likely_mistake(*base, mesh->mesh(), given > 0 ? given : 1.0) +
                              error.what());
     }
+    check_folders(*mesh);
     *is_set_up = true;
     count_.cache = job_->base().report.cache;
+  }
+
+  // The files that a deck includes have the same names for all variants.
+  void check_folders(const MeshFile& mesh) const {
+    std::map<fs::path, std::string> owner;
+    for (const Variant& variant : options_.list.variants) {
+      if (!mesh.needs_folder(variant.out)) continue;
+      const auto [other, is_new] = owner.emplace(variant.out.parent_path(), variant.id);
+      if (is_new && variant.out.has_parent_path()) continue;
+      throw InvalidInputError(
+          options_.mesh.string() +
+          " includes files that hold nodes: give each variant a folder of its own, "
+          "by a column out in a --manifest, such as " +
+          (fs::path(variant.id) / options_.mesh.filename()).string());
+    }
   }
 
   void morph_all() {
@@ -323,12 +339,12 @@ class BatchRun {
     PipelineReport& report = work.result->report;
     const bool is_done = report.outcome == Outcome::Done;
     row.out = is_done ? work.read.variant->out : failed_out(work.read.variant->out);
-    const WrittenMesh staged =
-        write_result(*work.result, folder_.staging() / work.read.variant->out.filename(),
-                     options_.has_diagnostics);
+    const fs::path staging = folder_.staging() / work.read.variant->id;
+    fs::create_directory(staging);
+    const WrittenMesh staged = write_result(
+        *work.result, staging / work.read.variant->out.filename(), options_.has_diagnostics);
     row.out_bytes = size_of(staged.path);
-    if (!staged.diagnostics.empty())
-      folder_.publish(staged.diagnostics, row.out.parent_path() / staged.diagnostics.filename());
+    publish_others(staging, staged.path, row.out.parent_path());
     folder_.publish(staged.path, row.out);
     report.written = folder_.path_of(row.out);
     report.rounding = staged.rounding;
@@ -338,6 +354,20 @@ class BatchRun {
     if (is_done) return;
     row.exit_code = static_cast<int>(ExitCode::Quality);
     row.message = refusal_text(report);
+  }
+
+  // What was written beside a mesh: arrays for diagnosis, files that a deck includes.
+  void publish_others(const fs::path& staging, const fs::path& mesh, const fs::path& folder) const {
+    std::vector<fs::path> others;
+    for (auto entry = fs::recursive_directory_iterator(staging); entry != fs::end(entry); ++entry) {
+      if (entry->path() == mesh) entry.disable_recursion_pending();  // may be a folder
+      if (entry->path() != mesh && entry->is_regular_file()) others.push_back(entry->path());
+    }
+    for (const fs::path& other : others) {
+      const fs::path out = folder / other.lexically_relative(staging);
+      fs::create_directories(folder_.path_of(out).parent_path());
+      folder_.publish(other, out);
+    }
   }
 
   const BatchOptions& options_;

@@ -183,7 +183,7 @@ class Reader {
 
   void read_command(std::string_view line) {
     const char first = line.empty() ? ' ' : char(std::toupper(static_cast<unsigned char>(line[0])));
-    if (first != 'N' && first != 'E' && first != 'C') return;
+    if (first != 'N' && first != 'E' && first != 'C' && first != 'M') return;
     const std::vector<std::string> fields = command_fields(line);
     const std::string& name = fields[0];
     if (name == "NBLOCK")
@@ -194,10 +194,11 @@ class Reader {
       read_component(line, fields);
     else if (name == "ET" && fields.size() > 2)
       read_type(fields);
-    else if (name == "NGEN" || name == "NSYM" || name == "NSCALE")
+    else if (name == "NGEN" || name == "NSYM" || name == "NSCALE" || name == "NMODIF" ||
+             name == "MOVE")
       fail(name +
-           " makes nodes out of others, which can't be moved one by one: write the model "
-           "anew with CDWRITE");
+           " makes nodes out of others or moves them: their places are not what stands in NBLOCK; "
+           "write the model anew with CDWRITE");
     else if (name == "N" || name == "EN")
       fail("nodes and elements in commands (" + name +
            ") are not read: write the model with CDWRITE in the blocked format");
@@ -509,13 +510,17 @@ class Reader {
 
 Recognition recognise(const FileStart& start) {
   const std::string_view text = start.bytes;
+  bool is_possible = false;
   for (std::size_t at = 0; at < text.size();) {
     const std::string name = upper(trimmed(take_line(text, at)).substr(0, 10));
     if (name.empty()) continue;
     if (name.starts_with("/PREP7") || name.starts_with("/COM,ANSYS") || name == "NBLOCK" ||
         name.starts_with("NBLOCK,") || name.starts_with("EBLOCK,"))
       return Recognition::Sure;
-    if (name.front() != '/' && name.front() != '!' && name.front() != '*') return Recognition::No;
+    const bool is_usual = name.starts_with("FINI") || name.starts_with("ET,");
+    if (name.front() != '/' && name.front() != '!' && name.front() != '*' && !is_usual)
+      return is_possible ? Recognition::Possible : Recognition::No;
+    is_possible |= is_usual;
   }
   return Recognition::No;
 }

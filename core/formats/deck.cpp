@@ -164,7 +164,7 @@ class DeckCopier : public MeshCopier {
     try {
       for (std::size_t file = files_.size(); file-- > 1;) {
         const fs::path path = target_of(target, file);
-        if (path.empty() || fs::exists(path)) continue;
+        if (path.empty() || (fs::exists(path) && !holds_nodes(file))) continue;
         create_folder_of(path, written);
         written.insert(path);
         write_file(file, path, before, after, readable, [] {});
@@ -177,6 +177,12 @@ class DeckCopier : public MeshCopier {
       remove(written);
       throw;
     }
+  }
+
+  bool needs_folder() const override {
+    for (std::size_t file = 1; file < files_.size(); ++file)
+      if (holds_nodes(file)) return true;
+    return false;
   }
 
   void check_target(const fs::path& target) const override {
@@ -193,7 +199,7 @@ class DeckCopier : public MeshCopier {
         throw InvalidInputError("the included file " + name +
                                 " holds nodes: a copy of the deck in the same folder would "
                                 "overwrite it; write the copy into another folder");
-      if (fs::exists(path))
+      if (fs::exists(path) && !fs::exists(target))  // else of a copy that this one replaces
         throw InvalidInputError("the deck includes " + name + ", which holds nodes, but " +
                                 path.string() +
                                 " is there already: remove it, or write the copy into a folder "

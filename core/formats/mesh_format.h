@@ -28,6 +28,10 @@ class MeshCopier {
   /// Throws InvalidInputError where no copy can be written to `target`, before a morph is begun.
   virtual void check_target(const std::filesystem::path& /*target*/) const {}
 
+  /// Whether copies have other files with the coordinates, of names that are the same for all: each
+  /// copy needs a folder of its own.
+  virtual bool needs_folder() const { return false; }
+
   /// The coordinates that a reader of such a copy will find, where the file has too few digits for
   /// some of `after`; empty where it holds them all, and where write_accepted finds them itself.
   virtual Points readable(const Points& /*before*/, const Points& /*after*/) const { return {}; }

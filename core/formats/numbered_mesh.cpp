@@ -5,10 +5,14 @@
 #include <limits>
 #include <numeric>
 
+#include "core/cell_topology.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
+
+// Of an element's longest edge: coordinates of the two sides may be rounded differently.
+constexpr double kNoThickness = 1e-6;
 
 /// The node of each row: rows of one number are one node.
 std::vector<Index> nodes_of_rows(const NumberedMesh& part, const NumberTable& table,
@@ -131,6 +135,45 @@ void append_sets(const NumberedMesh& part, const MeshAssembly::Placed& placed, M
   }
 }
 
+// Cohesive elements as decks have them: two opposite faces of a hexahedron or a wedge lie on each
+// other, the nodes of the one on those of the other.
+bool has_no_thickness(const Mesh& mesh, Index cell) {
+  const CellInfo& info = info_of(mesh.types[cell]);
+  if (info.shape != Shape::Cube && info.shape != Shape::Prism) return false;
+  const auto nodes = mesh.cell(cell);
+  const auto half = std::size_t(info.corners) / 2;
+  double longest = 0, thickness = 0;
+  for (std::size_t i = 0; i < half; ++i) {
+    const auto at = mesh.points.row(nodes[i]);
+    longest = std::max(longest, (at - mesh.points.row(nodes[(i + 1) % half])).norm());
+    thickness = std::max(thickness, (at - mesh.points.row(nodes[i + half])).norm());
+  }
+  return thickness <= kNoThickness * longest;
+}
+
+// They have no volume that a morph could keep: the two sides stay together without them.
+std::vector<std::string> take_out_cells_without_thickness(Mesh& mesh) {
+  std::vector<char> is_flat(mesh.types.size());
+  parallel_for(mesh.cell_count(), 4096, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c) is_flat[std::size_t(c)] = has_no_thickness(mesh, c);
+  });
+  const auto count = std::ranges::count(is_flat, 1);
+  if (count == 0 || count == mesh.cell_count()) return {};
+  Mesh kept;
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (is_flat[std::size_t(c)]) continue;
+    add_cell(kept, mesh.types[c], mesh.cell(c));
+    if (!mesh.regions.empty()) kept.regions.push_back(mesh.regions[c]);
+  }
+  mesh.types = std::move(kept.types);
+  mesh.offsets = std::move(kept.offsets);
+  mesh.connectivity = std::move(kept.connectivity);
+  mesh.regions = std::move(kept.regions);
+  return {std::to_string(count) +
+          " elements of no thickness (cohesive ones) are no cells of the mesh; their nodes follow "
+          "the others"};
+}
+
 }  // namespace
 
 void NumberedMesh::add_node(Index number, const Eigen::RowVector3d& point) {
@@ -211,6 +254,7 @@ ReadMesh MeshAssembly::finish(DeckSources sources, const std::string& region_arr
   if (points_.empty()) sources.fail({}, "there are no nodes in it");
   ReadMesh result;
   mesh_.points = Eigen::Map<const Points>(points_.data(), std::ssize(points_) / 3, 3);
+  result.remarks = take_out_cells_without_thickness(mesh_);
   const auto is_first = [&](int region) { return region == mesh_.regions[0]; };
   if (mesh_.regions.empty() || std::ranges::all_of(mesh_.regions, is_first))
     mesh_.regions.clear();

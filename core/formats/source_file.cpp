@@ -237,6 +237,11 @@ void ReplacedText::append(std::uint64_t at, std::string_view bytes, std::string&
   copy.append(bytes, from);
 }
 
+bool is_copy_compressed(const SourceFile& source, const fs::path& target) {
+  const auto is_named = [](const fs::path& path) { return path.extension() == ".gz"; };
+  return is_named(target) || (source.is_compressed && !is_named(source.path));
+}
+
 void write_replaced(const SourceFile& source, const Replacement& parts, const fs::path& target,
                     const std::function<void()>& accept) {
   constexpr std::size_t kPiece = 1 << 20;
@@ -245,7 +250,7 @@ void write_replaced(const SourceFile& source, const Replacement& parts, const fs
     std::string bytes, copy;
   };
   SourceReader reader(source.path);
-  PieceWriter writer(target, source.is_compressed);
+  PieceWriter writer(target, is_copy_compressed(source, target));
   ContentHasher hasher;
   std::vector<Piece> pieces(std::size_t(2 * thread_count() + 2));
   std::string cut_off;  // the beginning of the next piece
@@ -276,7 +281,8 @@ void write_replaced(const SourceFile& source, const Replacement& parts, const fs
 }
 
 void write_unchanged(const SourceFile& source, const fs::path& target) {
-  if (!source.is_compressed) return write_replaced(source, NoReplacement(), target);
+  if (!source.is_compressed || !is_copy_compressed(source, target))
+    return write_replaced(source, NoReplacement(), target);
   read_again(source);
   write_pieces(target, {read_plain(source.path)}, false);
 }

@@ -84,6 +84,9 @@ class ReplacedText : public Replacement {
   Index first_part_from(std::uint64_t place) const;
 };
 
+/// Whether a copy is a gzip file: where its name says so, or the original is one by another name.
+bool is_copy_compressed(const SourceFile& source, const std::filesystem::path& target);
+
 /// Writes a copy in which those parts are replaced. Calls `accept` before it appears; leaves
 /// nothing behind where that throws. Throws IoError, leaving nothing behind, also when the file has
 /// changed since. Memory: some ten MB, whatever the file.

@@ -73,6 +73,11 @@ std::string lower(std::string text) {
   return text;
 }
 
+bool is_same_file(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  return fs::equivalent(a, b, error);
+}
+
 bool is_space(char c) { return std::isspace(static_cast<unsigned char>(c)) != 0; }
 
 /// The text of an item: "mesh.h5:/points".
@@ -90,37 +95,17 @@ class XdmfCopier : public MeshCopier {
   std::string heavy;                         ///< the file with them; empty: the XML has them
   std::unique_ptr<const MeshCopier> copier;  ///< of the file with the coordinates
 
+  /// A copy of another name has an HDF5 file of its own, called as the copy: several may lie in a
+  /// folder, beside the original, too.
   void write(const fs::path& target, const Points& before, const Points& after) const override {
-    if (is_beside(target)) return write_beside(target, before, after);
-    for (const auto& [name, source] : others) write_unchanged(source, target.parent_path() / name);
+    check_target(target);
+    for (const auto& [name, source] : others)
+      if (const fs::path path = target.parent_path() / name; !is_same_file(path, source.path))
+        write_unchanged(source, path);
     if (heavy.empty()) return copier->write(target, before, after);
-    copier->write(target.parent_path() / heavy, before, after);
-    write_unchanged(xml, target);
-  }
-
-  Points readable(const Points& before, const Points& after) const override {
-    return copier->readable(before, after);
-  }
-
- private:
-  bool is_beside(const fs::path& target) const {
-    const auto folder = [](const fs::path& path) {
-      return path.has_parent_path() ? path.parent_path() : fs::path(".");
-    };
-    std::error_code error;
-    return fs::equivalent(folder(xml.path), folder(target), error);
-  }
-
-  /// Beside the original its HDF5 file keeps its name, and the copy's is called as the copy.
-  void write_beside(const fs::path& target, const Points& before, const Points& after) const {
-    if (heavy.empty()) return copier->write(target, before, after);
-    std::error_code error;
-    std::string name = heavy;
-    if (!fs::equivalent(xml.path, target, error)) {
-      name = target.stem().string() + fs::path(heavy).extension().string();
-      if (name == heavy || others.contains(name)) name = target.filename().string() + ".h5";
-    }
+    const std::string name = heavy_of(target);
     copier->write(target.parent_path() / name, before, after);
+    if (name == heavy) return write_unchanged(xml, target);
     const FileBytes file = read_again(xml);
     const std::string_view bytes = file;
     std::string text;
@@ -132,7 +117,38 @@ class XdmfCopier : public MeshCopier {
       at = reference.place + heavy.size();
     }
     text.append(bytes, at);
-    write_pieces(target, {text}, xml.is_compressed);
+    write_pieces(target, {text}, is_copy_compressed(xml, target));
+  }
+
+  Points readable(const Points& before, const Points& after) const override {
+    return copier->readable(before, after);
+  }
+
+  void check_target(const fs::path& target) const override {
+    for (const auto& [name, source] : others) {
+      const fs::path path = target.parent_path() / name;
+      if (fs::exists(path) && !is_same_file(path, source.path) &&
+          (!fs::is_regular_file(path) || read_source(path).source.hash != source.hash))
+        refuse(target, path);
+    }
+    if (heavy.empty() || fs::exists(target)) return;
+    if (const fs::path path = target.parent_path() / heavy_of(target); fs::exists(path))
+      refuse(target, path);
+  }
+
+ private:
+  [[noreturn]] static void refuse(const fs::path& target, const fs::path& other) {
+    throw InvalidInputError(target.string() +
+                            " would need a file that is there already and not of it: " +
+                            other.string() + "; remove that, or write to another name");
+  }
+
+  /// The HDF5 file with the coordinates of a copy.
+  std::string heavy_of(const fs::path& target) const {
+    if (target.filename() == xml.path.filename()) return heavy;
+    std::string name = target.stem().string() + fs::path(heavy).extension().string();
+    if (name == heavy || others.contains(name)) name = target.filename().string() + ".h5";
+    return name;
   }
 };
 

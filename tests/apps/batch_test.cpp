@@ -1,6 +1,8 @@
 #include <catch2/catch.hpp>
+#include <sstream>
 
 #include "batch_folder.h"
+#include "core/mesh_file.h"
 
 namespace cadmorph {
 namespace {
@@ -165,6 +167,37 @@ TEST_CASE("A manifest names outputs and carries columns", "[apps][batch]") {
   CHECK_THAT(csv, Contains(",diameter,note\n"));
   CHECK_THAT(csv, Contains(",1.5,\"with, comma and \"\"quotes\"\"\"\n"));
   CHECK_THAT(csv, Contains(",2,\"two\nlines\"\n"));
+}
+
+TEST_CASE("Variants of a deck with included nodes have a folder each", "[apps][batch]") {
+  const Workplace place;
+  const Mesh mesh = MeshFile(place.folder() / "box.vtu").mesh();
+  std::ostringstream nodes, cells;
+  nodes.precision(17);
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    nodes << n + 1 << ", " << mesh.points(n, 0) << ", " << mesh.points(n, 1) << ", "
+          << mesh.points(n, 2) << "\n";
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    REQUIRE(mesh.types[c] == CellType::Hexahedron);
+    cells << c + 1;
+    for (const Index node : mesh.cell(c)) cells << ", " << node + 1;
+    cells << "\n";
+  }
+  for (const char* folder : {"deck", "alone"})
+    std::filesystem::create_directory(place.folder() / folder);
+  place.write("deck/nodes.inc", nodes.str());
+  place.write("deck/box.inp", "*NODE, INPUT=nodes.inc\n*ELEMENT, TYPE=C3D8\n" + cells.str());
+  const RunResult flat = place.run("batch box.step deck/box.inp box_moved.step box.step -o out");
+  CHECK(flat.exit_code == 2);
+  CHECK_THAT(flat.err, Contains("a folder of its own") && Contains("box_moved/box.inp"));
+  place.write("list.csv", "id,step,out\na,box_moved.step,a/box.inp\nb,box.step,b/box.inp\n");
+  const RunResult batch = place.run("batch box.step deck/box.inp --manifest list.csv -o each");
+  INFO(batch.err);
+  REQUIRE(batch.exit_code == 0);
+  CHECK(place.read("each/b/nodes.inc") == nodes.str());
+  REQUIRE(place.run("box.step box_moved.step deck/box.inp -o alone/box.inp").exit_code == 0);
+  CHECK(place.read("each/a/nodes.inc") == place.read("alone/nodes.inc"));
+  CHECK(place.read("each/a/box.inp") == place.read("alone/box.inp"));
 }
 
 TEST_CASE("STEP files of a manifest lie beside it", "[apps][batch]") {

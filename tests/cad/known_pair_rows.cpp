@@ -158,6 +158,13 @@ const std::vector<KnownPair>& known_pairs() {
       {"plate12", "seam +3.1415927", "splits"},
       {"plate12", "bent 1", "order planes edges surfaces"},
 
+      {"plate27", "", "order planes edges surfaces"},
+      {"plate27", "pitch_x 1.25", "order"},
+      {"plate27", "pitch_x 1.25 x +4", "order edges"},
+      {"plate27", "pitch_x 1.15 pitch_y 0.85 x +6 y +3", "order planes"},
+      {"plate27", "pitch_x 0.82 x -7", "order edges"},
+      {"plate27", "pitch_x 1.08 x +8", "order planes edges"},
+      {"plate27", "pitch_x 1.2 y -6 radius 1.1", "step"},
       {"studs", "", "order planes edges"},
       {"studs", "", "order surfaces"},
       {"studs", "", "splits"},

@@ -16,8 +16,6 @@ const std::map<std::string, std::string>& wrong_today() {
       {"bracket: mirror 1; written with step",
        "legs exchanged deform it less than a mirror image turned over"},
       {"sphere; written with cut step", "OCCT does not merge its halves"},
-      {"plate12: length 1.3 x +20; written with order edges",
-       "the pattern moves by more than its pitch, the plate's ends do not"},
       {"gear12: spin 0.25; written with order planes edges surfaces",
        "the search offers no match with that turn: the one the other way is as near"},
   };

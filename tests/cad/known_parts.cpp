@@ -563,6 +563,8 @@ std::vector<KnownPart> make_parts() {
        [](const Sizes& s) { return drilled(s, 2, 2); }},
       {"plate12", with(plate, {{"pitch_x", 28}, {"pitch_y", 24}}),
        [](const Sizes& s) { return drilled(s, 4, 3); }},
+      {"plate27", with(plate, {{"length", 140}, {"radius", 3.2}, {"pitch_x", 12}, {"pitch_y", 16}}),
+       [](const Sizes& s) { return drilled(s, 9, 3); }},
       {"studs",
        {{"length", 90},
         {"width", 60},

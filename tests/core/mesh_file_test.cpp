@@ -450,6 +450,21 @@ TEST_CASE("extra arrays are added beside the file's own", "[core][mesh_file]") {
   }
 }
 
+TEST_CASE("names of arrays may hold what XML has a meaning for", "[core][mesh_file]") {
+  const Folder folder;
+  write_vtu(folder / "in.vtu", exotic_grid(VTK_DOUBLE, true), kEncodings[0]);
+  const MeshFile file(folder / "in.vtu");
+  const std::string name = "inlet & <outlet> of \"A\" &amp;";
+  ExtraArrays extra;
+  extra.point_arrays[name] = RowMatrix::Random(file.mesh().node_count(), 1);
+  file.write(folder / "once.vtu", file.mesh().points, extra);
+  MeshFile(folder / "once.vtu").write(folder / "twice.vtu", file.mesh().points);
+  for (const char* copy : {"once.vtu", "twice.vtu"}) {
+    const auto arrays = MeshFile(folder / copy).arrays();
+    CHECK(std::ranges::count(arrays, name, &DataArray::name) == 1);
+  }
+}
+
 TEST_CASE("what does not fit the mesh is not written", "[core][mesh_file]") {
   const Folder folder;
   write_mesh(folder / "in.vtu", cube(CellType::Tetra, 1));

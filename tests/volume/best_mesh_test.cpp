@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "../core/sample_meshes.h"
+#include "core/cell_topology.h"
 #include "core/layer_heights.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
@@ -36,6 +37,17 @@ std::vector<Index> unfixed(const std::vector<char>& is_fixed) {
   return result;
 }
 
+// Puts nodes that are no corners into the middle of theirs.
+void straighten(const Mesh& mesh, Points& points) {
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    for (const LocalMidNode& mid : mid_nodes_of(mesh.types[c])) {
+      const auto nodes = mesh.cell(c);
+      Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+      for (const int corner : mid.corners) sum += points.row(nodes[std::size_t(corner)]);
+      points.row(nodes[std::size_t(mid.node)]) = sum / double(mid.corners.size());
+    }
+}
+
 // The unit cube whose sides are fixed.
 struct FixedCube {
   explicit FixedCube(Mesh given) : mesh(std::move(given)), is_fixed(mesh.node_count(), 0) {
@@ -58,6 +70,7 @@ struct FixedCube {
     Points result = shaken(mesh.points, amount, 3);
     for (Index n = 0; n < mesh.node_count(); ++n)
       if (is_fixed[n]) result.row(n) = mesh.points.row(n);
+    straighten(mesh, result);
     return check_validity(mesh, result, orientation).invalid > 0 ? disturbed(0.7 * amount) : result;
   }
 
@@ -240,6 +253,65 @@ TEST_CASE("For large powers the shape energy tells the smallest scaled Jacobian"
   }
 }
 
+TEST_CASE("The slope of the energy counts the nodes that follow their corners", "[volume][best]") {
+  for (const CellType type :
+       {CellType::QuadraticTetra, CellType::QuadraticHexahedron, CellType::QuadraticWedge,
+        CellType::QuadraticPyramid, CellType::TriquadraticHexahedron}) {
+    const FixedCube cube(testing::cube(type, 2));
+    INFO(static_cast<int>(type));
+    const Points start = shaken(cube.mesh.points, 0.02, 5);
+    const MidNodes mid_nodes(cube.mesh, start);
+    // Some slide, over a surface that bends.
+    SlidingNodes sliding;
+    std::vector<Index> corners, followers;
+    for (Index i = 0; i < mid_nodes.count(); ++i) {
+      followers.push_back(i);
+      if (i % 5 == 0) sliding.nodes.push_back(mid_nodes.node(i));
+    }
+    std::ranges::sort(sliding.nodes);
+    for (Index n = 0; n < cube.mesh.node_count(); ++n)
+      if (!mid_nodes.contains(n)) corners.push_back(n);
+    REQUIRE(corners.size() == std::size_t(27 + (type == CellType::QuadraticPyramid ? 8 : 0)));
+    sliding.slides = RowMatrix::Zero(std::ssize(sliding.nodes), 2);
+    sliding.at = [&](Index i, const Eigen::Vector2d& s) {
+      SlidePlace place{start.row(sliding.nodes[i]).transpose(), {}};
+      place.point += Vector3d(s[0], s[1], 0.5 * s.squaredNorm());
+      place.tangents << 1, 0, 0, 1, s[0], s[1];
+      return place;
+    };
+    FreeNodes free(cube.mesh.node_count(), corners, &sliding);
+    free.let_follow(mid_nodes, followers);
+    const VectorXd x = free.start(start, sliding.slides);
+    REQUIRE(x.size() == 3 * std::ssize(corners));
+    ShapeEnergy energy(cube.mesh, cube.mesh.points, start, std::move(free),
+                       all(cube.mesh.cell_count()), cube.orientation);
+    VectorXd slope, unused;
+    const VectorXd direction = VectorXd::Random(x.size()), at = x + 1e-3 * direction;
+    REQUIRE(std::isfinite(energy(at, slope)));
+    const double h = 1e-6;
+    const double ahead = energy(at + h * direction, unused);
+    const double behind = energy(at - h * direction, unused);
+    CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-5));
+  }
+}
+
+TEST_CASE("Edges of second-order cells stay as straight as they came", "[volume][best]") {
+  for (const CellType type : {CellType::QuadraticTetra, CellType::QuadraticHexahedron}) {
+    const FixedCube cube(testing::cube(type, 4));
+    const BestMeshResult result = cube.raised(cube.disturbed(0.04));
+    REQUIRE(result.report.best.min > result.report.plain.min);
+    double most = 0;
+    for (Index c = 0; c < cube.mesh.cell_count(); ++c) {
+      const auto nodes = cube.mesh.cell(c);
+      const auto at = [&](int n) { return result.positions.row(nodes[std::size_t(n)]); };
+      for (const LocalMidNode& mid : mid_nodes_of(type))
+        most =
+            std::max(most, (at(mid.node) - (at(mid.corners[0]) + at(mid.corners[1])) / 2).norm());
+    }
+    CHECK(most < 1e-15);
+  }
+}
+
 TEST_CASE("Where a morph is an affine map nothing is tried and nothing moves", "[volume][best]") {
   Eigen::Matrix3d map;
   map << 1.4, 0.3, -0.2, 0.1, 0.7, 0.4, 0, -0.3, 1.1;  // costs much of every cell's shape
@@ -321,6 +393,7 @@ TEST_CASE("Inner nodes of a mesh in a plane raise its cells, and stay in the pla
         positions.col(axis).setConstant(3);
         for (Index n = 0; n < mesh.node_count(); ++n)
           if (plane.is_fixed[n]) positions.row(n) = mesh.points.row(n);
+        straighten(mesh, positions);
       }
       const BestMeshResult result = plane.raised(positions);
       CHECK(result.report.best.min > result.report.plain.min);

@@ -1,5 +1,6 @@
 #include "volume/components.h"
 
+#include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -13,6 +14,7 @@
 namespace cadmorph {
 
 using namespace testing;
+using Eigen::Vector3d;
 
 TEST_CASE("Regions are components where their interface is prescribed", "[volume]") {
   const Mesh mesh = two_halves();
@@ -31,6 +33,53 @@ TEST_CASE("Regions are components where their interface is prescribed", "[volume
 TEST_CASE("Regions with a free interface node are one component", "[volume]") {
   const Mesh mesh = two_halves();
   CHECK(split_components(mesh, cube_surface(mesh)).size() == 1);
+}
+
+TEST_CASE("Nodes of no cell belong to the nearest component", "[volume]") {
+  Mesh mesh = two_halves();
+  const std::vector<Index> surface = extract_boundary(mesh).nodes;
+  const Index first = mesh.node_count();
+  mesh.points.conservativeResize(first + 2, 3);
+  mesh.points.row(first) << -0.2, 0.5, 0.5;
+  mesh.points.row(first + 1) << 1.3, 0.5, 0.5;
+  const auto components = split_components(mesh, surface);
+  REQUIRE(components.size() == 2);
+  for (const Component& component : components) {
+    REQUIRE(component.loose == 1);
+    const double of_cells = mesh.points(component.volume.front(), 0);
+    CHECK((mesh.points(component.volume.back(), 0) > 0.5) == (of_cells > 0.5));
+  }
+  // They are in the derivative, too.
+  mesh.points(first + 1, 0) = 40;
+  const VolumeMorph morph(mesh, surface);
+  const Points at = rows_of(mesh.points, surface);
+  const RowMatrix way = 0.01 * shaken(at, 1, 7);
+  const RowMatrix moved = morph.morph(at + way) - mesh.points;
+  CHECK((morph.derivative(at).forward(way) - moved).cwiseAbs().maxCoeff() < 1e-7);
+  CHECK(moved.row(first).norm() > 1e-3);
+  CHECK(moved.row(first + 1).norm() < 1);
+}
+
+TEST_CASE("Nodes of no cell follow the mesh and change nothing of it", "[volume]") {
+  // A body that turns in a large far field, with a reference node in its middle and a dummy.
+  const FarField field = far_field(8, 50);
+  const Eigen::AngleAxisd turn(0.35, Vector3d(1, 2, 3).normalized());
+  const Points target = targets(field, [&](const Vector3d& x) -> Vector3d { return turn * x; });
+  RbfReport plain_report;
+  const Points plain = VolumeMorph(field.mesh, field.surface).morph(target, &plain_report);
+  REQUIRE(plain_report.reason.find("hold the field") != std::string::npos);
+  Mesh mesh = field.mesh;
+  const Index first = mesh.node_count();
+  mesh.points.conservativeResize(first + 2, 3);
+  mesh.points.row(first).setZero();
+  mesh.points.row(first + 1) << 1e6, -2e5, 7;
+  RbfReport report;
+  const VolumeMorph morph(mesh, field.surface);
+  const Points moved = morph.morph(target, &report);
+  CHECK((moved.topRows(first) - plain).cwiseAbs().maxCoeff() < 1e-12);
+  CHECK(moved.row(first).norm() < 0.03);
+  CHECK((moved.row(first + 1) - mesh.points.row(first + 1)).norm() < 1e-3);
+  CHECK(report.reason.find("1 nodes of no element lie outside") != std::string::npos);
 }
 
 TEST_CASE("Components side by side give what they give one by one", "[volume][threads]") {

@@ -3,6 +3,8 @@
 import numpy as np
 import openmdao.api as om
 
+from ._native import QualityError, SolverError, TopologyError
+
 
 class MeshComp(om.ExplicitComponent):
     """Surface coordinates in, volume coordinates out.
@@ -48,7 +50,9 @@ class ParameterComp(om.ExplicitComponent):
     Options: morpher; model, a function of the parameters (an array) that returns the CadModel;
     start, their values at first; steps, of the central differences. Input parameters, output
     x_volume (3 N,). The derivative is that of one plain morph at the present parameters, by the
-    models a step on either side.
+    models a step on either side: a warning says so where the morph was not plain, which a Morpher
+    with quality="fast" avoids. Parameters that can't be morphed to raise AnalysisError, which
+    drivers take as a failed design.
     """
 
     def initialize(self):
@@ -69,7 +73,17 @@ class ParameterComp(om.ExplicitComponent):
 
     def compute(self, inputs, outputs):
         variant = self.options["model"](np.array(inputs["parameters"]))
-        outputs["x_volume"] = self.options["morpher"].morph(variant).positions.ravel()
+        try:
+            result = self.options["morpher"].morph(variant)
+        except (TopologyError, QualityError, SolverError) as error:
+            raise om.AnalysisError(str(error)) from error
+        if not result.report.is_plain:
+            om.issue_warning(
+                "the morph was stepped, repaired or raised: the derivative is that of a plain one; "
+                'make the Morpher with quality="fast" where gradients are used',
+                prefix=self.msginfo,
+            )
+        outputs["x_volume"] = result.positions.ravel()
 
     def compute_jacvec_product(self, inputs, d_inputs, d_outputs, mode):
         if "x_volume" not in d_outputs or "parameters" not in d_inputs:

@@ -1,9 +1,13 @@
 #include "core/formats/vtk/writer.h"
 
 #include <libdeflate.h>
+#include <vtkAbstractArray.h>
+#include <vtkCellData.h>
 #include <vtkErrorCode.h>
 #include <vtkNew.h>
 #include <vtkObjectFactory.h>
+#include <vtkPointData.h>
+#include <vtkUnstructuredGrid.h>
 #include <vtkUnstructuredGridWriter.h>
 #include <vtkXMLUnstructuredGridWriter.h>
 #include <vtkZLibDataCompressor.h>
@@ -12,6 +16,9 @@
 #include <exception>
 #include <memory>
 #include <streambuf>
+#include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "core/errors.h"
@@ -147,8 +154,53 @@ void run_writer(Writer* writer, const fs::path& target) {
     fail_writing(target, vtk.first_error());
 }
 
+/// VTK 9.1 writes names of arrays into its XML as they are, and its reader takes the first '>' for
+/// the end of a tag.
+std::string for_xml(std::string_view name) {
+  std::string text;
+  for (const char c : name) {
+    if (c == '&')
+      text += "&amp;";
+    else if (c == '<')
+      text += "&lt;";
+    else if (c == '>')
+      text += "&gt;";
+    else if (c == '"')
+      text += "&quot;";
+    else
+      text += c;
+  }
+  return text;
+}
+
+/// The arrays with such names, for as long as it lives.
+class NamesForXml {
+ public:
+  explicit NamesForXml(vtkUnstructuredGrid* grid) {
+    for (vtkFieldData* data :
+         {static_cast<vtkFieldData*>(grid->GetPointData()),
+          static_cast<vtkFieldData*>(grid->GetCellData()), grid->GetFieldData()})
+      for (int i = 0; i < data->GetNumberOfArrays(); ++i) {
+        vtkAbstractArray* array = data->GetAbstractArray(i);
+        const std::string name = array->GetName() ? array->GetName() : "";
+        if (for_xml(name) == name) continue;
+        old_.emplace_back(array, name);
+        array->SetName(for_xml(name).c_str());
+      }
+  }
+  ~NamesForXml() {
+    for (const auto& [array, name] : old_) array->SetName(name.c_str());
+  }
+  NamesForXml(const NamesForXml&) = delete;
+  NamesForXml& operator=(const NamesForXml&) = delete;
+
+ private:
+  std::vector<std::pair<vtkAbstractArray*, std::string>> old_;
+};
+
 void write_xml(vtkUnstructuredGrid* grid, const Layout& layout, const fs::path& target,
                TemporaryFile& file) {
+  const NamesForXml names(grid);
   FileBuffer buffer(file);
   vtkNew<BufferWriter> writer;
   writer->set_buffer(&buffer);

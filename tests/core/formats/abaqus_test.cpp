@@ -283,6 +283,46 @@ TEST_CASE("Files that an Abaqus deck includes are copied with it", "[core][forma
   REQUIRE_THROWS_WITH(file.write(folder / "out/other.inp", moved),
                       Catch::Contains("is there already"));
   CHECK(!fs::exists(folder / "out/other.inp"));
+  // Another copy takes the place of one before, with what it includes.
+  moved(2, 1) = 1.25;
+  file.write(folder / "out/main.inp", moved);
+  CHECK(MeshFile(folder / "out/main.inp").mesh().points == moved);
+  CHECK(file.needs_folder(folder / "out/main.inp"));
+  CHECK(!file.needs_folder(folder / "out/main.vtu"));
+}
+
+TEST_CASE("Elements of Abaqus without thickness are no cells", "[core][formats]") {
+  const FormatFolder folder;
+  const MeshFile file(
+      folder.put("glued.inp",
+                 "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, -1\n"
+                 "11, 0, 0, 0\n12, 1, 0, 0\n13, 0, 1, 0\n14, 0, 0, 1\n"
+                 "*ELEMENT, TYPE=C3D4, ELSET=SOLID\n1, 1, 3, 2, 4\n2, 11, 12, 13, 14\n"
+                 "*ELEMENT, TYPE=COH3D6, ELSET=GLUE\n3, 1, 2, 3, 11, 12, 13\n"));
+  CHECK(file.mesh().types == std::vector(2, CellType::Tetra));
+  CHECK(file.mesh().offsets == std::vector<Index>{0, 4, 8});
+  CHECK(file.mesh().regions.size() != 3);
+  CHECK_THAT(file.remarks(), Catch::VectorContains(std::string(
+                                 "1 elements of no thickness (cohesive ones) are no cells of the "
+                                 "mesh; their nodes follow the others")));
+  Points moved = file.mesh().points;
+  moved(6, 1) = 1.5;
+  file.write(folder / "out.inp", moved);
+  CHECK(bytes_of(folder / "out.inp").find("3, 1, 2, 3, 11, 12, 13") != std::string::npos);
+}
+
+TEST_CASE("A copy is compressed where its name says so", "[core][formats]") {
+  const FormatFolder folder;
+  const MeshFile file(folder.put("deck.inp", kDeck));
+  Points moved = file.mesh().points;
+  moved(3, 0) = 0.25;
+  file.write(folder / "packed.inp.gz", moved);
+  CHECK(bytes_of(folder / "packed.inp.gz").starts_with("\x1f\x8b"));
+  const MeshFile packed(folder / "packed.inp.gz");
+  CHECK(packed.mesh().points == moved);
+  file.write(folder / "plain.inp", moved);
+  packed.write(folder / "unpacked.inp", moved);
+  CHECK(bytes_of(folder / "unpacked.inp") == bytes_of(folder / "plain.inp"));
 }
 
 TEST_CASE("Included files outside the deck's folder can't hold nodes that move",

@@ -204,6 +204,8 @@ TEST_CASE("Bad Ansys files are refused by line", "[core][formats]") {
   refused("ET,1,185", "ET,6,185", {"line 23", "element type 1", "ET"});
   refused("ET,1,185", "ET,1,9999", {"line 23", "type 9999"});
   refused("FINISH", "NGEN,2,100,1,8\nFINISH", {"NGEN", "CDWRITE"});
+  refused("FINISH", "NMODIF,3,1,2,3\nFINISH", {"NMODIF", "CDWRITE"});
+  refused("FINISH", "MOVE,3,0,1,2,3\nFINISH", {"MOVE", "CDWRITE"});
   refused("FINISH", "N,40,1.,2.,3.\nFINISH", {"blocked format"});
   refused("CMBLOCK,FIRST,ELEM,1\n", "CMBLOCK,FIRST,ELEM,5\n", {"line 35", "a number", "'FINISH'"});
 }

@@ -61,13 +61,31 @@ TEST_CASE("XDMF files come back with other coordinates alone", "[core][formats]"
   fs::create_directory(folder / "copy");
   fs::create_directory(folder / "back-copy");
   require_promise(inline_file(folder), folder, "copy/out.xdmf");
-  // In another folder the HDF5 file keeps its name, and the XML its bytes.
+  // By the same name in another folder the HDF5 file keeps its name, and the XML its bytes.
   const fs::path heavy = heavy_file(folder);
-  require_promise(heavy, folder, "copy/out.xdmf");
-  MeshFile(heavy).write(folder / "copy/out.xdmf", MeshFile(heavy).mesh().points);
+  require_promise(heavy, folder, "copy/heavy.xdmf");
+  MeshFile(heavy).write(folder / "copy/heavy.xdmf", MeshFile(heavy).mesh().points);
   CHECK(bytes_of(folder / "copy/heavy.h5") == bytes_of(folder / "heavy.h5"));
   require_promise(heavy_file(folder, {.shape = {6, 3}, .chunk = {4, 3}, .is_compressed = true}),
-                  folder, "copy/out.xdmf");
+                  folder, "copy/heavy.xdmf");
+}
+
+TEST_CASE("XDMF copies in one folder have an HDF5 file each", "[core][formats]") {
+  const FormatFolder folder;
+  const MeshFile file(heavy_file(folder));
+  fs::create_directory(folder / "copies");
+  const Points a = affine(file.mesh().points), b = 2 * a;
+  file.write(folder / "copies/a.xdmf", a);
+  file.write(folder / "copies/b.xdmf", b);
+  CHECK(MeshFile(folder / "copies/a.xdmf").mesh().points == a);
+  CHECK(MeshFile(folder / "copies/b.xdmf").mesh().points == b);
+  file.write(folder / "copies/a.xdmf", b);  // in place of the one before
+  CHECK(MeshFile(folder / "copies/a.xdmf").mesh().points == b);
+  const std::string foreign = folder.put("copies/c.h5", "of somebody else");
+  REQUIRE_THROWS_WITH(file.write(folder / "copies/c.xdmf", a),
+                      Catch::Contains("c.h5") && Catch::Contains("there already"));
+  CHECK(bytes_of(foreign) == "of somebody else");
+  CHECK(!fs::exists(folder / "copies/c.xdmf"));
 }
 
 TEST_CASE("Beside the original an XDMF copy has its own HDF5 file", "[core][formats]") {
