@@ -178,8 +178,32 @@ class BestMesh {
     for (std::size_t i = 0; i < sliding_->nodes.size(); ++i)
       if (on_edges || !is_on_edge(static_cast<Index>(i)))
         is_fixed_[sliding_->nodes[i]] = is_flat_[sliding_->nodes[i]];
-    for (const Index node : options_.held) is_fixed_[node] = 1;
+    for (const auto* nodes : {&options_.held, &options_.resting})
+      for (const Index node : *nodes) is_fixed_[node] = 1;
     return true;
+  }
+
+  // Lets resting nodes of the cells with least slide; false where there are none.
+  bool release_resting() {
+    std::vector<char> is_resting(is_fixed_.size(), 0);
+    for (const Index node : options_.resting) is_resting[node] = !is_flat_[node];
+    for (const Index node : options_.held) is_resting[node] = 0;
+    bool has_any = false;
+    for (Index c = 0; c < mesh_.cell_count(); ++c)
+      if (result_.quality.values[c] < kKeptLittle * can_keep_.min)
+        for (const Index node : mesh_.cell(c))
+          if (is_fixed_[node] && is_resting[node] && is_slider(node)) {
+            is_fixed_[node] = 0;
+            has_any = true;
+          }
+    return has_any;
+  }
+
+  void raise_while_worthwhile() {
+    for (double before = 0; kept() > kWorthwhile * before;) {
+      before = kept();
+      raise(RaiseBy::SlidingNodes, 5);
+    }
   }
 
   bool is_on_edge(Index slider) const {
@@ -198,9 +222,13 @@ class BestMesh {
     const bool slid_before = sliding_;
     if (!let_slide(true)) return false;
     for (const int doublings : {2, 2, 3, 3, 4, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
-    for (double before = 0; kept() > kWorthwhile * before;) {
-      before = kept();
-      raise(RaiseBy::SlidingNodes, 5);
+    raise_while_worthwhile();
+    if (result_.report.best.min < kKeptLittle * can_keep_.min && release_resting()) {
+      at_ = {result_.positions, result_.quality, slides_};
+      is_at_result_ = true;
+      spoilt_.reset();
+      for (const int doublings : {2, 3, 4}) raise(RaiseBy::SlidingNodes, doublings);
+      raise_while_worthwhile();
     }
     keep_slides();
     if (slid_before || result_.report.slid_nodes > 0) return true;

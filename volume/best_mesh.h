@@ -54,6 +54,8 @@ struct BestMeshOptions {
   std::function<const SlidingNodes*()> sliding = {};
   /// Sliding nodes that stay nevertheless: ids.
   std::vector<Index> held = {};
+  /// Those that stay but in cells which all else leaves with little: ids.
+  std::vector<Index> resting = {};
   /// Whether nodes slid so that valid cells overlap.
   std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
   /// Of the moved mesh's solid cells, where known; must outlive the call.

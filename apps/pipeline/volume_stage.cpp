@@ -166,16 +166,17 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
                   stepped.report.stepping.attempts.end());
 }
 
-// Surface nodes that may slide to repair a mesh, but not to raise its cells: those at rest, and
-// those that match others on the opposite side of a periodic mesh.
-std::vector<Index> nodes_to_hold(const BaseSide& base, const SurfaceMorphResult& surface) {
-  std::vector<Index> result;
-  for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
-    if (const Index node = base.boundary.nodes[row];
-        surface.positions.row(row) == base.mesh().points.row(node) ||
-        std::ranges::binary_search(surface.paired, static_cast<int>(row)))
-      result.push_back(node);
-  return result;
+// Surface nodes that may slide to repair a mesh, but not to raise its cells: those that match
+// others on the opposite side of a periodic mesh, and those at rest; these may where they are in
+// poor cells of a part, but not of a flow, where what is far from a body is not to move.
+void hold_nodes(const BaseSide& base, const SurfaceMorphResult& surface, BestMeshOptions& how) {
+  for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row) {
+    const Index node = base.boundary.nodes[row];
+    if (std::ranges::binary_search(surface.paired, static_cast<int>(row)))
+      how.held.push_back(node);
+    else if (surface.positions.row(row) == base.mesh().points.row(node))
+      (how.volumes ? how.held : how.resting).push_back(node);
+  }
 }
 
 // Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
@@ -231,7 +232,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   if (is_for_finite_volumes(base))
     volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
   if (volumes && volumes->has_cells()) how.volumes = &*volumes;
-  how.held = nodes_to_hold(base, result.surface);
+  hold_nodes(base, result.surface, how);
   // Faces of finite volumes that are raised keep them by themselves.
   if (!how.volumes)
     for (const Index node :
