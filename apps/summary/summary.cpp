@@ -181,9 +181,10 @@ std::string quality_hint(const PipelineReport& report) {
            (before < kPoor
                 ? "the input mesh is poor there already: mesh anew with other sizes"
                 : "go by CAD models between (" + words_for(Remedy::Via) + "), or mesh finer there");
-  if (after < kLoss * before || before < kPoor)
-    return worst + of_input + format(": try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
-  return "";
+  const bool has_lost = after < kLoss * before;
+  if (!has_lost && before >= kPoor) return "";
+  return worst + of_input + (has_lost ? ": " : ", which is poor there already: ") +
+         format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }
 
 // The physical edges and vertices, numbered from 1.

@@ -165,6 +165,7 @@ const std::vector<KnownPair>& known_pairs() {
       {"plate27", "pitch_x 0.82 x -7", "order edges"},
       {"plate27", "pitch_x 1.08 x +8", "order planes edges"},
       {"plate27", "pitch_x 1.2 y -6 radius 1.1", "step"},
+      {"plate27", "pitch_x 0.9 radius 0.8", "order surfaces"},
       {"studs", "", "order planes edges"},
       {"studs", "", "order surfaces"},
       {"studs", "", "splits"},
