@@ -178,8 +178,9 @@ class BestMesh {
     for (std::size_t i = 0; i < sliding_->nodes.size(); ++i)
       if (on_edges || !is_on_edge(static_cast<Index>(i)))
         is_fixed_[sliding_->nodes[i]] = is_flat_[sliding_->nodes[i]];
-    for (const auto* nodes : {&options_.held, &options_.resting})
-      for (const Index node : *nodes) is_fixed_[node] = 1;
+    for (const Index node : options_.held) is_fixed_[node] = 1;
+    for (const Index node : options_.resting)
+      if (!mid_nodes_.contains(node)) is_fixed_[node] = 1;  // those rest with their corners
     return true;
   }
 
