@@ -99,6 +99,10 @@ TemporaryFile::TemporaryFile(const fs::path& target) : target_(resolve(target)) 
   };
   if (!create_beside(target_, path_, create)) fail(target_, std::strerror(errno));
   removal_.emplace(path_);
+  // Who may read the file that was there may read the new one; where that can't be, the user's own
+  // rule for new files holds.
+  struct stat old {};
+  if (stat(target_.c_str(), &old) == 0) (void)fchmod(file_, old.st_mode & 07777);
 }
 
 TemporaryFile::~TemporaryFile() {

@@ -23,6 +23,7 @@ class Table {
  public:
   explicit Table(const fs::path& path) : path_(path), records_(read_csv(path)) {
     if (records_.empty()) fail(1, "holds no line; the first must name the columns");
+    if (records_.size() == 1) fail(1, "names the columns alone; the lines below it are missing");
   }
 
   [[noreturn]] void fail(int line, const std::string& what) const {

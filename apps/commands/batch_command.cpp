@@ -273,7 +273,7 @@ ExitCode collect(const BatchCommand& command) {
   count.done = count.total - missing_count - failed_count;
   if (!command.is_quiet)
     print(with_commas(count.done) + " of " + with_commas(count.total) + " variants done in " +
-          command.collected.string() + "; results.csv has them all\n");
+          command.collected.string() + (missing_count > 0 ? "\n" : "; results.csv has them all\n"));
   if (failed_count > 0)
     std::fprintf(stderr, "cadmorph: error: %s failed\n%s", with_commas(failed_count).c_str(),
                  failed.c_str());

@@ -375,6 +375,10 @@ TEST_CASE("SU2's surface sensitivity gives the gradient of the surface alone",
   CHECK_THAT(other.err, Contains("sens.csv:2") && Contains("another mesh"));
   given.place.write("sens.csv", "PointID,x,y,z\n0,1,2,3\n");
   CHECK_THAT(given.place.run(command).err, Contains("no column \"Sensitivity_x\""));
+  given.place.write("sens.csv", "PointID,x,y,z,Sensitivity_x,Sensitivity_y,Sensitivity_z\n");
+  const RunResult empty = given.place.run(command);
+  CHECK(empty.exit_code == 2);
+  CHECK_THAT(empty.err, Contains("the lines below it are missing"));
 }
 
 TEST_CASE("What can't be differentiated is refused with its reason", "[apps][derivative]") {

@@ -596,6 +596,17 @@ TEST_CASE("places that can't be written to say why", "[core][mesh_file]") {
   REQUIRE(folder.file_count() == 1);
 }
 
+TEST_CASE("a file that is replaced keeps who may read it", "[core][mesh_file]") {
+  const Folder folder;
+  write_mesh(folder / "in.vtu", cube(CellType::Tetra, 1));
+  put(folder / "old.vtu", "old");
+  const auto mode = fs::perms::owner_read | fs::perms::owner_write | fs::perms::group_read;
+  fs::permissions(folder / "old.vtu", mode);
+  const MeshFile file(folder / "in.vtu");
+  file.write(folder / "old.vtu", file.mesh().points);
+  CHECK(fs::status(folder / "old.vtu").permissions() == mode);
+}
+
 TEST_CASE("a link to an older result stays a link", "[core][mesh_file]") {
   const Folder folder;
   write_mesh(folder / "in.vtu", cube(CellType::Tetra, 1));
