@@ -278,7 +278,7 @@ class BestMesh {
   }
 
   double work_left() const {
-    const double cells = double(mesh_.cell_count());
+    const double cells = double(result_.quality.cells);
     return (lost_much_ ? std::max(kMostPassesLost * cells, kSmallWorkLost)
                        : std::max(kMostPasses * cells, kSmallWork)) -
            work_;
@@ -318,7 +318,7 @@ class BestMesh {
     if (!incidence_) incidence_.emplace(mesh_);
     std::vector<char> has_node(mesh_.node_count(), 0), has_cell(mesh_.cell_count(), 0);
     const double share = is_first && !lost_much_ ? kMostNeighboursFirst : kMostNeighbours;
-    const double most = share * double(mesh_.cell_count());
+    const double most = share * double(result_.quality.cells);
     Patch result;
     for (const Index seed : seeds()) {
       if (double(result.cells.size()) >= most) break;
@@ -390,7 +390,7 @@ class BestMesh {
       return energy.guess_hessian(at);
     };
     minimise_lbfgs(counted, x, guess, most);
-    attempt.passes = (work_ - before) / double(mesh_.cell_count());
+    attempt.passes = (work_ - before) / double(result_.quality.cells);
   }
 
   bool hold_nodes_off_surface(const RowMatrix& slides) {

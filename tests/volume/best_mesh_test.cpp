@@ -368,6 +368,20 @@ TEST_CASE("Inner nodes of cells that lost shape raise them", "[volume][best]") {
   }
 }
 
+TEST_CASE("The skin of a mesh changes nothing of what is raised", "[volume][best]") {
+  Mesh mesh = testing::cube(CellType::Tetra, 5);
+  const FixedCube bare(mesh);
+  for (Index c = 0; c < bare.mesh.cell_count(); ++c)
+    for (const Facet& facet : cell_facets(bare.mesh, c))
+      if (std::ranges::all_of(facet.nodes, [&](Index n) { return bare.is_fixed[n] != 0; }))
+        add_cell(mesh, facet.type, facet.nodes);
+  REQUIRE(mesh.cell_count() > bare.mesh.cell_count());
+  const Points positions = bare.disturbed(0.04);
+  const BestMeshResult result = bare.raised(positions);
+  REQUIRE(result.report.best.min > result.report.plain.min);
+  CHECK(FixedCube(mesh).raised(positions).positions == result.positions);
+}
+
 TEST_CASE("Inner nodes of a mesh in a plane raise its cells, and stay in the plane",
           "[volume][best]") {
   for (const CellType type : kSides)
