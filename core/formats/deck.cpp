@@ -278,6 +278,13 @@ std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
   return open_.back();
 }
 
+std::vector<std::string> DeckSources::left_behind() const {
+  std::vector<std::string> names;
+  for (std::size_t file = 1; file < files_.size(); ++file)
+    if (!is_below(files_[file].name)) names.push_back(files_[file].name.string());
+  return names;
+}
+
 void DeckSources::fail(DeckPlace place, const std::string& why) const {
   std::unique_lock lock(*mutex_);
   const std::string_view text = texts_[place.file];

@@ -90,6 +90,9 @@ class DeckSources {
     return texts_[file];
   }
   bool has_repeats() const { return has_repeats_; }
+  /// Names of the included files that do not lie below the main one's folder: copies of the deck do
+  /// not take them along.
+  std::vector<std::string> left_behind() const;
 
   /// Throws IoError: "can't read the mesh FILE: line N: WHY".
   [[noreturn]] void fail(DeckPlace place, const std::string& why) const;
