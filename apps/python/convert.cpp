@@ -219,7 +219,13 @@ std::string_view Source::view() const {
 }
 
 Source to_source(const py::object& object) {
-  if (py::hasattr(object, "read")) return to_source(object.attr("read")());
+  if (py::hasattr(object, "read")) {
+    const py::object contents = object.attr("read")();
+    if (py::isinstance<py::str>(contents))
+      throw InvalidInputError(
+          "expected a file that is open in binary mode ('rb'), not in text mode");
+    return to_source(contents);
+  }
   if (PyObject_CheckBuffer(object.ptr())) {
     auto bytes = py::reinterpret_steal<py::object>(PyBytes_FromObject(object.ptr()));
     if (!bytes) throw py::error_already_set();

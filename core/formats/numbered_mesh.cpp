@@ -262,8 +262,9 @@ ReadMesh MeshAssembly::finish(DeckSources sources, const std::string& region_arr
     mesh_.region_array = region_array;
   tidy_groups(mesh_);
   for (const std::string& name : sources.left_behind())
-    result.notes.push_back("the included file " + name +
-                           " is not copied: a copy in another folder has to find it by that name");
+    result.remarks.push_back(
+        "the included file " + name +
+        " is not copied: a copy in another folder has to find it by that name");
   if (sources.has_repeats())
     for (NodeRecords& block : records_) block.is_shared = true;
   result.mesh = std::move(mesh_);

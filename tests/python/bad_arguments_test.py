@@ -121,6 +121,11 @@ class BadSources(unittest.TestCase):
         with self.assertRaisesRegex(cadmorph.InvalidInputError, "expected a path"):
             cadmorph.Mesh.read(b"bytes of a mesh")
 
+    def test_text_files(self):
+        with open(models.FOLDER / "shapes/box.step", encoding="utf-8") as file:
+            with self.assertRaisesRegex(cadmorph.InvalidInputError, "binary mode"):
+                cadmorph.CadModel.from_step(file)
+
     def test_closed_files(self):
         closed = io.BytesIO(b"")
         closed.close()

@@ -332,8 +332,8 @@ TEST_CASE("Included files outside the deck's folder can't hold nodes that move",
   const MeshFile file(
       folder.put("deck/main.inp", "*INCLUDE, INPUT=../nodes.inc\n*ELEMENT, TYPE=S3\n1, 1, 2, 3\n"));
   REQUIRE_THROWS_WITH(file.check_target(folder / "other/main.inp"), Catch::Contains("nodes.inc"));
-  REQUIRE(file.notes().size() == 1);
-  CHECK_THAT(file.notes()[0], Catch::Contains("../nodes.inc is not copied"));
+  REQUIRE(file.remarks().size() == 1);
+  CHECK_THAT(file.remarks()[0], Catch::Contains("../nodes.inc is not copied"));
 }
 
 TEST_CASE("Bad Abaqus decks are refused by line", "[core][formats]") {
