@@ -340,7 +340,8 @@ class BatchRun {
     const bool is_done = report.outcome == Outcome::Done;
     row.out = is_done ? work.read.variant->out : failed_out(work.read.variant->out);
     const fs::path staging = folder_.staging() / work.read.variant->id;
-    fs::create_directory(staging);
+    std::error_code told_by_writing;
+    fs::create_directory(staging, told_by_writing);
     const WrittenMesh staged = write_result(
         *work.result, staging / work.read.variant->out.filename(), options_.has_diagnostics);
     row.out_bytes = size_of(staged.path);
@@ -365,7 +366,8 @@ class BatchRun {
     }
     for (const fs::path& other : others) {
       const fs::path out = folder / other.lexically_relative(staging);
-      fs::create_directories(folder_.path_of(out).parent_path());
+      std::error_code told_by_publishing;
+      fs::create_directories(folder_.path_of(out).parent_path(), told_by_publishing);
       folder_.publish(other, out);
     }
   }

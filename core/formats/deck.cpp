@@ -5,6 +5,7 @@
 #include <numbers>
 #include <ranges>
 #include <set>
+#include <utility>
 
 #include "core/errors.h"
 #include "core/parallel.h"
@@ -160,16 +161,22 @@ class DeckCopier : public MeshCopier {
                       const std::function<void(const Points&)>& accept) const override {
     check_target(target);
     std::set<fs::path> written;
+    std::vector<std::pair<fs::path, fs::path>> replacing;  // files, and those that they replace
     Points readable = after;
     try {
       for (std::size_t file = files_.size(); file-- > 1;) {
-        const fs::path path = target_of(target, file);
+        fs::path path = target_of(target, file);
         if (path.empty() || (fs::exists(path) && !holds_nodes(file))) continue;
+        if (fs::exists(path)) {
+          replacing.emplace_back(path.parent_path() / (".new-" + path.filename().string()), path);
+          path = replacing.back().first;
+        }
         create_folder_of(path, written);
         written.insert(path);
         write_file(file, path, before, after, readable, [] {});
       }
       write_file(0, target, before, after, readable, [&] { accept(readable); });
+      for (const auto& [file, old] : replacing) fs::rename(file, old);
     } catch (const fs::filesystem_error& error) {
       remove(written);
       fail_writing(target, error.code().message() + ": " + error.path1().string());
