@@ -23,7 +23,6 @@ class Table {
  public:
   explicit Table(const fs::path& path) : path_(path), records_(read_csv(path)) {
     if (records_.empty()) fail(1, "holds no line; the first must name the columns");
-    if (records_.size() == 1) fail(1, "names the columns alone; the lines below it are missing");
   }
 
   [[noreturn]] void fail(int line, const std::string& what) const {
@@ -73,6 +72,7 @@ class Table {
 
 RowMatrix read_table(const fs::path& file, const Mesh& mesh) {
   const Table table(file);
+  if (table.rows().empty()) table.fail(1, "no node stands below the columns");
   const std::size_t id = table.column("PointID");
   std::vector<std::size_t> places, slopes;
   for (const std::string axis : {"x", "y", "z"}) {
