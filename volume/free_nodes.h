@@ -17,6 +17,7 @@ class FreeNodes {
 
   /// Has `followers`, as numbers of `mid_nodes`, none of `nodes`, follow their corners.
   void let_follow(const MidNodes& mid_nodes, const std::vector<Index>& followers);
+  bool has_followers() const { return !followers_.empty(); }
   bool follows(Index node) const { return local_[node] <= kFollows; }
   /// Of an energy's slope by the position of a node that follows, that by the mean of its corners.
   Eigen::RowVector3d by_corners(Index node, const Eigen::RowVector3d& slope) const {

@@ -206,7 +206,7 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
   for (const Index c : cells) {
     const auto type = static_cast<std::size_t>(mesh.types[c]);
     const auto follows = [&](Index node) { return free_.follows(node); };
-    const bool has_followers = std::ranges::any_of(mesh.cell(c), follows);
+    const bool has_followers = free_.has_followers() && std::ranges::any_of(mesh.cell(c), follows);
     if (has_followers && mid_nodes_[type].empty()) mid_nodes_[type] = mid_nodes_of(mesh.types[c]);
     cells_.push_back({c, samples_of(c), is_shell ? 1.0 : double(orientation[type]),
                       has_followers ? &mid_nodes_[type] : nullptr});
@@ -398,6 +398,7 @@ void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edges,
 }
 
 void ShapeEnergy::give_to_corners(const Chunk& chunk, Points& slopes) const {
+  if (!free_.has_followers()) return;
   for (Index i = chunk.first; i < chunk.last; ++i) {
     if (!cells_[i].mid_nodes) continue;
     const auto nodes = mesh_.cell(cells_[i].id);

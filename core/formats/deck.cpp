@@ -137,11 +137,6 @@ class ChangedRecords : public ReplacedText {
   double least_;
 };
 
-bool is_same_file(const fs::path& a, const fs::path& b) {
-  std::error_code error;
-  return fs::equivalent(a, b, error);
-}
-
 /// Whether a name stays below the folder that it starts from.
 bool is_below(const fs::path& name) {
   const fs::path plain = name.lexically_normal();
@@ -202,7 +197,7 @@ class DeckCopier : public MeshCopier {
                                 "the deck would overwrite it; put it there, or its lines in place "
                                 "of the line that includes it");
       const fs::path path = target_of(target, file);
-      if (path.empty() || is_same_file(path, files_[file].source.path))
+      if (path.empty() || are_one_file(path, files_[file].source.path))
         throw InvalidInputError("the included file " + name +
                                 " holds nodes: a copy of the deck in the same folder would "
                                 "overwrite it; write the copy into another folder");
@@ -224,7 +219,7 @@ class DeckCopier : public MeshCopier {
   fs::path target_of(const fs::path& target, std::size_t file) const {
     if (!is_below(files_[file].name)) return {};
     fs::path path = fs::absolute(target).parent_path() / files_[file].name;
-    return is_same_file(path, files_[file].source.path) ? fs::path() : path;
+    return are_one_file(path, files_[file].source.path) ? fs::path() : path;
   }
 
   void write_file(std::size_t file, const fs::path& path, const Points& before, const Points& after,
@@ -266,7 +261,7 @@ DeckSources::DeckSources(const fs::path& path) {
 std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
   const fs::path path = files_[0].source.path.parent_path() / name;
   for (std::size_t file = 0; file < files_.size(); ++file) {
-    if (!is_same_file(files_[file].source.path, path)) continue;
+    if (!are_one_file(files_[file].source.path, path)) continue;
     if (std::ranges::find(open_, file) != open_.end())
       fail(from, "the file " + name + " includes itself");
     has_repeats_ = true;

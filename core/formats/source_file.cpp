@@ -175,6 +175,11 @@ class NoReplacement : public Replacement {
 
 }  // namespace
 
+bool are_one_file(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  return fs::equivalent(a, b, error);
+}
+
 SourceBytes read_source(const fs::path& path) {
   SourceBytes result;
   result.source.path = path;

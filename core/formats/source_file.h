@@ -37,6 +37,9 @@ struct SourceFile {
   std::string hash;            ///< of its (uncompressed) bytes
 };
 
+/// Whether two paths lead to one file; false where one is missing.
+bool are_one_file(const std::filesystem::path& a, const std::filesystem::path& b);
+
 /// The bytes of a file, uncompressed where it is a gzip file.
 struct SourceBytes {
   FileBytes bytes;

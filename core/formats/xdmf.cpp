@@ -73,11 +73,6 @@ std::string lower(std::string text) {
   return text;
 }
 
-bool is_same_file(const fs::path& a, const fs::path& b) {
-  std::error_code error;
-  return fs::equivalent(a, b, error);
-}
-
 bool is_space(char c) { return std::isspace(static_cast<unsigned char>(c)) != 0; }
 
 /// The text of an item: "mesh.h5:/points".
@@ -100,7 +95,7 @@ class XdmfCopier : public MeshCopier {
   void write(const fs::path& target, const Points& before, const Points& after) const override {
     check_target(target);
     for (const auto& [name, source] : others)
-      if (const fs::path path = target.parent_path() / name; !is_same_file(path, source.path))
+      if (const fs::path path = target.parent_path() / name; !are_one_file(path, source.path))
         write_unchanged(source, path);
     if (heavy.empty()) return copier->write(target, before, after);
     const std::string name = heavy_of(target);
@@ -127,7 +122,7 @@ class XdmfCopier : public MeshCopier {
   void check_target(const fs::path& target) const override {
     for (const auto& [name, source] : others) {
       const fs::path path = target.parent_path() / name;
-      if (fs::exists(path) && !is_same_file(path, source.path) &&
+      if (fs::exists(path) && !are_one_file(path, source.path) &&
           (!fs::is_regular_file(path) || read_source(path).source.hash != source.hash))
         refuse(target, path);
     }
