@@ -36,21 +36,34 @@ void check_overlap(const Mesh& mesh, const CellNeighbours& neighbours) {
                           "; remove duplicate or overlapping cells from the mesh");
 }
 
-/// Faces used by one cell, and those between regions, in the order of their cells.
-std::vector<Kept> select_faces(const Mesh& mesh, const CellNeighbours& neighbours) {
+/// Whether a face of a cell lies on parts inside of the mesh.
+bool is_on_part(const Mesh& mesh, Index cell, Index local, const std::vector<char>& parts) {
+  const Facet facet = cell_facets(mesh, cell)[static_cast<std::size_t>(local)];
+  const auto corners =
+      std::span(facet.nodes)
+          .first(static_cast<std::size_t>(corner_count(facet.type, std::ssize(facet.nodes))));
+  return std::ranges::all_of(corners, [&](Index node) { return parts[node] != 0; });
+}
+
+/// Faces used by one cell, those between regions and those on parts inside, in the order of their
+/// cells.
+std::vector<Kept> select_faces(const Mesh& mesh, const CellNeighbours& neighbours,
+                               const std::vector<char>& parts) {
   const Index cells = mesh.cell_count();
-  std::vector<std::vector<Kept>> parts((cells + kGrain - 1) / kGrain);
+  std::vector<std::vector<Kept>> found((cells + kGrain - 1) / kGrain);
   parallel_for(cells, kGrain, [&](Index begin, Index end) {
-    std::vector<Kept>& part = parts[begin / kGrain];
+    std::vector<Kept>& some = found[begin / kGrain];
     for (Index c = begin; c < end; ++c)
       for (Index f = neighbours.offsets[c]; f < neighbours.offsets[c + 1]; ++f) {
-        const Index other = neighbours.neighbour[f];
-        if (other < 0 || mesh.region(c) < mesh.region(other))
-          part.push_back({c, f - neighbours.offsets[c], other});
+        const Index other = neighbours.neighbour[f], local = f - neighbours.offsets[c];
+        const bool is_part = !parts.empty() && c < other && mesh.region(c) == mesh.region(other) &&
+                             is_on_part(mesh, c, local, parts);
+        if (other < 0 || is_part || mesh.region(c) < mesh.region(other))
+          some.push_back({c, local, other});
       }
   });
   std::vector<Kept> kept;
-  for (const auto& part : parts) kept.insert(kept.end(), part.begin(), part.end());
+  for (const auto& some : found) kept.insert(kept.end(), some.begin(), some.end());
   return kept;
 }
 
@@ -86,14 +99,15 @@ void append(Boundary& boundary, const Facet& facet, Index cell, Index neighbour)
   boundary.neighbour.push_back(neighbour);
 }
 
-Boundary solid_boundary(const Mesh& mesh, const CellNeighbours& neighbours) {
+Boundary solid_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
+                        const std::vector<char>& parts) {
   check_overlap(mesh, neighbours);
   Boundary boundary;
   boundary.offsets = {0};
   const Orientation orientation = detect_orientation(mesh);
   Index cell = -1;
   std::vector<Facet> facets;
-  for (const Kept& kept : select_faces(mesh, neighbours)) {
+  for (const Kept& kept : select_faces(mesh, neighbours, parts)) {
     if (kept.cell != cell) {
       cell = kept.cell;
       facets = cell_facets(mesh, cell);
@@ -137,12 +151,13 @@ Boundary extract_boundary(const Mesh& mesh) {
                           dimension(mesh) == 3 ? find_cell_neighbours(mesh) : CellNeighbours());
 }
 
-Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours) {
+Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
+                          const std::vector<char>& parts) {
   const int highest = dimension(mesh);
   if (highest < 2)
     throw InvalidInputError(
         "the mesh has neither solid nor shell cells, so it has no surface to morph");
-  Boundary boundary = highest == 3 ? solid_boundary(mesh, neighbours) : shell_boundary(mesh);
+  Boundary boundary = highest == 3 ? solid_boundary(mesh, neighbours, parts) : shell_boundary(mesh);
   boundary.nodes = used_nodes(boundary, mesh.node_count());
   return boundary;
 }

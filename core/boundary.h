@@ -5,7 +5,8 @@
 
 namespace cadmorph {
 
-/// The surface of a mesh: the facets that bound solid cells, and those between two regions.
+/// The surface of a mesh: the facets that bound solid cells, and those between two regions or on a
+/// part inside that was asked for.
 struct Boundary {
   std::vector<CellType> types;      ///< one a facet
   std::vector<Index> offsets;       ///< facets + 1
@@ -36,8 +37,11 @@ struct Boundary {
 /// more than two cells share a face. Parallel; O(F log F) time and 16 F bytes for F cell faces.
 Boundary extract_boundary(const Mesh& mesh);
 
-/// The same where the neighbours of the mesh's cells are there already: O(F).
-Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours);
+/// The same where the neighbours of the mesh's cells are there already: O(F). `parts`, if not
+/// empty, marks nodes of parts inside of the mesh: the faces whose corners are all marked are taken
+/// as those between regions are, owned by the cell that comes first.
+Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
+                          const std::vector<char>& parts = {});
 
 /// Facets at each node of a mesh.
 struct Incidence {

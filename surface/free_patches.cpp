@@ -46,13 +46,15 @@ bool is_given(const Association& association, const PatchMarks& marks, int n) {
 }
 
 std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
-                                   const Association& association) {
+                                   const Association& association, const PatchMarks& marks = {}) {
   std::vector<char> is_unmatched(surface.facets.size(), 0);
   const std::vector<char> is_crack = find_cracks(surface, boundary, association);
   for (std::size_t f = 0; f < surface.facets.size(); ++f)
-    is_unmatched[f] = boundary.neighbour[f] < 0 && !is_crack[f] &&
-                      std::any_of(surface.facets[f].begin(), surface.facets[f].end(),
-                                  [&](int n) { return is_unmatched_node(association, n); });
+    is_unmatched[f] =
+        (boundary.neighbour[f] < 0 || (!marks.is_inner.empty() && marks.is_inner[f])) &&
+        !is_crack[f] && std::any_of(surface.facets[f].begin(), surface.facets[f].end(), [&](int n) {
+          return is_unmatched_node(association, n);
+        });
   return is_unmatched;
 }
 
@@ -440,7 +442,7 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
                                          const Association& association, const PatchMarks& marks) {
   PatchGrowth growth{.surface = surface,
                      .marks = marks,
-                     .is_open = unmatched_facets(surface, boundary, association),
+                     .is_open = unmatched_facets(surface, boundary, association, marks),
                      .tolerance = plane_tolerance(surface),
                      .patch_of = std::vector<int>(surface.facets.size(), kNoPatch)};
   std::vector<int>& patch_of = growth.patch_of;

@@ -37,6 +37,7 @@ struct FreePatch {
 struct PatchMarks {
   std::vector<int> group;      ///< of a facet; patches end where it changes; empty: all alike
   std::vector<char> is_moved;  ///< of a node: moved, if on no CAD face, all the same; empty: none
+  std::vector<char> is_inner;  ///< of a facet: inside of the mesh, but slides; empty: none
 
   bool is_one_group(int facet, int other) const {
     return group.empty() || group[facet] == group[other];

@@ -1,8 +1,11 @@
 #include "surface/group_constraints.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
+#include <numbers>
 #include <set>
+#include <sstream>
 #include <utility>
 
 #include "core/errors.h"
@@ -85,6 +88,19 @@ std::vector<std::vector<int>> parts_on_cad(const SurfaceMesh& surface,
   return parts;
 }
 
+// Nodes that are corners of solid cells.
+std::vector<char> mark_corners(const Mesh& mesh) {
+  std::vector<char> is_corner(static_cast<std::size_t>(mesh.node_count()), 0);
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (dimension(mesh.types[c]) != 3) continue;
+    const auto nodes = mesh.cell(c);
+    for (const Index node :
+         nodes.first(static_cast<std::size_t>(corner_count(mesh.types[c], std::ssize(nodes)))))
+      is_corner[node] = 1;
+  }
+  return is_corner;
+}
+
 Index& count_of(CadDimension dimension, Association& association) {
   switch (dimension) {
     case CadDimension::Vertex:
@@ -112,6 +128,18 @@ void take_from_cad(std::size_t row, Association& association) {
   association.dimension[row] = CadDimension::None;
   association.entity[row] = -1;
   association.distance[static_cast<Index>(row)] = 0;
+}
+
+std::string describe(const RigidGroup& group, const Isometry& motion, const SurfaceMesh& surface) {
+  const Eigen::IOFormat inline_format(6, Eigen::DontAlignCols, " ", " ");
+  const Vector3d centre = surface.points(group.nodes, Eigen::all).colwise().mean();
+  std::ostringstream text;
+  text.precision(6);
+  text << "the group '" << group.name << "' moves as the part of the surface near "
+       << surface.points.row(group.nearest).format(inline_format) << " mm does: turned by "
+       << Eigen::AngleAxisd(motion.linear).angle() * 180 / std::numbers::pi
+       << " degrees, its centre shifted by " << (motion(centre) - centre).norm() << " mm";
+  return text.str();
 }
 
 }  // namespace
@@ -167,11 +195,14 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
   for (std::size_t row = 0; row < constraints.size(); ++row) {
     const bool is_on_cad = association.dimension[row] != CadDimension::None;
     if (is_taken_from_cad(constraints[row])) take_from_cad(row, association);
-    if (constraints[row] != GroupConstraint::Follow || is_on_cad || association.is_free[row] ||
-        association.is_amid[row])
-      continue;
-    association.is_free[row] = 1;
-    --association.unmatched_nodes;
+    if (is_on_cad || association.is_amid[row]) continue;
+    if (constraints[row] == GroupConstraint::Follow && !association.is_free[row]) {
+      association.is_free[row] = 1;
+      --association.unmatched_nodes;
+    } else if (constraints[row] == GroupConstraint::Slide && association.is_free[row]) {
+      association.is_free[row] = 0;
+      ++association.unmatched_nodes;
+    }
   }
   for (Index f = 0; f < boundary.facet_count(); ++f) {
     const auto is_taken = [&](Index node) {
@@ -181,15 +212,29 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
   }
 }
 
-void require_outer_groups(const Mesh& mesh, const Boundary& boundary,
-                          const GroupConstraints& constraints) {
-  for (const auto* names : {&constraints.held, &constraints.rigid, &constraints.sliding})
-    for (const std::string& name : *names)
-      if (rows_of_group(mesh, boundary, name).empty())
-        throw InvalidInputError("the group '" + name +
-                                "' lies inside of the mesh, where all nodes follow the volume. "
-                                "Parts inside can be held, moved or slid only where they are the "
-                                "border of a region of the mesh or a crack in it");
+std::vector<char> mark_parts_inside(const Mesh& mesh, const Boundary& boundary,
+                                    const GroupConstraints& constraints) {
+  std::vector<char> marks;
+  for (const std::string& name : constraints.prescribed()) {
+    check_name(mesh, name);
+    const std::vector<Index> nodes = nodes_of(mesh, name);
+    if (std::ranges::all_of(
+            nodes, [&](Index node) { return std::ranges::binary_search(boundary.nodes, node); }))
+      continue;
+    marks.resize(static_cast<std::size_t>(mesh.node_count()), 0);
+    for (const Index node : nodes) marks[static_cast<std::size_t>(node)] = 1;
+  }
+  return marks;
+}
+
+void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
+                                const GroupConstraints& constraints) {
+  for (const std::string& name : constraints.prescribed())
+    if (rows_of_group(mesh, boundary, name).empty())
+      throw InvalidInputError("the group '" + name +
+                              "' lies inside of the mesh and has no face of a cell, but single "
+                              "nodes or lines. What lies inside can be held, moved or slid only as "
+                              "a surface or a zone; these nodes follow the volume without it");
 }
 
 std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
@@ -197,7 +242,7 @@ std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& 
                                               const Association& association,
                                               const std::vector<FreePatch>& patches) {
   std::vector<std::string> lines;
-  const auto describe = [&](const std::string& name, const char* what, const char* but) {
+  const auto describe = [&](const std::string& name, const char* what, const std::string& but) {
     lines.push_back("the group '" + name + "' is to " + what + ", but " + but);
   };
   const auto is_all = [&](const std::vector<int>& rows, const auto& is) {
@@ -221,13 +266,24 @@ std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& 
     const std::vector<int> rows = rows_of_group(mesh, boundary, name);
     if (is_all(rows, is_on_cad))
       describe(name, "slide", kOnCad);
-    else if (is_all(rows, [&](int n) { return is_on_cad(n) || association.is_free[n]; }))
-      describe(name, "slide",
-               "it lies inside of the mesh, between regions, and follows the volume: only what is "
-               "outside slides");
     else if (is_all(rows, [&](int n) { return !is_moved[n]; }))
       describe(name, "slide", "nothing that lies on the CAD touches it: it stays as it is");
   }
+  if (constraints.prescribed().empty()) return lines;
+  const std::vector<char> is_corner = mark_corners(mesh);
+  for (const auto& [names, what] : {std::pair{&constraints.held, "stay"},
+                                    {&constraints.rigid, "move as one piece"},
+                                    {&constraints.sliding, "slide"}})
+    for (const std::string& name : *names) {
+      const auto left = std::ranges::count_if(nodes_of(mesh, name), [&](Index node) {
+        return is_corner[node] && !std::ranges::binary_search(boundary.nodes, node);
+      });
+      if (left > 0)
+        describe(name, what,
+                 std::to_string(left) +
+                     " of its nodes lie inside of the mesh on no face of a cell whose corners are "
+                     "all in the group: they follow the volume");
+    }
   return lines;
 }
 
@@ -237,6 +293,7 @@ PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
   PatchMarks marks;
   for (const GroupConstraint constraint : of_node)
     marks.is_moved.push_back(constraint == GroupConstraint::Rigid);
+  marks.is_inner.assign(static_cast<std::size_t>(boundary.facet_count()), 0);
   marks.group.assign(static_cast<std::size_t>(boundary.facet_count()), -1);
   int id = 0;
   for (const auto* names : {&constraints.sliding, &constraints.rigid, &constraints.held})
@@ -244,8 +301,10 @@ PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
       std::vector<char> is_in(static_cast<std::size_t>(mesh.node_count()), 0);
       for (const Index node : nodes_of(mesh, name)) is_in[static_cast<std::size_t>(node)] = 1;
       for (Index f = 0; f < boundary.facet_count(); ++f)
-        if (std::ranges::all_of(boundary.facet(f), [&](Index node) { return is_in[node]; }))
+        if (std::ranges::all_of(boundary.facet(f), [&](Index node) { return is_in[node]; })) {
           marks.group[f] = id;
+          marks.is_inner[f] |= names == &constraints.sliding && boundary.neighbour[f] >= 0;
+        }
       ++id;
     }
   return marks;
@@ -270,7 +329,7 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
   const KdTree tree(surface.points(nodes, Eigen::all));
   std::vector<RigidGroup> result;
   for (const std::string& name : names) {
-    RigidGroup group;
+    RigidGroup group{.name = name, .nodes = {}, .part = {}};
     Neighbour nearest{0, std::numeric_limits<double>::infinity()};
     group.nodes = rows_of_group(mesh, boundary, name);
     for (const int row : group.nodes) {
@@ -279,17 +338,22 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
       if (near.squared_distance < nearest.squared_distance) nearest = near;
     }
     group.part = parts[part_of[nearest.index]];
+    group.nearest = nodes[nearest.index];
     result.push_back(std::move(group));
   }
   return result;
 }
 
-void move_rigid_groups(const SurfaceMesh& surface, const std::vector<RigidGroup>& groups,
-                       Points& moved) {
-  for (const auto& [nodes, part] : groups) {
-    const Isometry motion = fit_motion(surface.points(part, Eigen::all), moved(part, Eigen::all));
-    for (const int n : nodes) moved.row(n) = motion(surface.points.row(n));
+std::vector<std::string> move_rigid_groups(const SurfaceMesh& surface,
+                                           const std::vector<RigidGroup>& groups, Points& moved) {
+  std::vector<std::string> lines;
+  for (const RigidGroup& group : groups) {
+    const Isometry motion =
+        fit_motion(surface.points(group.part, Eigen::all), moved(group.part, Eigen::all));
+    for (const int n : group.nodes) moved.row(n) = motion(surface.points.row(n));
+    lines.push_back(describe(group, motion, surface));
   }
+  return lines;
 }
 
 }  // namespace cadmorph

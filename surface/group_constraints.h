@@ -21,6 +21,13 @@ struct GroupConstraints {
   /// Two sides that are a period apart: the second moves as the first does, turned with it.
   std::vector<std::pair<std::string, std::string>> periodic;
 
+  /// The groups whose nodes the surface prescribes, on the CAD or not.
+  std::vector<std::string> prescribed() const {
+    std::vector<std::string> names = held;
+    names.insert(names.end(), rigid.begin(), rigid.end());
+    names.insert(names.end(), sliding.begin(), sliding.end());
+    return names;
+  }
   bool is_empty() const {
     return held.empty() && rigid.empty() && sliding.empty() && following.empty() &&
            periodic.empty();
@@ -47,18 +54,24 @@ std::vector<Index> named_nodes(const Mesh& mesh, const GroupConstraints& constra
 std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary, const std::string& name);
 
 /// Takes held and rigid nodes from the CAD, and marks following ones that are on no CAD face as
-/// free. Again applied, it changes nothing.
+/// free, sliding ones as not free. Again applied, it changes nothing.
 void apply_constraints(const std::vector<GroupConstraint>& constraints, const Boundary& boundary,
                        Association& association);
 
-/// Throws InvalidInputError for a group that is to be held, rigid or to slide but has no node on
-/// the outside of the mesh or between its regions.
-void require_outer_groups(const Mesh& mesh, const Boundary& boundary,
-                          const GroupConstraints& constraints);
+/// Marks the nodes of the groups that are to be held, rigid or to slide and have nodes inside of
+/// the mesh, off its `boundary`; empty where there are none. See extract_boundary. Throws
+/// InvalidInputError for a name that no group has.
+std::vector<char> mark_parts_inside(const Mesh& mesh, const Boundary& boundary,
+                                    const GroupConstraints& constraints);
 
-/// A line for each group that is to slide or follow but does not: all of its nodes lie on the CAD,
-/// which moves them, or between regions, or nothing touches it. `association`: with the constraints
-/// applied.
+/// Throws InvalidInputError for a group that is to be held, rigid or to slide but has no node on
+/// the boundary: single nodes and lines inside of the mesh.
+void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
+                                const GroupConstraints& constraints);
+
+/// A line for each group that does not do what it is to, or not with all of its nodes: they lie on
+/// the CAD, which moves them, or nothing touches it, or some lie inside on no face of the group.
+/// `association`: with the constraints applied.
 std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints,
                                               const Association& association,
@@ -72,7 +85,9 @@ PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
 /// Nodes that move as one piece, and those of the part of the CAD's surface that they go with
 /// (rows of Boundary::nodes).
 struct RigidGroup {
+  std::string name;
   std::vector<int> nodes, part;
+  int nearest = -1;  ///< the part's node that is nearest to the group
 };
 
 /// A group's part: of the pieces of the mesh's surface that lie on the CAD and hang together, the
@@ -83,8 +98,9 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
                                           const std::vector<std::string>& names);
 
 /// Moves rigid groups by the turn and shift that fit their parts' motion best (least squares);
-/// `moved`: all surface nodes, millimetres.
-void move_rigid_groups(const SurfaceMesh& surface, const std::vector<RigidGroup>& groups,
-                       Points& moved);
+/// `moved`: all surface nodes, millimetres. Returns a line for each group: what it goes with, and
+/// how.
+std::vector<std::string> move_rigid_groups(const SurfaceMesh& surface,
+                                           const std::vector<RigidGroup>& groups, Points& moved);
 
 }  // namespace cadmorph

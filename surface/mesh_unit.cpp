@@ -55,6 +55,7 @@ std::vector<Probe> choose_probes(const Mesh& mesh, const Boundary& boundary) {
     edge = std::min(edge, length);
   };
   for (Index f = 0; f < boundary.facet_count(); ++f) {
+    if (boundary.neighbour[f] >= 0) continue;  // may be a part that no CAD tells of
     const auto facet = boundary.facet(f);
     const int corners = corner_count(boundary.types[f], std::ssize(facet));
     for (int c = 0; c < corners; ++c) {

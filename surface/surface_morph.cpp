@@ -699,7 +699,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->options = std::move(options);
   impl_->association = std::move(association);
   impl_->start = mesh.points(boundary.nodes, Eigen::all);
-  require_outer_groups(mesh, boundary, impl_->options.groups);
+  require_groups_on_boundary(mesh, boundary, impl_->options.groups);
   impl_->constraints = find_constraints(mesh, boundary, impl_->options.groups);
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
@@ -764,7 +764,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
   self.settle_images(images, moved);
-  move_rigid_groups(self.surface, self.rigid, moved);
+  result.notes = move_rigid_groups(self.surface, self.rigid, moved);
   if (left.nodes > 0) result.warnings.push_back(describe_left_patches(left));
   result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));

@@ -62,6 +62,8 @@ void BaseSide::set_up(PhaseClock& clock) {
   about_file(mesh_file->path(), [&] {
     neighbours = find_cell_neighbours(mesh());
     boundary = extract_boundary(mesh(), neighbours);
+    const std::vector<char> parts = mark_parts_inside(mesh(), boundary, options.surface.groups);
+    if (!parts.empty()) boundary = extract_boundary(mesh(), neighbours, parts);
   });
   clock.start("association");
   surface.emplace(cad, mesh(), boundary, options.surface);

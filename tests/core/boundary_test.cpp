@@ -103,6 +103,32 @@ TEST_CASE("the facets are those a brute-force count finds", "[core][boundary]") 
   }
 }
 
+TEST_CASE("a part inside of a region is bounded as one between regions is", "[core][boundary]") {
+  for (CellType type : solid_types()) {
+    CAPTURE(static_cast<int>(type));
+    Mesh mesh = cube(type, 4);
+    const CellNeighbours neighbours = find_cell_neighbours(mesh);
+    std::vector<char> is_middle;
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      is_middle.push_back(std::abs(mesh.points(n, 0) - 0.5) < 1e-9);
+    const Boundary found = extract_boundary(mesh, neighbours, is_middle);
+    set_regions_by_x(mesh, 0.5);
+    const Boundary expected = extract_boundary(mesh, neighbours);
+    const auto sorted = [](const Boundary& boundary) {
+      std::vector<std::vector<Index>> facets;
+      for (Index f = 0; f < boundary.facet_count(); ++f) {
+        facets.emplace_back(boundary.facet(f).begin(), boundary.facet(f).end());
+        std::ranges::sort(facets.back());
+      }
+      std::ranges::sort(facets);
+      return facets;
+    };
+    CHECK(found.facet_count() > expected_facets(type, 4));
+    CHECK(sorted(found) == sorted(expected));
+    CHECK(found.nodes == expected.nodes);
+  }
+}
+
 TEST_CASE("the interface of two blocks is there once, owned by the lower region",
           "[core][boundary]") {
   for (CellType type : solid_types()) {

@@ -213,6 +213,71 @@ TEST_CASE("a part that moves rigidly goes with the nearest piece of the CAD",
   CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, options), InvalidInputError);
 }
 
+TEST_CASE("named parts inside of a region stay, slide and move as one piece",
+          "[surface][far-field]") {
+  constexpr double kTurn = 0.15;
+  const Wall hub = cylinder_wall(5), casing = cylinder_wall(10);
+  MorphCase c = mesh_case(to_model(pin(0)), space_around_pin(hub, casing));
+  // A tube round the pin, and the half plane from the pin that its turn leaves in place.
+  c.mesh.groups.push_back({"tube", "marker", {}});
+  c.mesh.groups.push_back({"plane", "marker", {}});
+  for (Index node = 0; node < c.mesh.node_count(); ++node) {
+    const Vector3d x = c.mesh.points.row(node);
+    if (std::abs(x.tail<2>().norm() - 1.75) < 1e-9) c.mesh.groups[3].nodes.push_back(node);
+    if (std::abs(x.z()) < 1e-9 && x.y() > 0) c.mesh.groups[4].nodes.push_back(node);
+  }
+  const std::vector<Index> far = c.mesh.groups[2].nodes, tube = c.mesh.groups[3].nodes,
+                           plane = c.mesh.groups[4].nodes;
+  REQUIRE(tube.size() == 9 * 24);
+  REQUIRE(plane.size() == 9 * 9);
+  const auto with_parts = [&](const SurfaceMorphOptions& options, double turn) {
+    c.boundary =
+        extract_boundary(c.mesh, find_cell_neighbours(c.mesh),
+                         mark_parts_inside(c.mesh, extract_boundary(c.mesh), options.groups));
+    return morph(c, to_model(pin(turn)), options);
+  };
+  SurfaceMorphOptions options;
+  options.groups.held = {"tube"};
+  for (const Points& held = with_parts(options, kTurn).points; const Index node : tube)
+    REQUIRE(held.row(node) == c.mesh.points.row(node));
+
+  options.groups = {};
+  options.groups.rigid = {"tube"};
+  options.groups.sliding = {"hub", "casing"};
+  const Morphed rigid = with_parts(options, kTurn);
+  for (const Index node : tube)
+    REQUIRE((rigid.points.row(node).transpose() - turned(c.mesh.points.row(node), kTurn)).norm() <
+            1e-9);
+  REQUIRE(rigid.surface.notes.size() == 1);
+  CHECK_THAT(rigid.surface.notes.front(), Catch::Contains("'tube' moves as the part") &&
+                                              Catch::Contains("turned by 8.59437 degrees"));
+
+  options.groups = {};
+  options.groups.sliding = {"hub", "casing", "plane"};
+  // Nodes that it has in common with hub and casing stay.
+  constexpr double kSmallTurn = 0.003;
+  const Morphed slid = with_parts(options, kSmallTurn);
+  double off = 0, most = 0;
+  for (const Index node : plane) {
+    off = std::max(off, std::abs(slid.points(node, 2)));
+    most = std::max(most, (slid.points.row(node) - c.mesh.points.row(node)).norm());
+  }
+  CHECK(off <= 1e-12 * c.diagonal);
+  CHECK(most > 0.9 * kSmallTurn * 5);
+  CHECK(folded_facets(c.boundary, slid.points, c.mesh.points) == 0);
+
+  // Single nodes have no face.
+  c.mesh.groups.push_back({"probe", "marker", {tube[40]}});
+  options.groups = {};
+  options.groups.held = {"probe"};
+  CHECK_THROWS_WITH(with_parts(options, kTurn), Catch::Contains("single nodes or lines"));
+  c.mesh.groups.back().nodes.insert(c.mesh.groups.back().nodes.end(), far.begin(), far.end());
+  CHECK(
+      std::ranges::any_of(with_parts(options, kTurn).surface.warnings, [](const std::string& line) {
+        return line.find("'probe' is to stay, but 1 of its nodes lie inside") != std::string::npos;
+      }));
+}
+
 TEST_CASE("points go to the nearest point of the surface of their facets", "[surface]") {
   const Matrix3d frame =
       (Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()) * Matrix3d::Identity());
