@@ -1,5 +1,7 @@
 // cadmorph: the command line.
 
+#include <malloc.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
@@ -35,6 +37,14 @@ constexpr const char* kDescription =
     "Both STEP files must have the same topology; MESH is the mesh of the first, in the format it\n"
     "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: docs/formats.md), and so is OUT. The\n"
     "result has the same elements, each surface node on the new CAD.";
+
+// Large arrays come and go: what one leaves serves the next, without the kernel clearing its pages
+// again: a sixth to a third of all page faults, and some percent of the time.
+void keep_freed_memory() {
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that glibc takes
+  mallopt(M_TRIM_THRESHOLD, 256 << 20);
+  mallopt(M_TOP_PAD, 64 << 20);
+}
 
 void name_remedies() {
   set_remedy_words(
@@ -115,6 +125,7 @@ void parse(int argc, char** argv, Action& action) {
 
 int main(int argc, char** argv) {
   use_fitting_blas_kernel();
+  keep_freed_memory();
   name_remedies();
   // A full disk or a file size limit is an error to report, not a signal to die from.
   std::signal(SIGXFSZ, SIG_IGN);
