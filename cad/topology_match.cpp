@@ -127,11 +127,14 @@ bool are_solid(const CadModel& model) {
   return std::ranges::all_of(model.faces(), [](const CadFace& face) { return face.solid >= 0; });
 }
 
-// Oriented first; shells that are no solids may be turned over. One exporter writes solids, another
+// Oriented first. Shells that are no solids have no outside: one exporter's normals are the other
+// way round than another's, so they match as they cost less. One exporter writes solids, another
 // their shells alone: solids count where both models have as many.
 std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadModel& variant,
                                              const MatchOptions& options) {
   const bool has_solids = base.solid_count() == variant.solid_count();
+  const bool are_solids = are_solid(base) && are_solid(variant);
+  std::optional<TopologyMatch> best;
   for (const bool is_oriented : {true, false}) {
     const GraphOptions graph{.is_oriented = is_oriented, .has_solids = has_solids};
     const MatchSide b = make_match_side(base, graph), v = make_match_side(variant, graph);
@@ -139,11 +142,12 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
         b.graph.corners != v.graph.corners)
       return std::nullopt;
     if (auto match = best_match(b, v, options)) {
-      match->is_oriented = is_oriented && are_solid(base) && are_solid(variant);
-      return match;
+      match->is_oriented = is_oriented && are_solids;
+      best = cheaper(std::move(best), std::move(match));
     }
+    if (best && are_solids) break;
   }
-  return std::nullopt;
+  return best;
 }
 
 // Joints of smooth curves are corners while that makes sense. One exporter cuts a circle at its

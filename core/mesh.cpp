@@ -20,13 +20,11 @@ CellType polygon_type(std::size_t nodes) {
   throw InvalidInputError("invalid mesh: " + text);
 }
 
-std::string cell_name(Index c) { return "cell " + std::to_string(c); }
-
-void check_node_ids(std::span<const Index> nodes, Index node_count, Index c) {
+void check_node_ids(const Mesh& mesh, std::span<const Index> nodes, Index c) {
   for (Index node : nodes)
-    if (node < 0 || node >= node_count)
-      fail(cell_name(c) + " refers to node " + std::to_string(node) + ", but there are " +
-           std::to_string(node_count) + " nodes");
+    if (node < 0 || node >= mesh.node_count())
+      fail(cell_name(mesh, c) + " refers to node " + std::to_string(node) + ", but there are " +
+           std::to_string(mesh.node_count()) + " nodes");
 }
 
 void check_offsets(const std::vector<Index>& offsets, std::size_t cells, std::size_t total,
@@ -45,33 +43,53 @@ void check_polyhedron(const Mesh& mesh, Index c, std::vector<Index>& last_cell) 
   while (at < end) {
     const Index count = mesh.polyhedron_faces[at];
     if (count < 3 || count > end - at - 1)
-      fail("polyhedron " + cell_name(c) + " has a face of " + std::to_string(count) + " nodes");
+      fail("polyhedron " + cell_name(mesh, c) + " has a face of " + std::to_string(count) +
+           " nodes");
     const auto face = std::span(mesh.polyhedron_faces).subspan(at + 1, count);
-    check_node_ids(face, mesh.node_count(), c);
+    check_node_ids(mesh, face, c);
     for (const Index node : face)
       if (last_cell[node] != c)
-        fail("polyhedron " + cell_name(c) + " has a face with node " + std::to_string(node) +
+        fail("polyhedron " + cell_name(mesh, c) + " has a face with node " + std::to_string(node) +
              ", which is not among the cell's own nodes");
     at += count + 1;
     ++faces;
   }
-  if (faces < 4) fail("polyhedron " + cell_name(c) + " has fewer than 4 faces");
+  if (faces < 4) fail("polyhedron " + cell_name(mesh, c) + " has fewer than 4 faces");
 }
 
 void check_cell(const Mesh& mesh, Index c) {
   const CellInfo& info = info_of(mesh.types[c]);
   const Index nodes = static_cast<Index>(mesh.cell(c).size());
   if (info.dimension < 0)
-    fail(cell_name(c) + " is of VTK type " + std::to_string(static_cast<int>(mesh.types[c])) +
+    fail(cell_name(mesh, c) + " is of VTK type " + std::to_string(static_cast<int>(mesh.types[c])) +
          ", which is not supported; convert it to linear or quadratic cells");
   const Index least = mesh.types[c] == Polygon ? 3 : 1;
   if (info.nodes >= 0 ? nodes != info.nodes : nodes < least)
-    fail(cell_name(c) + " has " + std::to_string(nodes) + " nodes, which its type (VTK " +
+    fail(cell_name(mesh, c) + " has " + std::to_string(nodes) + " nodes, which its type (VTK " +
          std::to_string(static_cast<int>(mesh.types[c])) + ") can't have");
-  check_node_ids(mesh.cell(c), mesh.node_count(), c);
+  check_node_ids(mesh, mesh.cell(c), c);
+}
+
+std::string name_of(const char* what, Index i, const Numbering& numbers, const char* in_file) {
+  std::string name = what + (" " + std::to_string(i));
+  if (!numbers.is_empty())
+    name.append(" (")
+        .append(in_file)
+        .append(" ")
+        .append(std::to_string(numbers[i]))
+        .append(" of the file)");
+  return name;
 }
 
 }  // namespace
+
+std::string cell_name(const Mesh& mesh, Index cell) {
+  return name_of("cell", cell, mesh.cell_numbers, "element");
+}
+
+std::string node_name(const Mesh& mesh, Index node) {
+  return name_of("node", node, mesh.node_numbers, "number");
+}
 
 int dimension(const Mesh& mesh) {
   int highest = -1;
@@ -83,7 +101,8 @@ int dimension(const Mesh& mesh) {
 }
 
 std::vector<Facet> cell_facets(const Mesh& mesh, Index c) {
-  if (dimension(mesh.types[c]) != 3) throw InvalidInputError(cell_name(c) + " is no solid cell");
+  if (dimension(mesh.types[c]) != 3)
+    throw InvalidInputError(cell_name(mesh, c) + " is no solid cell");
   std::vector<Facet> facets;
   if (mesh.types[c] == Polyhedron) {
     for_each_polyhedron_face(mesh, c, [&](std::span<const Index> nodes) {
@@ -201,7 +220,7 @@ void check_mesh(const Mesh& mesh) {
   if (mesh.cell_count() == 0) fail("it has no cells");
   for (Index n = 0; n < mesh.node_count(); ++n)
     if (!mesh.points.row(n).allFinite())
-      fail("the coordinates of node " + std::to_string(n) + " are not finite");
+      fail("the coordinates of " + node_name(mesh, n) + " are not finite");
   const auto cells = mesh.types.size();
   check_offsets(mesh.offsets, cells, mesh.connectivity.size(), "connectivity");
   const bool has_polyhedra = std::ranges::find(mesh.types, Polyhedron) != mesh.types.end();

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/numbering.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -61,6 +62,8 @@ struct Mesh {
   std::vector<int> regions;  ///< region id of each cell; empty when the mesh has no regions
   std::string region_array;  ///< name of the cell array that `regions` came from; may be empty
   std::vector<NodeGroup> groups = {};  ///< in the file's order
+  /// The numbers of nodes and cells in their file; empty where it has none but their order.
+  Numbering node_numbers = {}, cell_numbers = {};
 
   Index node_count() const { return points.rows(); }
   Index cell_count() const { return static_cast<Index>(types.size()); }
@@ -70,6 +73,13 @@ struct Mesh {
   }
   int region(Index c) const { return regions.empty() ? 0 : regions[c]; }
 };
+
+/// "cell 17", counted from 0 in the file's order, and in brackets the number that the file gives
+/// it: "cell 17 (element 4711 of the file)".
+std::string cell_name(const Mesh& mesh, Index cell);
+
+/// The same of a node: "node 17 (number 4711 of the file)".
+std::string node_name(const Mesh& mesh, Index node);
 
 /// Makes room for so many more cells, and more nodes of them all.
 void reserve_cells(Mesh& mesh, Index cells, Index nodes);

@@ -40,8 +40,8 @@ std::vector<std::string> compare_structure(const Mesh& reference, const Mesh& me
   for (Index c = 0; c < mesh.cell_count(); ++c)
     if (!is_same_cell(reference, mesh, c) && ++differing == 1) first = c;
   if (differing > 0)
-    result.push_back(count_text(differing, "cell") + " of other type or nodes, the first is cell " +
-                     std::to_string(first));
+    result.push_back(count_text(differing, "cell") + " of other type or nodes, the first is " +
+                     cell_name(reference, first));
   return result;
 }
 

@@ -39,11 +39,11 @@ CoordinateRounding measure_rounding(const Mesh& mesh, const Points& wanted, cons
   return rounding;
 }
 
-void check_rounding(const CoordinateRounding& rounding, const fs::path& path) {
+void check_rounding(const CoordinateRounding& rounding, const Mesh& mesh, const fs::path& path) {
   if (rounding.relative <= kLargestRounding) return;
   throw InvalidInputError(
-      "can't write the mesh " + path.string() + ": its numbers have too few digits: node " +
-      std::to_string(rounding.node) + " would be rounded by " + std::to_string(rounding.relative) +
+      "can't write the mesh " + path.string() + ": its numbers have too few digits: " +
+      node_name(mesh, rounding.node) + " would be rounded by " + std::to_string(rounding.relative) +
       " of its shortest edge; write the mesh with double precision or wider columns first, or with "
       "its origin nearer to the part");
 }
@@ -162,7 +162,7 @@ CoordinateRounding MeshFile::write(const fs::path& path, const Points& points,
   CoordinateRounding rounding;
   copier.write_accepted(path, mesh.points, points, [&](const Points& readable) {
     rounding = measure_rounding(mesh, points, readable);
-    check_rounding(rounding, path);
+    check_rounding(rounding, mesh, path);
   });
   return rounding;
 }

@@ -383,7 +383,7 @@ Association associate(const CadModel& base, const Mesh& mesh, const Boundary& bo
   if (options.progress) options.progress("associating", 0);
   Association result = Associator(base, surface, bodies_of(mesh, boundary), options).run();
   result.mesh_unit_mm = unit;
-  check_unmatched(base, boundary, surface, options.expected_off, result);
+  check_unmatched(base, mesh, boundary, surface, options.expected_off, result);
   count(result);
   if (options.progress) options.progress("associating", 1);
   return result;

@@ -286,8 +286,8 @@ struct NodesOff {
   Index count, outside;  ///< so many of those on the outside
 };
 
-[[noreturn]] void refuse(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
-                         const NodesOff& off, const std::string& why) {
+[[noreturn]] void refuse(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
+                         const SurfaceMesh& surface, const NodesOff& off, const std::string& why) {
   std::ostringstream text;
   text.precision(6);
   const Vector3d lower = surface.points.colwise().minCoeff(),
@@ -304,10 +304,10 @@ struct NodesOff {
     return line.str();
   };
   text << "the mesh does not lie on " << base.file_name() << ": " << off.count << " of "
-       << off.outside << " surface nodes are on no CAD face, such as node "
-       << boundary.nodes[off.row] << " at " << plain(surface.points.row(off.row)) << " mm" << why
-       << " Mesh bounds " << plain(lower) << " .. " << plain(upper) << " mm, CAD bounds "
-       << plain(base.lower()) << " .. " << plain(base.upper())
+       << off.outside << " surface nodes are on no CAD face, such as "
+       << node_name(mesh, boundary.nodes[off.row]) << " at " << plain(surface.points.row(off.row))
+       << " mm" << why << " Mesh bounds " << plain(lower) << " .. " << plain(upper)
+       << " mm, CAD bounds " << plain(base.lower()) << " .. " << plain(base.upper())
        << " mm. Check that the mesh belongs to this CAD model, its unit ("
        << words_for(Remedy::MeshUnit) << "), and " << words_for(Remedy::AssociationTolerance)
        << ".";
@@ -349,8 +349,8 @@ std::vector<int> unmatched_around(const SurfaceMesh& surface, const Association&
 
 // A far field or symmetry plane goes somewhere. Nodes that all stay by the CAD belong to it, but
 // lie off: they would be left behind.
-void refuse_left_behind(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
-                        const Association& association, Index outside) {
+void refuse_left_behind(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
+                        const SurfaceMesh& surface, const Association& association, Index outside) {
   const FaceSamples samples = sample_faces(base, kSamples);
   const KdTree tree(samples.points);
   const auto is_open = unmatched_facets(surface, boundary, association);
@@ -366,7 +366,7 @@ void refuse_left_behind(const CadModel& base, const Boundary& boundary, const Su
       if (!is_unmatched_node(association, n) || is_seen[n]) continue;
       const auto nodes = unmatched_around(surface, association, is_open, n, is_seen);
       if (std::all_of(nodes.begin(), nodes.end(), is_near))
-        refuse(base, boundary, surface, {n, std::ssize(nodes), outside},
+        refuse(base, mesh, boundary, surface, {n, std::ssize(nodes), outside},
                "; they lie near it amid nodes that are on it, so they are no far field.");
     }
   }
@@ -414,7 +414,7 @@ std::vector<char> find_cracks(const SurfaceMesh& surface, const Boundary& bounda
   return is_crack;
 }
 
-std::string describe_cracks(const SurfaceMesh& surface, const Boundary& boundary,
+std::string describe_cracks(const Mesh& mesh, const SurfaceMesh& surface, const Boundary& boundary,
                             const Association& association) {
   const std::vector<char> is_crack = find_cracks(surface, boundary, association);
   std::vector<int> nodes;
@@ -429,7 +429,7 @@ std::string describe_cracks(const SurfaceMesh& surface, const Boundary& boundary
        << " facets cancel in pairs, and nodes lie two at a place; both sides move together as "
           "interior nodes do. Nodes of the crack:";
   for (std::size_t i = 0; i < std::min(nodes.size(), kNamed); ++i)
-    text << " " << boundary.nodes[nodes[i]];
+    text << (i > 0 ? ", " : " ") << node_name(mesh, boundary.nodes[nodes[i]]).substr(5);
   if (nodes.size() > kNamed) text << " and " << nodes.size() - kNamed << " more";
   return text.str();
 }
@@ -466,8 +466,9 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
   return patches;
 }
 
-void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
-                     const std::vector<Index>& expected_off, Association& association) {
+void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
+                     const SurfaceMesh& surface, const std::vector<Index>& expected_off,
+                     Association& association) {
   Index outside = 0, unmatched = 0, unexpected = 0;
   int example = -1;
   const std::vector<char> is_crack = find_cracks(surface, boundary, association);
@@ -487,19 +488,19 @@ void check_unmatched(const CadModel& base, const Boundary& boundary, const Surfa
   }
   if (unmatched == 0) return;
   if (covered_faces(base, surface, association) < kLeastCovered)
-    refuse(base, boundary, surface, {example, unmatched, outside},
+    refuse(base, mesh, boundary, surface, {example, unmatched, outside},
            other_part(base, surface, association.mesh_unit_mm));
   if (unexpected == 0) return;
   const bool is_larger = size_of(surface) >= kBeyondCad * base.diagonal();
   if (!is_larger && is_hole(surface, association, unmatched_facets(surface, boundary, association)))
-    refuse(base, boundary, surface, {example, unmatched, outside},
+    refuse(base, mesh, boundary, surface, {example, unmatched, outside},
            "; they bound a hole inside of the mesh that the CAD does not have.");
   if (!is_larger)
-    refuse(base, boundary, surface, {example, unmatched, outside},
+    refuse(base, mesh, boundary, surface, {example, unmatched, outside},
            "; the mesh is hardly larger than the CAD, so they are no far field. If they are meant, "
            "as those of a symmetry plane that cuts the CAD, say so: " +
                words_for(Remedy::ExpectUnmatched) + ".");
-  refuse_left_behind(base, boundary, surface, association, outside);
+  refuse_left_behind(base, mesh, boundary, surface, association, outside);
 }
 
 }  // namespace cadmorph

@@ -50,7 +50,7 @@ std::vector<char> find_cracks(const SurfaceMesh& surface, const Boundary& bounda
                               const Association& association);
 
 /// What to tell of a crack; empty where there is none.
-std::string describe_cracks(const SurfaceMesh& surface, const Boundary& boundary,
+std::string describe_cracks(const Mesh& mesh, const SurfaceMesh& surface, const Boundary& boundary,
                             const Association& association);
 
 /// Splits the unmatched facets of the outside into patches: planar ones, and the curved rest where
@@ -64,8 +64,9 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
 /// covers less than a quarter of the CAD's faces by half their area, or, of nodes that are not
 /// expected to be off the CAD (`expected_off`, of the mesh, ascending): it reaches no further than
 /// 1.2 times the CAD, or they lie by the CAD amid matched ones.
-void check_unmatched(const CadModel& base, const Boundary& boundary, const SurfaceMesh& surface,
-                     const std::vector<Index>& expected_off, Association& association);
+void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
+                     const SurfaceMesh& surface, const std::vector<Index>& expected_off,
+                     Association& association);
 
 /// How far nodes of a plane may lie off it, millimetres: coordinates are rounded in proportion to
 /// their size.

@@ -343,8 +343,7 @@ std::vector<PeriodicSides> find_periodic_sides(
     for (const Side* side : {&from, &to})
       for (const int n : side->rows)
         if (association.is_free[n])
-          throw InvalidInputError("node " + std::to_string(boundary.nodes[n]) + " of '" +
-                                  side->name +
+          throw InvalidInputError(node_name(mesh, boundary.nodes[n]) + " of '" + side->name +
                                   "' follows the volume, so the group can't be a periodic side");
     PeriodicSides sides = PeriodSearch(surface, from, to, normal).find();
     for (const int n : sides.pair.to)

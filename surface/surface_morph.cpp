@@ -715,7 +715,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->periodic = find_periodic_sides(mesh, boundary, impl_->surface, impl_->association, held,
                                         impl_->options.groups.periodic);
   impl_->find_forms();
-  impl_->crack = describe_cracks(impl_->surface, boundary, impl_->association);
+  impl_->crack = describe_cracks(mesh, impl_->surface, boundary, impl_->association);
   impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association,
                                      impl_->patches);
   // With regions, who holds an interface takes its facets from the CAD.

@@ -142,11 +142,11 @@ void BaseSide::fill_report() {
 void BaseSide::warn_of_inverted() {
   misordered = misordered_cells(mesh(), neighbours, orientation, validity.invalid_cells);
   std::string text = "the input mesh has " + std::to_string(validity.invalid) +
-                     " inverted cells already, the first is cell " +
-                     std::to_string(validity.invalid_cells.front());
+                     " inverted cells already, the first is " +
+                     cell_name(mesh(), validity.invalid_cells.front());
   if (!misordered.empty())
     text += "; the nodes of " + std::to_string(misordered.size()) +
-            " of them are in a wrong order (cell " + std::to_string(misordered.front()) +
+            " of them are in a wrong order (" + cell_name(mesh(), misordered.front()) +
             "): mend that where the mesh comes from, no repair is tried there";
   report.warnings.push_back(text);
   if (options.notice) options.notice(text);

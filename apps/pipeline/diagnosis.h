@@ -23,6 +23,7 @@ struct Diagnosis {
   Index dragged_patches = 0;  ///< see SurfaceMorphResult
   Index folded_shells = 0;    ///< shell cells that lie folded on their CAD face
   Index worst_cell = -1;
+  std::string worst_name;                              ///< with its number in the file
   Eigen::Vector3d location = Eigen::Vector3d::Zero();  ///< of its centroid, in the mesh's unit
   std::vector<std::pair<int, Index>> regions;  ///< region id and bad cells in it, most first
   int face = -1;                               ///< base CAD face nearest to most bad cells

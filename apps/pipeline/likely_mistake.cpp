@@ -18,7 +18,7 @@ std::string wrong_node_order(const Mesh& mesh) {
   const auto cells = misordered_cells(mesh, find_cell_neighbours(mesh), orientation,
                                       check_validity(mesh, mesh.points, orientation).invalid_cells);
   if (cells.empty()) return "";
-  std::string which = "cell " + std::to_string(cells.front());
+  std::string which = cell_name(mesh, cells.front());
   if (cells.size() > 1)
     which = std::to_string(cells.size()) + " cells (the first is " + which + ")";
   return "the nodes of " + which +

@@ -81,6 +81,7 @@ MorphDetails gather_details(const MorphResult& result, const DetailOptions& opti
     const Eigen::Vector3d centre = centre_of(base.mesh().cell(c), result.positions);
     const int face = nearest(centre);
     details.worst.push_back({.cell = c,
+                             .name = cell_name(base.mesh(), c),
                              .before = base.quality.values[c],
                              .after = result.quality.values[c],
                              .centre = centre,

@@ -22,6 +22,7 @@ struct Histogram {
 /// One of the worst elements of a morphed mesh.
 struct WorstElement {
   Index cell = -1;
+  std::string name;              ///< with its number in the file
   double before = 0, after = 0;  ///< scaled Jacobian
   Eigen::Vector3d centre;        ///< mean of its nodes after the morph, in the mesh's unit
   int face = -1;                 ///< variant CAD face nearest to it, from 0; -1 for none

@@ -165,6 +165,7 @@ void judge(MorphResult& result) {
   figures.diagnosis->held_cells =
       held_among(sorted_difference(inverted, base.validity.invalid_cells), base, full);
   figures.diagnosis->worst_cell = worst_of(bad, result.quality);
+  figures.diagnosis->worst_name = cell_name(base.mesh(), figures.diagnosis->worst_cell);
   figures.diagnosis->location =
       centre_of(base.mesh().cell(figures.diagnosis->worst_cell), result.positions);
   figures.diagnosis->advice = advice(base.options, figures);

@@ -89,7 +89,7 @@ list worst_rows(const PageContents& contents) {
     if (element.face >= 0)
       face = std::to_string(element.face + 1) + " " + contents.variant_face_types[element.face];
     result.push_back(row({{"row", std::to_string(result.size())},
-                          {"cell", std::to_string(element.cell)},
+                          {"cell", element.name.substr(element.name.find(' ') + 1)},
                           {"before", format("%.4f", element.before)},
                           {"after", format("%.4f", element.after)},
                           {"x", format("%.5g", element.centre[0])},

@@ -89,6 +89,7 @@ Json to_json(const Diagnosis& diagnosis) {
           {"held_cells", diagnosis.held_cells},
           {"folded_shells", diagnosis.folded_shells},
           {"worst_cell", diagnosis.worst_cell},
+          {"worst_name", diagnosis.worst_name},
           {"location", to_json(diagnosis.location)},
           {"regions", regions},
           {"nearest_face", diagnosis.face + 1},

@@ -386,7 +386,7 @@ std::string refusal_text(const PipelineReport& report) {
 }
 
 std::string diagnosis_text(const Diagnosis& diagnosis) {
-  std::string text = "  the worst is cell " + std::to_string(diagnosis.worst_cell) +
+  std::string text = "  the worst is " + diagnosis.worst_name +
                      format(" at (%.6g, %.6g, %.6g)", diagnosis.location[0], diagnosis.location[1],
                             diagnosis.location[2]);
   if (diagnosis.regions.size() > 1 || diagnosis.regions.front().first != 0)
@@ -407,7 +407,7 @@ std::string diagnosis_text(const Diagnosis& diagnosis) {
 std::string quality_text(const std::filesystem::path& file, const Mesh& mesh,
                          const QualityReport& quality, const ValidityReport& validity,
                          const QualityChecks& checks) {
-  const auto cell = [](Index c) { return c < 0 ? std::string() : "cell " + std::to_string(c); };
+  const auto cell = [&](Index c) { return c < 0 ? std::string() : cell_name(mesh, c); };
   std::string text = labelled("Mesh", file.string());
   text += labelled("Nodes", with_commas(mesh.node_count()));
   text += labelled("Cells", with_commas(static_cast<Index>(quality.values.size())) + ", " +

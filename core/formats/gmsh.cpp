@@ -381,7 +381,7 @@ class Reader {
 
   /// Adds the element read last as a cell; false when it repeats the one before: a file of version
   /// 2 lists an element of several physical groups once for each of them.
-  bool add_element(const GmshElement& kind, Index entity) {
+  bool add_element(Index number, const GmshElement& kind, Index entity) {
     const auto end = file_nodes_.begin() + kind.nodes;
     if (last_kind_ == &kind && last_entity_ == entity &&
         std::equal(file_nodes_.begin(), end, last_nodes_.begin())) {
@@ -397,6 +397,7 @@ class Reader {
       nodes_[std::size_t(i)] = file_nodes_[kind.order[std::size_t(i)]];
     add_cell(result_.mesh, kind.type, std::span(nodes_).first(std::size_t(count)));
     result_.mesh.regions.push_back(int(entity));
+    result_.mesh.cell_numbers.push_back(number);
     return true;
   }
 
@@ -430,9 +431,9 @@ class Reader {
       const Entity entity =
           found != entities_.end() ? found->second : Entity{.region = tag, .physical = {}};
       for (Index i = 0; i < count; ++i) {
-        in_.size("the number of an element");
+        const Index number = in_.size("the number of an element");
         read_element_nodes(kind, kSizeSize);
-        add_element(kind, entity.region);
+        add_element(number, kind, entity.region);
         for (const Index physical : entity.physical) add_to_group(dimension, physical, kind);
       }
       read += count;
@@ -448,10 +449,10 @@ class Reader {
     reserve_cells(result_.mesh, count, kUsual * count);
     if (!in_.is_binary()) {
       for (Index i = 0; i < count; ++i) {
-        in_.integer("the number of an element");
+        const Index number = in_.integer("the number of an element");
         const std::size_t place = in_.place();
         const GmshElement& kind = kind_of(in_.integer("an element type"), place);
-        read_old_element(kind, in_.text().count("the number of an element's tags"));
+        read_old_element(number, kind, in_.text().count("the number of an element's tags"));
       }
       return;
     }
@@ -464,14 +465,14 @@ class Reader {
         in_.fail_at(place, "expected a number of elements from 1 to " +
                                std::to_string(count - read) + ", found " + std::to_string(follow));
       for (Index i = 0; i < follow; ++i) {
-        in_.integer("the number of an element");
-        read_old_element(kind, tags);
+        const Index number = in_.integer("the number of an element");
+        read_old_element(number, kind, tags);
       }
       read += follow;
     }
   }
 
-  void read_old_element(const GmshElement& kind, Index tags) {
+  void read_old_element(Index number, const GmshElement& kind, Index tags) {
     Index physical = 0, elementary = 0;
     for (Index i = 0; i < tags; ++i) {
       const Index tag = in_.integer("a tag of an element");
@@ -479,7 +480,7 @@ class Reader {
       if (i == 1) elementary = tag;
     }
     read_element_nodes(kind, kIntSize);
-    if (add_element(kind, elementary)) physical_.push_back(physical);
+    if (add_element(number, kind, elementary)) physical_.push_back(physical);
     add_to_group(dimension(kind.type), physical, kind);
   }
 
@@ -491,6 +492,7 @@ class Reader {
     } else {
       mesh.points = Eigen::Map<const Points>(points_.data(), std::ssize(points_) / 3, 3);
     }
+    for (const Index number : numbers_) mesh.node_numbers.push_back(number);
     set_regions();
     set_groups();
     add_remarks();

@@ -49,7 +49,8 @@ std::vector<Index> nodes_of_rows(const NumberedMesh& part, const NumberTable& ta
 }
 
 void append_points(const NumberedMesh& part, const std::vector<NodeFrame>& frames,
-                   const std::vector<Index>& nodes, std::vector<double>& points) {
+                   const std::vector<Index>& nodes, std::vector<double>& points,
+                   Numbering& numbers) {
   Index next = std::ssize(points) / 3;
   points.reserve(points.size() + part.coordinates.size());
   for (std::size_t row = 0; row < nodes.size(); ++row) {
@@ -57,6 +58,7 @@ void append_points(const NumberedMesh& part, const std::vector<NodeFrame>& frame
     Eigen::RowVector3d point = Eigen::RowVector3d::Map(part.coordinates.data() + 3 * row);
     for (const NodeFrame& frame : frames) point = frame.to_mesh(point);
     points.insert(points.end(), point.data(), point.data() + 3);
+    numbers.push_back(part.node_numbers[row]);
     ++next;
   }
 }
@@ -93,6 +95,7 @@ Index number_nodes(const NumberTable& table, const std::vector<Index>& nodes, In
 void append_cells(NumberedMesh& part, const NumberTable& table, const std::vector<Index>& nodes,
                   const DeckSources& sources, Mesh& mesh) {
   const Index first_cell = mesh.cell_count(), first = std::ssize(mesh.connectivity);
+  for (const Index number : part.element_numbers) mesh.cell_numbers.push_back(number);
   append(std::move(part.types), mesh.types);
   append(std::move(part.regions), mesh.regions);
   append(std::move(part.connectivity), mesh.connectivity);
@@ -164,11 +167,13 @@ std::vector<std::string> take_out_cells_without_thickness(Mesh& mesh) {
     if (is_flat[std::size_t(c)]) continue;
     add_cell(kept, mesh.types[c], mesh.cell(c));
     if (!mesh.regions.empty()) kept.regions.push_back(mesh.regions[c]);
+    kept.cell_numbers.push_back(mesh.cell_numbers[c]);
   }
   mesh.types = std::move(kept.types);
   mesh.offsets = std::move(kept.offsets);
   mesh.connectivity = std::move(kept.connectivity);
   mesh.regions = std::move(kept.regions);
+  mesh.cell_numbers = std::move(kept.cell_numbers);
   return {std::to_string(count) +
           " elements of no thickness (cohesive ones) are no cells of the mesh; their nodes follow "
           "the others"};
@@ -239,7 +244,7 @@ MeshAssembly::Placed MeshAssembly::add(NumberedMesh part, const std::vector<Node
   Placed placed{
       .rows = NumberTable(part.node_numbers), .nodes = {}, .first_cell = mesh_.cell_count()};
   placed.nodes = nodes_of_rows(part, placed.rows, std::ssize(points_) / 3, sources_);
-  append_points(part, frames, placed.nodes, points_);
+  append_points(part, frames, placed.nodes, points_, mesh_.node_numbers);
   append_cells(part, placed.rows, placed.nodes, sources_, mesh_);
   append_sets(part, placed, mesh_);
   for (NodeRecords& block : part.records) {

@@ -102,6 +102,8 @@ TEST_CASE("An Abaqus deck gives its cells, points, sets and materials", "[core][
   CHECK(mesh.points.row(3) == Eigen::RowVector3d(0, 0, 1));
   CHECK(mesh.regions == std::vector<int>{1, 2, 2});
   CHECK(mesh.region_array == "material");
+  CHECK(node_name(mesh, 1) == "node 1 (number 7 of the file)");
+  CHECK(cell_name(mesh, 2) == "cell 2 (element 20 of the file)");
   CHECK(group_of(mesh, "All").nodes.size() == 8);
   CHECK(group_of(mesh, "fixed").nodes == std::vector<Index>{0, 1, 3});
   CHECK(group_of(mesh, "both").nodes == std::vector<Index>{0, 1, 3, 6});

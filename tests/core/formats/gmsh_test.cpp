@@ -109,6 +109,8 @@ void require_two_tetrahedra(const Mesh& mesh) {
   CHECK(mesh.types[cells - 1] == CellType::Tetra);
   CHECK(mesh.regions[cells - 2] == 1);
   CHECK(mesh.regions[cells - 1] == 2);
+  CHECK(node_name(mesh, mesh.cell(Index(cells) - 1)[0]).ends_with(" (number 20 of the file)"));
+  CHECK(mesh.cell_numbers[Index(cells) - 1] > mesh.cell_numbers[Index(cells) - 2]);
   const auto last = mesh.cell(Index(cells) - 1);
   CHECK(mesh.points.row(last[0]) == Eigen::RowVector3d(1, 0, 0));
   CHECK(mesh.points.row(last[1]) == Eigen::RowVector3d(1, 1, 1));
@@ -129,6 +131,7 @@ TEST_CASE("A gmsh file gives its cells, nodes and physical groups", "[core][form
     CHECK(mesh.connectivity == std::vector<Index>{0, 0, 3, 2, 0, 1, 2, 3, 1, 4, 2, 3});
     require_two_tetrahedra(mesh);
     CHECK(mesh.node_count() == 6);
+    CHECK(cell_name(mesh, 3) == "cell 3 (element 6 of the file)");
     REQUIRE(mesh.groups.size() == 2);
     CHECK(mesh.groups[0].name == "left wall");
     CHECK(mesh.groups[0].kind == "physical group");
