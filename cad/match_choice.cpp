@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <tuple>
 
 #include "cad/match_search.h"
@@ -34,7 +35,7 @@ constexpr double kSmallTurn = 0.2, kTurnBits = 12;
 constexpr double kParameterBits = 4;
 // A program writes what it wrote before in the same order: worth a fit twice as good, where that
 // order is no accident. An accident has fewer bits than this.
-constexpr double kOrder = 1, kOrderBits = 20;
+constexpr double kOrder = 6, kOrderBits = 20;
 constexpr double kSamePlace = 1e-9;     // of the diagonal: coincident copies are equally near
 constexpr double kHardlyTurned = 1e-3;  // radians: to look for other matches is of no use
 constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours: exchanged pairs among 40 stand out
@@ -83,7 +84,8 @@ double distance_after(const MatchSide& base, const MatchSide& variant, const Top
   return std::sqrt(sum / count) / variant.model.diagonal();
 }
 
-// Root mean square distance by which the alignment turns the entities, in variant diagonals.
+// Root mean square distance by which the alignment turns the entities, in variant diagonals. What
+// turns about its own middle moves by its size: a round far field about a small body.
 double turned_by(const MatchSide& base, const MatchSide& variant, const Similarity& t) {
   Vector3d mean = Vector3d::Zero();
   for (const EntityFeature& feature : base.features) mean += feature.centre;
@@ -93,6 +95,10 @@ double turned_by(const MatchSide& base, const MatchSide& variant, const Similari
     const Vector3d way = feature.centre - mean;
     sum += (t.scale * (t.rotation * way - way)).squaredNorm();
   }
+  // Points of a disk lie off its middle by the 2 pi-th part of its area, squares on the mean.
+  const double lengthening = (3 - t.rotation.trace()) / (2 * std::numbers::pi);
+  for (int f = 0; f < base.graph.faces; ++f)
+    sum += lengthening * std::pow(t.scale * base.features[f].size, 2);
   return std::sqrt(sum / static_cast<double>(base.features.size())) / variant.model.diagonal();
 }
 
@@ -323,6 +329,10 @@ bool costs_less(const TopologyMatch& a, const TopologyMatch& b) {
 
 void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match) {
   align(base.model, variant.model, match);
+  // Where most stands still, as a far field about a small body, it stands still.
+  if (!match.is_congruent && distance_after(base, variant, match, {}) <
+                                 distance_after(base, variant, match, match.alignment))
+    match.alignment = {};
   // Congruent shapes don't deform, though the sampled centroids of their faces may differ; whether
   // they turned is told by their parameters.
   const bool is_exact = match.is_congruent;

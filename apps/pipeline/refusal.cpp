@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "apps/pipeline/nearest_face.h"
+#include "core/plane_mesh.h"
 #include "core/remedies.h"
 #include "volume/held_cells.h"
 
@@ -35,10 +36,22 @@ std::string percent(double share) {
   return std::to_string(std::max(1, static_cast<int>(std::floor(100 * share)))) + " %";
 }
 
+// A mesh in the plane that was turned over within it: all cells run the other way round.
+bool is_turned_over(const MorphResult& result) {
+  const Mesh& mesh = result.base->mesh();
+  const Eigen::Vector3d normal = plane_normal(mesh, mesh.points);
+  return !normal.isZero(0) && plane_normal(mesh, result.positions) == -normal;
+}
+
 // Shell cells that the surface folds: what inverts a cell between solids.
 std::vector<Index> folded_shells(const MorphResult& result) {
   const BaseSide& base = *result.base;
   std::vector<Index> cells;
+  if (is_turned_over(result)) {
+    for (Index c = 0; c < base.mesh().cell_count(); ++c)
+      if (dimension(base.mesh().types[c]) == 2) cells.push_back(c);
+    return cells;
+  }
   for (const Index f : result.surface.folded_facets)
     if (const Index c = base.boundary.cell[f]; dimension(base.mesh().types[c]) == 2)
       cells.push_back(c);
@@ -109,7 +122,7 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         "refine the mesh: " + std::to_string(found.held_cells) +
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
         "the surface, or facets on it turn an edge or a corner inwards)");
-  if (found.folded_shells > 0)
+  if (found.folded_shells > 0 && found.folded_shells < figures.cells)
     lines.push_back("go there by CAD models between (" + words_for(Remedy::Via) +
                     "), and look whether all sheets still meet where they did");
   if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)
