@@ -975,6 +975,16 @@ const std::vector<KnownPair>& known_pairs() {
       {"ball_in_box", "x -9 radius 0.6", "order edges"},
       {"ball_in_box", "length 1.5 width 0.7 x +10", "order surfaces step"},
 
+      {"block_in_ball", "length 1.2", ""},
+      {"block_in_ball", "length 1.3", "order"},
+      {"block_in_ball", "height 1.5 width 1.2", "order planes edges"},
+      {"rod_in_ball", "length 1.2", ""},
+      {"rod_in_ball", "length 1.5", "order"},
+      {"rod_in_ball", "radius 0.8 length 0.8", "order planes"},
+      {"block_in_rod", "length 1.15", ""},
+      {"block_in_rod", "length 1.3", "order"},
+      {"block_in_rod", "height 1.5 width 0.8", "order edges"},
+
       {"link", "turn 2 length 1.2", "order planes edges surfaces"},
       {"link", "spin 2.8", "order edges"},
       {"link", "big 0.8 small 1.3", "order surfaces step"},

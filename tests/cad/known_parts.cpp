@@ -476,6 +476,20 @@ NamedShape ball_in_box(const Sizes& s) {
   return cut(block(s), {ball("ball", at, s("radius"))});
 }
 
+// Small bodies, off the middle of a far field.
+NamedShape block_in_ball(const Sizes& s) {
+  return cut(ball("far", upright(0, 0, 0, 0), s("far")), {block(s)});
+}
+
+NamedShape rod_in_ball(const Sizes& s) {
+  return cut(ball("far", upright(0, 0, 0, 0), s("far")),
+             {rod("body", upright(s("x"), 0, 0, 0), s("radius"), s("length"))});
+}
+
+NamedShape block_in_rod(const Sizes& s) {
+  return cut(rod("far", upright(0, 0, -s("far"), 0), s("far"), 2 * s("far")), {block(s)});
+}
+
 NamedShape dumbbell(const Sizes& s) {
   const double half = 0.5 * s("length");
   const gp_Ax2 along = axes(gp_Pnt(-half, 0, 0), gp::DX(), s("seam"));
@@ -690,6 +704,9 @@ std::vector<KnownPart> make_parts() {
         {"z", 15},
         {"seam", 0}},
        ball_in_box},
+      {"block_in_ball", {{"length", 8}, {"width", 3}, {"height", 2}, {"far", 60}}, block_in_ball},
+      {"rod_in_ball", {{"length", 5}, {"radius", 2}, {"x", 1}, {"far", 60}}, rod_in_ball},
+      {"block_in_rod", {{"length", 8}, {"width", 3}, {"height", 2}, {"far", 60}}, block_in_rod},
       {"dumbbell", {{"length", 60}, {"bar", 5}, {"radius", 10}, {"seam", 0}}, dumbbell, true},
       {"link",
        {{"length", 80},
