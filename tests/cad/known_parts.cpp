@@ -476,18 +476,23 @@ NamedShape ball_in_box(const Sizes& s) {
   return cut(block(s), {ball("ball", at, s("radius"))});
 }
 
-// Small bodies, off the middle of a far field.
+// Small bodies in the middle of far fields.
+NamedShape middle_block(const Sizes& s) {
+  const gp_Pnt corner(0.5 * s("length"), 0.5 * s("width"), 0.5 * s("height"));
+  return box("body", gp_Pnt(-corner.X(), -corner.Y(), -corner.Z()), corner);
+}
+
 NamedShape block_in_ball(const Sizes& s) {
-  return cut(ball("far", upright(0, 0, 0, 0), s("far")), {block(s)});
+  return cut(ball("far", upright(0, 0, 0, 0), s("far")), {middle_block(s)});
 }
 
 NamedShape rod_in_ball(const Sizes& s) {
   return cut(ball("far", upright(0, 0, 0, 0), s("far")),
-             {rod("body", upright(s("x"), 0, 0, 0), s("radius"), s("length"))});
+             {rod("body", upright(0, 0, -0.5 * s("length"), 0), s("radius"), s("length"))});
 }
 
 NamedShape block_in_rod(const Sizes& s) {
-  return cut(rod("far", upright(0, 0, -s("far"), 0), s("far"), 2 * s("far")), {block(s)});
+  return cut(rod("far", upright(0, 0, -s("far"), 0), s("far"), 2 * s("far")), {middle_block(s)});
 }
 
 NamedShape dumbbell(const Sizes& s) {
@@ -705,7 +710,7 @@ std::vector<KnownPart> make_parts() {
         {"seam", 0}},
        ball_in_box},
       {"block_in_ball", {{"length", 8}, {"width", 3}, {"height", 2}, {"far", 60}}, block_in_ball},
-      {"rod_in_ball", {{"length", 5}, {"radius", 2}, {"x", 1}, {"far", 60}}, rod_in_ball},
+      {"rod_in_ball", {{"length", 4}, {"radius", 2}, {"far", 32}}, rod_in_ball},
       {"block_in_rod", {{"length", 8}, {"width", 3}, {"height", 2}, {"far", 60}}, block_in_rod},
       {"dumbbell", {{"length", 60}, {"bar", 5}, {"radius", 10}, {"seam", 0}}, dumbbell, true},
       {"link",
