@@ -34,8 +34,8 @@ constexpr double kSmallTurn = 0.2, kTurnBits = 12;
 // fit sixteen times worse: they change with the shape, but hardly ever come together by accident.
 constexpr double kParameterBits = 4;
 // A program writes what it wrote before in the same order: worth a fit 64 times as good, where that
-// order is no accident; with 9 bits rows of the corpus come out wrong, with 1 parts that were turned
-// as well. An accident has fewer bits than this.
+// order is no accident; with 9 bits rows of the corpus come out wrong, with 1 parts that were
+// turned as well. An accident has fewer bits than this.
 constexpr double kOrder = 6, kOrderBits = 20;
 constexpr double kSamePlace = 1e-9;     // of the diagonal: coincident copies are equally near
 constexpr double kHardlyTurned = 1e-3;  // radians: to look for other matches is of no use

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace cadmorph {
 namespace {
@@ -309,10 +310,15 @@ CurveMap::Way CurveMap::best_shift(bool is_reversed) const {
 }
 
 // Joints of a chain are where seams meet the curve, no places of the part, and the parameters of
-// free forms are what the modeller made of them: those of an intersection run unevenly.
+// free forms are what the modeller made of them: those of an intersection run unevenly. A circle
+// goes once round, in however many pieces.
 bool CurveMap::has_own_parameters() const {
   const auto is_natural = [](const CadModel& model, const CadCurve& curve) {
-    return curve.links.size() == 1 && !model.edges()[curve.links.front().edge].is_free_form;
+    const bool is_any_free = std::ranges::any_of(
+        curve.links, [&](const CurveLink& link) { return model.edges()[link.edge].is_free_form; });
+    const double turn = 2 * std::numbers::pi;
+    return !is_any_free &&
+           (curve.links.size() == 1 || std::abs(range(model, curve) - turn) < kSameRange * turn);
   };
   return is_natural(base_.model(), *base_curve_) && is_natural(variant_.model(), *variant_curve_);
 }

@@ -7,6 +7,7 @@
 #include "cad/alignment.h"
 #include "cad/face_sampler.h"
 #include "core/kd_tree.h"
+#include "surface/round_face.h"
 
 namespace cadmorph {
 namespace {
@@ -478,6 +479,32 @@ std::optional<FaceMapResult> without_spin(const FaceDomain& domain, const ModelP
   return project_points(pair, variant, still);
 }
 
+// The places that `carry` gives the points, corrected to meet the mapped curves and the joints.
+template <class Carry>
+FaceMapResult carry_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
+                         const Points& points, const Carry& carry) {
+  Points targets = carry(points);
+  std::vector<SampleMotion> marks;
+  for (const auto& sample : domain.samples()) {
+    const auto moved = motion_of(sample, pair, motion);
+    if (!moved) continue;
+    const bool is_new = std::ranges::none_of(marks, [&](const SampleMotion& mark) {
+      return (mark.from - moved->from).norm() < kDifferent * pair.base.diagonal();
+    });
+    if (is_new) marks.push_back(*moved);
+  }
+  if (!marks.empty()) {
+    Points from(static_cast<Index>(marks.size()), 3), to(from.rows(), 3);
+    for (Index i = 0; i < from.rows(); ++i) {
+      from.row(i) = marks[static_cast<std::size_t>(i)].from;
+      to.row(i) = marks[static_cast<std::size_t>(i)].to;
+    }
+    const RowMatrix missed = to - carry(from);
+    targets += RbfSystem(from, Kernel::biharmonic_3d()).solve(missed).evaluate(points);
+  }
+  return project_points(pair, pair.match.faces[domain.face()], targets);
+}
+
 double face_size(const CadModel& model, int face) {
   const CadFace& f = model.faces()[face];
   const Vector2d lengths = mean_derivatives(model, face).cwiseProduct(f.upper - f.lower);
@@ -488,6 +515,14 @@ double face_size(const CadModel& model, int face) {
 
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
                        const Parameters& uv, const Points& points, int steps) {
+  if (const auto carry = carry_round_face(pair, domain.face())) {
+    if (auto still = unchanged(domain, pair, motion, uv, points)) return std::move(*still);
+    return carry_face(domain, pair, motion, points, [&](const Points& from) {
+      Points to(from.rows(), 3);
+      for (Index i = 0; i < from.rows(); ++i) to.row(i) = (*carry)(from.row(i)).transpose();
+      return to;
+    });
+  }
   ParameterWarp warp(domain, pair, motion);
   const auto values = warp.sample_values();
   if (!values) {
@@ -534,26 +569,7 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const Fa
 
 FaceMapResult project_face(const FaceDomain& domain, const ModelPair& pair,
                            const FaceMotion& motion, const Points& points) {
-  Points targets = pair.prediction(points);
-  std::vector<SampleMotion> marks;
-  for (const auto& sample : domain.samples()) {
-    const auto moved = motion_of(sample, pair, motion);
-    if (!moved) continue;
-    const bool is_new = std::ranges::none_of(marks, [&](const SampleMotion& mark) {
-      return (mark.from - moved->from).norm() < kDifferent * pair.base.diagonal();
-    });
-    if (is_new) marks.push_back(*moved);
-  }
-  if (!marks.empty()) {
-    Points from(static_cast<Index>(marks.size()), 3), to(from.rows(), 3);
-    for (Index i = 0; i < from.rows(); ++i) {
-      from.row(i) = marks[static_cast<std::size_t>(i)].from;
-      to.row(i) = marks[static_cast<std::size_t>(i)].to;
-    }
-    const RowMatrix missed = to - pair.prediction(from);
-    targets += RbfSystem(from, Kernel::biharmonic_3d()).solve(missed).evaluate(points);
-  }
-  return project_points(pair, pair.match.faces[domain.face()], targets);
+  return carry_face(domain, pair, motion, points, pair.prediction);
 }
 
 }  // namespace cadmorph

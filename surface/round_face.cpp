@@ -1,0 +1,70 @@
+#include "surface/round_face.h"
+
+#include <Eigen/Geometry>
+#include <numbers>
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+constexpr double kSameFrame = 1e-6;  // radians
+
+/// A sphere (major radius 0) or a torus.
+struct RoundSurface {
+  Vector3d centre, axis, start;  ///< `start`: direction of u = 0
+  double major = 0, minor = 0;
+};
+
+RoundSurface round_surface(const CadModel& model, int face) {
+  const auto at = [&](double u, double v) -> Vector3d { return model.evaluate(face, {u, v}).point; };
+  RoundSurface s;
+  s.centre = 0.5 * (at(0, 0) + at(pi, 0));
+  s.start = (at(0, 0) - s.centre).normalized();
+  const Vector3d tube = model.faces()[face].type == SurfaceType::Torus
+                            ? Vector3d(0.5 * (at(0, 0) + at(0, pi)))
+                            : s.centre;
+  s.major = (tube - s.centre).norm();
+  s.minor = (at(0, 0) - tube).norm();
+  s.axis = (at(0, 0.5 * pi) - tube).normalized();
+  return s;
+}
+
+bool runs_alike(const RoundSurface& a, const RoundSurface& b, const Eigen::Matrix3d& turn) {
+  return (turn * a.axis - b.axis).norm() < kSameFrame &&
+         (a.major == 0 || (turn * a.start - b.start).norm() < kSameFrame);
+}
+
+}  // namespace
+
+std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face) {
+  const int variant_face = pair.match.faces[static_cast<std::size_t>(base_face)];
+  const CadFace& base = pair.base.faces()[base_face];
+  const SurfaceType type = base.type;
+  const bool is_whole = base.period[0] > 0 && base.period[1] > 0;
+  if (type != pair.variant.faces()[variant_face].type ||
+      (type != SurfaceType::Sphere && (type != SurfaceType::Torus || !is_whole)))
+    return std::nullopt;
+  const RoundSurface from = round_surface(pair.base, base_face),
+                     to = round_surface(pair.variant, variant_face);
+  const Eigen::Matrix3d turn = pair.match.alignment.rotation;
+  if (runs_alike(from, to, turn)) return std::nullopt;
+  if (type == SurfaceType::Sphere)
+    return [=](const Vector3d& x) -> Vector3d {
+      return to.centre + to.minor / from.minor * (turn * (x - from.centre));
+    };
+  const Vector3d axis = (turn * from.axis).dot(to.axis) < 0 ? Vector3d(-to.axis) : to.axis;
+  return [=](const Vector3d& x) -> Vector3d {
+    const Vector3d way = x - from.centre;
+    const double height = way.dot(from.axis);
+    const Vector3d out = way - height * from.axis;
+    const Vector3d turned = turn * out;
+    const Vector3d along = (turned - turned.dot(axis) * axis).normalized();
+    const double stretch = to.minor / from.minor;
+    return to.centre + (to.major + stretch * (out.norm() - from.major)) * along +
+           stretch * height * axis;
+  };
+}
+
+}  // namespace cadmorph
