@@ -37,8 +37,9 @@ constexpr double kParameterBits = 4;
 // order is no accident; with 9 bits rows of the corpus come out wrong, with 1 parts that were
 // turned as well. An accident has fewer bits than this.
 constexpr double kOrder = 6, kOrderBits = 20;
-constexpr double kSamePlace = 1e-9;     // of the diagonal: coincident copies are equally near
-constexpr double kHardlyTurned = 1e-3;  // radians: to look for other matches is of no use
+constexpr double kStill = 0.5;       // of the fitted distance: standing still fits clearly better
+constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are equally near
+constexpr double kHardlyTurned = 1e-3;           // radians: to look for other matches is of no use
 constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours: exchanged pairs among 40 stand out
 // Smoother than a thousandth of the diagonal is a change of shape, not an exchange; one that does
 // not get a tenth smoother has come to its end.
@@ -332,7 +333,7 @@ void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match)
   align(base.model, variant.model, match);
   // Where most stands still, as a far field about a small body, it stands still.
   if (!match.is_congruent && distance_after(base, variant, match, {}) <
-                                 distance_after(base, variant, match, match.alignment))
+                                 kStill * distance_after(base, variant, match, match.alignment))
     match.alignment = {};
   // Congruent shapes don't deform, though the sampled centroids of their faces may differ; whether
   // they turned is told by their parameters.

@@ -401,7 +401,8 @@ void CurveMap::find_starts() {
   }
   const bool is_reversed = turned_.is_reversed;
   auto& [by_parameters, in_place, with_part, predicted] = starts_;
-  if (has_equal_links || has_equal_range())
+  // A circle that seams cut elsewhere starts nowhere.
+  if (has_equal_links || (has_equal_range() && !has_own_parameters()))
     by_parameters = by_face(has_equal_links ? best_shift(is_reversed) : best_start(is_reversed));
   else if (!has_own_parameters())
     find_progress();

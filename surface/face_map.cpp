@@ -444,16 +444,20 @@ std::optional<FaceMapResult> unchanged(const FaceDomain& domain, const ModelPair
   return result;
 }
 
+// Whether a wire of the face, or a joint within it, tells of a motion.
+bool has_marks(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion) {
+  return std::ranges::any_of(domain.samples(), [&](const FaceDomain::Sample& sample) {
+    return motion_of(sample, pair, motion).has_value();
+  });
+}
+
 // A face without wires, such as a ball, whose parameters spin it neither with the part nor as it
 // was: only a seam moved, so the nodes go where they would without the spin. Nothing where that is
 // no place of the variant's surface, or the parameters are right.
 std::optional<FaceMapResult> without_spin(const FaceDomain& domain, const ModelPair& pair,
                                           const FaceMotion& motion, const Parameters& mapped,
                                           const Points& points) {
-  if (std::ranges::any_of(domain.samples(), [&](const FaceDomain::Sample& sample) {
-        return motion_of(sample, pair, motion).has_value();
-      }))
-    return std::nullopt;
+  if (has_marks(domain, pair, motion)) return std::nullopt;
   const int variant = pair.match.faces[domain.face()];
   std::vector<Vector3d> from, to;
   for (const Index i : probe_rows(points.rows())) {
@@ -515,7 +519,11 @@ double face_size(const CadModel& model, int face) {
 
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
                        const Parameters& uv, const Points& points, int steps) {
-  if (const auto carry = carry_round_face(pair, domain.face())) {
+  const bool is_sphere = pair.base.faces()[domain.face()].type == SurfaceType::Sphere;
+  const auto carry = is_sphere || !has_marks(domain, pair, motion)
+                         ? carry_round_face(pair, domain.face())
+                         : std::nullopt;
+  if (carry) {
     if (auto still = unchanged(domain, pair, motion, uv, points)) return std::move(*still);
     return carry_face(domain, pair, motion, points, [&](const Points& from) {
       Points to(from.rows(), 3);

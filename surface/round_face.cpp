@@ -18,7 +18,9 @@ struct RoundSurface {
 };
 
 RoundSurface round_surface(const CadModel& model, int face) {
-  const auto at = [&](double u, double v) -> Vector3d { return model.evaluate(face, {u, v}).point; };
+  const auto at = [&](double u, double v) -> Vector3d {
+    return model.evaluate(face, {u, v}).point;
+  };
   RoundSurface s;
   s.centre = 0.5 * (at(0, 0) + at(pi, 0));
   s.start = (at(0, 0) - s.centre).normalized();
@@ -40,11 +42,9 @@ bool runs_alike(const RoundSurface& a, const RoundSurface& b, const Eigen::Matri
 
 std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face) {
   const int variant_face = pair.match.faces[static_cast<std::size_t>(base_face)];
-  const CadFace& base = pair.base.faces()[base_face];
-  const SurfaceType type = base.type;
-  const bool is_whole = base.period[0] > 0 && base.period[1] > 0;
+  const SurfaceType type = pair.base.faces()[base_face].type;
   if (type != pair.variant.faces()[variant_face].type ||
-      (type != SurfaceType::Sphere && (type != SurfaceType::Torus || !is_whole)))
+      (type != SurfaceType::Sphere && type != SurfaceType::Torus))
     return std::nullopt;
   const RoundSurface from = round_surface(pair.base, base_face),
                      to = round_surface(pair.variant, variant_face);

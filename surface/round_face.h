@@ -11,7 +11,7 @@ namespace cadmorph {
 /// Carries points of a base face onto its variant's surface (millimetres).
 using FaceCarry = std::function<Eigen::Vector3d(const Eigen::Vector3d&)>;
 
-/// Of two spheres, or two whole tori, whose parameters don't run alike under the match's alignment:
+/// Of two spheres, or two tori, whose parameters don't run alike under the match's alignment:
 /// the map of the one onto the other that owes nothing to them. Where a kernel puts the poles of a
 /// sphere or the seams of a torus tells nothing of the part. Nothing for other faces.
 std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face);
