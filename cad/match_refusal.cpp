@@ -69,7 +69,8 @@ int open_edges(const CadModel& model) {
 std::string remedy(const MatchSide& base, const MatchSide& variant) {
   const int b = open_edges(base.model), v = open_edges(variant.model);
   if ((b == 0) == (v == 0))
-    return "A feature was added, removed or split; use a variant with the same topology.";
+    return "A feature was added, removed or split; use a variant with the same topology, "
+           "written by the same program with the same settings (some cut closed faces in two).";
   const bool is_base = b > 0;
   return std::string("The faces of the ") + (is_base ? "base" : "variant") +
          " are not joined along " + std::to_string(is_base ? b : v) +

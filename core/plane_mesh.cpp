@@ -1,6 +1,8 @@
 #include "core/plane_mesh.h"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 #include <vector>
 
 #include "core/boundary.h"
@@ -10,6 +12,7 @@ namespace cadmorph {
 namespace {
 
 constexpr double kFlat = 1e-12;
+constexpr double kFewTurned = 0.05;  // of the area: more is meant
 
 // Corners of a shell cell in their order round it.
 std::vector<Index> loop(const Mesh& mesh, Index cell) {
@@ -67,6 +70,24 @@ Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& points) {
 Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& before, const Points& after) {
   const Eigen::Vector3d normal = plane_normal(mesh, before);
   return normal == plane_normal(mesh, after) ? normal : Eigen::Vector3d::Zero();
+}
+
+std::vector<Index> turned_cells(const Mesh& mesh, const Points& points) {
+  const int axis = flat_axis(mesh, points);
+  std::vector<Index> with, against;
+  double area_with = 0, area_against = 0;
+  for (Index c = 0; c < mesh.cell_count() && axis >= 0; ++c) {
+    if (dimension(mesh.types[c]) != 2) continue;
+    const double area = doubled_area(loop(mesh, c), points, axis);
+    (area < 0 ? against : with).push_back(c);
+    (area < 0 ? area_against : area_with) += std::abs(area);
+  }
+  if (area_against > area_with) {
+    std::swap(with, against);
+    std::swap(area_with, area_against);
+  }
+  if (area_against > kFewTurned * area_with) against.clear();
+  return against;
 }
 
 Mesh one_layer(const Mesh& mesh, const Points& points) {

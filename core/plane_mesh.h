@@ -18,6 +18,11 @@ Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& points);
 /// is not in one plane, or not in the same.
 Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& before, const Points& after);
 
+/// The cells of a plane mesh that are turned over: they go round the other way than all but a
+/// twentieth of its area does at `points` (N x 3); ids, ascending. None where more does, as in
+/// shells whose normals differ from part to part.
+std::vector<Index> turned_cells(const Mesh& mesh, const Points& points);
+
 /// A plane mesh as one layer of solid cells 1 thick, as finite-volume programs take it: wedges,
 /// hexahedra and polyhedra in the place of its triangles, quads and polygons (corners alone), its
 /// other cells as they are. Node n of N lies at `points` (N x 3), node N + n off the plane. Volumes

@@ -14,6 +14,7 @@
 #include "core/errors.h"
 #include "core/isoparametric.h"
 #include "core/parallel.h"
+#include "core/plane_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -327,6 +328,15 @@ std::vector<Index> measure_cells(const Mesh& mesh, const Points& points,
   return all;
 }
 
+// Shell cells have no sign of their own, those of a plane mesh that of the others.
+void count_turned_cells(const Mesh& mesh, const Points& points, QualityReport& report) {
+  if (dimension(mesh) != 2) return;
+  const std::vector<Index> turned = turned_cells(mesh, points), found = report.inverted_cells;
+  for (const Index c : turned) report.values[c] = -std::abs(report.values[c]);
+  report.inverted_cells.clear();
+  std::ranges::set_union(found, turned, std::back_inserter(report.inverted_cells));
+}
+
 }  // namespace
 
 double scaled_jacobian(const Mesh& mesh, const Points& points, Index c) {
@@ -378,6 +388,7 @@ QualityReport measure_quality(const Mesh& mesh, const Points& points,
   report.values.assign(mesh.cell_count(), std::numeric_limits<double>::quiet_NaN());
   report.inverted_cells = measure_cells(
       mesh, points, orientation, std::views::iota(Index{0}, mesh.cell_count()), report.values);
+  count_turned_cells(mesh, points, report);
   summarise(report);
   return report;
 }
@@ -391,6 +402,7 @@ QualityReport measure_again(QualityReport before, const Mesh& mesh, const Points
       measure_cells(mesh, points, orientation, cells, before.values);
   before.inverted_cells.clear();
   std::ranges::set_union(others, inverted, std::back_inserter(before.inverted_cells));
+  count_turned_cells(mesh, points, before);
   summarise(before);
   return before;
 }

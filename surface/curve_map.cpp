@@ -401,8 +401,7 @@ void CurveMap::find_starts() {
   }
   const bool is_reversed = turned_.is_reversed;
   auto& [by_parameters, in_place, with_part, predicted] = starts_;
-  // A circle that seams cut elsewhere starts nowhere.
-  if (has_equal_links || (has_equal_range() && !has_own_parameters()))
+  if (has_equal_links || has_equal_range())
     by_parameters = by_face(has_equal_links ? best_shift(is_reversed) : best_start(is_reversed));
   else if (!has_own_parameters())
     find_progress();
@@ -415,6 +414,11 @@ void CurveMap::find_starts() {
   with_part = is_same_ ? Way{Mode::Nearest, is_reversed, 0, 0} : turned_by(alignment_);
   if (is_same_ && by_parameters && is_reparametrised(*by_parameters, *with_part))
     by_parameters = with_part;
+  // A circle that seams cut elsewhere starts where its pieces say only if that hardly turns it.
+  if (by_parameters && !has_equal_links && has_own_parameters() &&
+      turn(*by_parameters, images(*in_place)) > kTurnUnit &&
+      turn(*by_parameters, images(*with_part)) > kTurnUnit)
+    by_parameters.reset();
   is_free_form_ = !pair_->match.is_congruent && starts_at_free_form();
 }
 
@@ -459,16 +463,17 @@ bool CurveMap::starts_at_free_form() const {
   return is_free(base_.model(), *base_curve_) || is_free(variant_.model(), *variant_curve_);
 }
 
+// By how much a closed curve is laid otherwise than there, in radians of a circle.
+double CurveMap::turn(const Way& way, const Images& against) const {
+  return deviation(way, against) / root_mean_square(against, Images(kProbes, mean(against)));
+}
+
 void CurveMap::rate_starts(const std::optional<Similarity>& around) {
   auto& [by_parameters, in_place, with_part, predicted] = starts_;
   predicted = around ? turned_by(*around) : best_phase(turned_, predicted_);
   Images expected = images(*predicted);
   if (is_same_ && !around)
     for (int i = 0; i < kProbes; ++i) expected[i] = variant_.nearest(predicted_[i]).point;
-  const double radius = root_mean_square(expected, Images(kProbes, mean(expected)));
-  const auto turn = [&](const Way& way, const Images& against) {
-    return deviation(way, against) / radius;
-  };
   const auto bits = [&](const Way& way) { return std::log2(1 + turn(way, expected) / kTurnUnit); };
   costs_[1] = bits(*in_place);
   costs_[2] = bits(*with_part);

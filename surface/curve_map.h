@@ -96,6 +96,7 @@ class CurveMap {
   bool has_equal_range() const;
   Images images(const Way& way) const;
   double deviation(const Way& way, const Images& from) const;
+  double turn(const Way& way, const Images& against) const;
   Way best_phase(Way way, const Images& to) const;
   Way polished(Way way, const Images& to) const;
   Way choose();

@@ -444,11 +444,19 @@ std::optional<FaceMapResult> unchanged(const FaceDomain& domain, const ModelPair
   return result;
 }
 
-// Whether a wire of the face, or a joint within it, tells of a motion.
-bool has_marks(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion) {
-  return std::ranges::any_of(domain.samples(), [&](const FaceDomain::Sample& sample) {
-    return motion_of(sample, pair, motion).has_value();
-  });
+// What wires of the face, and joints within it, tell of its motion: each place once.
+std::vector<SampleMotion> marks_of(const FaceDomain& domain, const ModelPair& pair,
+                                   const FaceMotion& motion) {
+  std::vector<SampleMotion> marks;
+  for (const auto& sample : domain.samples()) {
+    const auto moved = motion_of(sample, pair, motion);
+    if (!moved) continue;
+    const bool is_new = std::ranges::none_of(marks, [&](const SampleMotion& mark) {
+      return (mark.from - moved->from).norm() < kDifferent * pair.base.diagonal();
+    });
+    if (is_new) marks.push_back(*moved);
+  }
+  return marks;
 }
 
 // A face without wires, such as a ball, whose parameters spin it neither with the part nor as it
@@ -457,7 +465,7 @@ bool has_marks(const FaceDomain& domain, const ModelPair& pair, const FaceMotion
 std::optional<FaceMapResult> without_spin(const FaceDomain& domain, const ModelPair& pair,
                                           const FaceMotion& motion, const Parameters& mapped,
                                           const Points& points) {
-  if (has_marks(domain, pair, motion)) return std::nullopt;
+  if (!marks_of(domain, pair, motion).empty()) return std::nullopt;
   const int variant = pair.match.faces[domain.face()];
   std::vector<Vector3d> from, to;
   for (const Index i : probe_rows(points.rows())) {
@@ -488,15 +496,7 @@ template <class Carry>
 FaceMapResult carry_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
                          const Points& points, const Carry& carry) {
   Points targets = carry(points);
-  std::vector<SampleMotion> marks;
-  for (const auto& sample : domain.samples()) {
-    const auto moved = motion_of(sample, pair, motion);
-    if (!moved) continue;
-    const bool is_new = std::ranges::none_of(marks, [&](const SampleMotion& mark) {
-      return (mark.from - moved->from).norm() < kDifferent * pair.base.diagonal();
-    });
-    if (is_new) marks.push_back(*moved);
-  }
+  const std::vector<SampleMotion> marks = marks_of(domain, pair, motion);
   if (!marks.empty()) {
     Points from(static_cast<Index>(marks.size()), 3), to(from.rows(), 3);
     for (Index i = 0; i < from.rows(); ++i) {
@@ -520,9 +520,13 @@ double face_size(const CadModel& model, int face) {
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
                        const Parameters& uv, const Points& points, int steps) {
   const bool is_sphere = pair.base.faces()[domain.face()].type == SurfaceType::Sphere;
-  const auto carry = is_sphere || !has_marks(domain, pair, motion)
-                         ? carry_round_face(pair, domain.face())
-                         : std::nullopt;
+  std::vector<Vector3d> from, to;
+  for (const SampleMotion& mark : marks_of(domain, pair, motion)) {
+    from.push_back(mark.from);
+    to.push_back(mark.to);
+  }
+  const auto carry =
+      is_sphere || from.empty() ? carry_round_face(pair, domain.face(), from, to) : std::nullopt;
   if (carry) {
     if (auto still = unchanged(domain, pair, motion, uv, points)) return std::move(*still);
     return carry_face(domain, pair, motion, points, [&](const Points& from) {

@@ -483,8 +483,9 @@ void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& bou
     association.is_free[n] = !is_outside;
     if (!is_outside) continue;
     ++unmatched;
-    if (example < 0) example = n;
-    unexpected += !std::ranges::binary_search(expected_off, boundary.nodes[n]);
+    const bool is_unexpected = !std::ranges::binary_search(expected_off, boundary.nodes[n]);
+    if (example < 0 || (is_unexpected && unexpected == 0)) example = n;
+    unexpected += is_unexpected;
   }
   if (unmatched == 0) return;
   if (covered_faces(base, surface, association) < kLeastCovered)

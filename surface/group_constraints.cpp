@@ -237,6 +237,21 @@ void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
                               "a surface or a zone; these nodes follow the volume without it");
 }
 
+void refuse_rigid_on_cad(const Mesh& mesh, const Boundary& boundary,
+                         const GroupConstraints& constraints, const Association& association) {
+  for (const std::string& name : constraints.rigid) {
+    const std::vector<int> rows = rows_of_group(mesh, boundary, name);
+    const auto on_cad = std::ranges::count_if(
+        rows, [&](int row) { return association.dimension[row] != CadDimension::None; });
+    if (2 * on_cad > std::ssize(rows))
+      throw InvalidInputError("the group '" + name +
+                              "' lies on the CAD, which moves it: only what the CAD does not tell "
+                              "of, as the interface round a rotor, can move with the part nearest "
+                              "to it. Leave it out: a part that only turns or shifts keeps its "
+                              "shape");
+  }
+}
+
 std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
                                               const GroupConstraints& constraints,
                                               const Association& association,
@@ -258,10 +273,9 @@ std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& 
       describe(name, "follow the volume", kOnCad);
   // Patches that slide are moved by what touches them.
   std::vector<char> is_moved(association.dimension.size(), 0);
-  for (const FreePatch& patch : patches)
+  for (const FreePatch& patch : patches)  // what it shares with others tells nothing of it
     if (!patch.touched.empty())
-      for (const auto* nodes : {&patch.inner, &patch.border})
-        for (const int n : *nodes) is_moved[n] = 1;
+      for (const int n : patch.inner.empty() ? patch.border : patch.inner) is_moved[n] = 1;
   for (const std::string& name : constraints.sliding) {
     const std::vector<int> rows = rows_of_group(mesh, boundary, name);
     if (is_all(rows, is_on_cad))

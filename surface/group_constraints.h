@@ -69,6 +69,11 @@ std::vector<char> mark_parts_inside(const Mesh& mesh, const Boundary& boundary,
 void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
                                 const GroupConstraints& constraints);
 
+/// Throws InvalidInputError for a group that is to move as one piece with another part but lies on
+/// the CAD for the most part: the CAD moves it. `association`: without the constraints.
+void refuse_rigid_on_cad(const Mesh& mesh, const Boundary& boundary,
+                         const GroupConstraints& constraints, const Association& association);
+
 /// A line for each group that does not do what it is to, or not with all of its nodes: they lie on
 /// the CAD, which moves them, or nothing touches it, or some lie inside on no face of the group.
 /// `association`: with the constraints applied.

@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <numbers>
 
+#include "cad/alignment.h"
+
 namespace cadmorph {
 namespace {
 
@@ -38,9 +40,23 @@ bool runs_alike(const RoundSurface& a, const RoundSurface& b, const Eigen::Matri
          (a.major == 0 || (turn * a.start - b.start).norm() < kSameFrame);
 }
 
+// The rotation about the centres that carries marks onto their images; least squares.
+Eigen::Matrix3d turn_of_marks(const RoundSurface& base, const RoundSurface& variant,
+                              const std::vector<Vector3d>& from, const std::vector<Vector3d>& to) {
+  std::vector<Vector3d> before, after;
+  for (std::size_t i = 0; i < from.size(); ++i)
+    for (const double side : {1.0, -1.0}) {  // so that the centres are the means
+      before.push_back(side * (from[i] - base.centre));
+      after.push_back(side * (to[i] - variant.centre));
+    }
+  return fit_similarity(before, after).rotation;
+}
+
 }  // namespace
 
-std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face) {
+std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face,
+                                          const std::vector<Vector3d>& marks,
+                                          const std::vector<Vector3d>& marked) {
   const int variant_face = pair.match.faces[static_cast<std::size_t>(base_face)];
   const SurfaceType type = pair.base.faces()[base_face].type;
   if (type != pair.variant.faces()[variant_face].type ||
@@ -48,8 +64,9 @@ std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face) 
     return std::nullopt;
   const RoundSurface from = round_surface(pair.base, base_face),
                      to = round_surface(pair.variant, variant_face);
-  const Eigen::Matrix3d turn = pair.match.alignment.rotation;
+  Eigen::Matrix3d turn = pair.match.alignment.rotation;
   if (runs_alike(from, to, turn)) return std::nullopt;
+  if (!marks.empty()) turn = turn_of_marks(from, to, marks, marked);
   if (type == SurfaceType::Sphere)
     return [=](const Vector3d& x) -> Vector3d {
       return to.centre + to.minor / from.minor * (turn * (x - from.centre));

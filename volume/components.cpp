@@ -1,6 +1,7 @@
 #include "volume/components.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <limits>
 #include <map>
@@ -108,6 +109,25 @@ class NodesOfRegions {
   std::map<std::pair<Index, int>, Index> other_ids_;
 };
 
+// Joins free nodes that lie at one place: the two sides of a crack, or of an interface between
+// parts that share no node, stay together.
+void join_twins(const Mesh& mesh, const std::vector<char>& is_prescribed, DisjointSets& sets) {
+  std::vector<Index> size(static_cast<std::size_t>(mesh.node_count()), 0), free;
+  for (Index n = 0; n < mesh.node_count(); ++n) ++size[sets.find(n)];
+  Index parts = 0;
+  for (Index n = 0; n < mesh.node_count(); ++n) {
+    parts += size[n] > 1;
+    if (!is_prescribed[n] && size[sets.find(n)] > 1) free.push_back(n);
+  }
+  if (parts < 2) return;
+  const auto place = [&](Index n) {
+    return std::array{mesh.points(n, 0), mesh.points(n, 1), mesh.points(n, 2)};
+  };
+  std::ranges::sort(free, {}, place);
+  for (std::size_t i = 1; i < free.size(); ++i)
+    if (place(free[i]) == place(free[i - 1])) sets.join(free[i], free[i - 1]);
+}
+
 }  // namespace
 
 std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes) {
@@ -119,6 +139,7 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
   }
   const NodesOfRegions nodes(mesh, is_prescribed);
   DisjointSets sets = nodes.joined_by_cells();
+  join_twins(mesh, is_prescribed, sets);
   std::vector<Index> size(nodes.count(), 0), component(nodes.count(), 0);
   for (Index id = 0; id < nodes.count(); ++id) ++size[sets.find(id)];
   std::size_t count = 0;

@@ -7,6 +7,7 @@
 #include "core/archive_types.h"
 #include "core/blas.h"
 #include "core/parallel.h"
+#include "core/plane_mesh.h"
 #include "surface/motion_path.h"
 
 namespace cadmorph {
@@ -135,15 +136,18 @@ void BaseSide::fill_report() {
   report.can_repair = options.can_repair;
   report.threads = thread_count();
   report.blas_kernel = blas_kernel();
-  if (validity.invalid > 0) warn_of_inverted();
+  if (validity.invalid > 0 ||
+      (quality.inverted > 0 && !plane_normal(mesh(), mesh().points).isZero(0)))
+    warn_of_inverted();
 }
 
 // Before the work goes on: what is inverted already may take long to no end.
 void BaseSide::warn_of_inverted() {
   misordered = misordered_cells(mesh(), neighbours, orientation, validity.invalid_cells);
-  std::string text = "the input mesh has " + std::to_string(validity.invalid) +
-                     " inverted cells already, the first is " +
-                     cell_name(mesh(), validity.invalid_cells.front());
+  const std::vector<Index>& inverted =
+      validity.invalid > 0 ? validity.invalid_cells : quality.inverted_cells;
+  std::string text = "the input mesh has " + std::to_string(inverted.size()) +
+                     " inverted cells already, the first is " + cell_name(mesh(), inverted.front());
   if (!misordered.empty())
     text += "; the nodes of " + std::to_string(misordered.size()) +
             " of them are in a wrong order (" + cell_name(mesh(), misordered.front()) +

@@ -54,7 +54,10 @@ std::string likely_mistake(const CadModel& base, const CadModel& variant, const 
                            double mm) {
   std::string mistake = likely_mistake(base, mesh, mm);
   if (!mistake.empty() || variant.file_name() == base.file_name()) return mistake;
-  const auto place = find_place(variant, mesh, extract_boundary(mesh), mm);
+  const Boundary boundary = extract_boundary(mesh);
+  // A mesh that fits both as well lies on neither.
+  if (find_place(base, mesh, boundary, mm)) return "";
+  const auto place = find_place(variant, mesh, boundary, mm);
   if (!place || place->shift.norm() > kNoShift * variant.diagonal()) return "";
   return "the mesh lies on " + variant.file_name() + ", the second CAD model, not on " +
          base.file_name() +

@@ -9,10 +9,10 @@ namespace {
 
 // A file may name another unit than its numbers are in.
 void check_unit(const CadModel& base, const CadModel& variant, PipelineReport& figures) {
-  constexpr double kOtherUnit = 5;  // cm for mm and the like
+  constexpr double kOtherUnit = 5, kFarOff = 9;  // cm for mm and the like; no design grows so
   const double ratio = variant.diagonal() / base.diagonal();
-  if (base.file_unit() == variant.file_unit() || (ratio < kOtherUnit && ratio * kOtherUnit > 1))
-    return;
+  const double least = base.file_unit() == variant.file_unit() ? kFarOff : kOtherUnit;
+  if (ratio < least && ratio * least > 1) return;
   std::ostringstream text;
   text << variant.file_name() << " (unit " << variant.file_unit() << ") is " << ratio
        << " times the size of " << base.file_name() << " (unit " << base.file_unit()

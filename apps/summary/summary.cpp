@@ -81,10 +81,8 @@ std::string solver_line(const PipelineReport& report) {
   const int steps = report.stepping.steps;
   const std::string steps_text = format("; %d step%s", steps, steps == 1 ? "" : "s");
   if (report.interior_nodes == 0)
-    return "none, whatever the method and kernel: no node lies inside, the warps of the CAD's "
-           "faces "
-           "move all" +
-           steps_text;
+    return "none, whatever the method, the kernel and the steps: no node lies inside, the warps of "
+           "the CAD's faces move all";
   if (report.method != MorphMethod::Rbf)
     return to_string(report.method) + ", " + with_commas(solver.centres) + " surface nodes" +
            steps_text;

@@ -204,6 +204,7 @@ class Reader {
         text.fail("expected the name of a physical group in quotes");
       groups_[{dimension, tag}].name = line.substr(first + 1, last - first - 1);
       group_order_.push_back({dimension, tag});
+      named_volumes_ += dimension == 3;
     }
     text.skip_space();
     const std::size_t place = text.place();
@@ -402,7 +403,8 @@ class Reader {
   }
 
   void add_to_group(int dimension, Index tag, const GmshElement& kind) {
-    if (tag == 0 || dimension == 3) return;  // volumes are regions
+    if (tag == 0) return;
+    if (dimension == 3) return add_to_zone(tag, kind);
     if (!last_group_ || last_key_ != EntityKey{dimension, tag}) {
       last_key_ = {dimension, tag};
       const auto [entry, is_new] = groups_.try_emplace(last_key_);
@@ -411,6 +413,16 @@ class Reader {
     }
     last_group_->nodes.insert(last_group_->nodes.end(), file_nodes_.begin(),
                               file_nodes_.begin() + kind.nodes);
+  }
+
+  // Volumes are regions; where several have names they are named parts, too.
+  void add_to_zone(Index tag, const GmshElement& kind) {
+    if (named_volumes_ < 2) return;
+    Group& zone = groups_[{3, tag}];
+    if (zone.name.empty()) return;
+    zone.is_in.resize(numbers_.size(), 0);
+    for (const Index node : std::span(file_nodes_).first(std::size_t(kind.nodes)))
+      zone.is_in[std::size_t(node)] = 1;
   }
 
   void read_element_blocks() {
@@ -522,6 +534,9 @@ class Reader {
     for (const EntityKey& key : group_order_) {
       Group& group = groups_[key];
       const auto [group_dimension, tag] = key;
+      for (Index n = 0; n < std::ssize(group.is_in); ++n)
+        if (group.is_in[std::size_t(n)]) group.nodes.push_back(n);
+      group.is_in.clear();
       if (group_dimension > highest || group.nodes.empty()) continue;
       if (group.name.empty())
         group.name =
@@ -562,6 +577,7 @@ class Reader {
   struct Group {
     std::string name;
     std::vector<Index> nodes;
+    std::vector<char> is_in = {};  ///< of a volume: marks its nodes
   };
 
   const fs::path& path_;
@@ -580,6 +596,7 @@ class Reader {
   std::map<EntityKey, Entity> entities_;
   std::map<EntityKey, Group> groups_;
   std::vector<EntityKey> group_order_;
+  int named_volumes_ = 0;
   Group* last_group_ = nullptr;
   EntityKey last_key_;
 

@@ -469,6 +469,59 @@ TEST_CASE("a capsule that grows longer moves its dome as it is", "[surface][pole
   }
 }
 
+TEST_CASE("the poles of spheres and the seams of tori may lie anywhere", "[surface][pole][seam]") {
+  const gp_Pnt middle(0, 0, 30);
+  // A pin with a round head, a ball and a ring in blocks.
+  const auto pin = [&](double radius, double height, const gp_Dir& pole) {
+    const gp_Pnt top(0, 0, height);
+    return BRepAlgoAPI_Fuse(BRepPrimAPI_MakeCylinder(radius, height).Solid(),
+                            BRepPrimAPI_MakeSphere(gp_Ax2(top, pole), radius).Solid())
+        .Shape();
+  };
+  const auto block = [&](const TopoDS_Shape& inside) {
+    return BRepAlgoAPI_Cut(BRepPrimAPI_MakeBox(gp_Pnt(-30, -30, 0), gp_Pnt(30, 30, 60)).Solid(),
+                           inside)
+        .Shape();
+  };
+  const auto ball = [&](double radius, const gp_Dir& pole) {
+    return block(BRepPrimAPI_MakeSphere(gp_Ax2(middle, pole), radius).Solid());
+  };
+  const auto ring = [&](double major, double minor, const gp_Dir& axis, const gp_Dir& start) {
+    return block(BRepPrimAPI_MakeTorus(gp_Ax2(middle, axis, start), major, minor).Solid());
+  };
+  const auto check = [](const TopoDS_Shape& base, const TopoDS_Shape& variant,
+                        const std::function<Vector3d(const Vector3d&)>& map) {
+    const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.2));
+    const Points before = surface_points(c.boundary, c.mesh.points);
+    const auto moved = morph_surface(c, to_model(variant));
+    CHECK(largest_difference(moved.positions, images(before, map)) < 1e-6 * c.diagonal);
+  };
+  const gp_Dir up(0, 0, 1), down(0, 0, -1), aside(1, 0, 0), askew(1, 2, -2), tilted(2, 1, 1);
+  for (const gp_Dir& pole : {up, down, askew, tilted})
+    for (const bool is_of_base : {false, true}) {
+      CAPTURE(pole.X(), pole.Z(), is_of_base);
+      const gp_Dir before = is_of_base ? pole : up, after = is_of_base ? up : pole;
+      check(ball(8, before), ball(11, after), [](const Vector3d& x) -> Vector3d {
+        const Vector3d way = x - Vector3d(0, 0, 30);
+        return way.norm() > 15 ? x : Vector3d(Vector3d(0, 0, 30) + 11.0 / 8 * way);
+      });
+      check(pin(10, 30, before), pin(12, 40, after), [](const Vector3d& x) -> Vector3d {
+        const double z = x.z() < 30 ? 40.0 / 30 * x.z() : 40 + 1.2 * (x.z() - 30);
+        return {1.2 * x.x(), 1.2 * x.y(), z};
+      });
+    }
+  for (const gp_Dir& axis : {up, down}) {
+    CAPTURE(axis.Z());
+    check(ring(12, 4, up, aside), ring(14, 5, axis, gp_Dir(1, 1.3, 0)),
+          [](const Vector3d& x) -> Vector3d {
+            const Vector3d out(x.x(), x.y(), 0);
+            if (out.norm() > 20 || std::abs(x.z() - 30) > 10) return x;
+            const double height = 1.25 * (x.z() - 30), far = 14 + 1.25 * (out.norm() - 12);
+            return far * out.normalized() + Vector3d(0, 0, 30 + height);
+          });
+  }
+}
+
 TEST_CASE("a hole that moves far leaves no fold unreported", "[surface][fold]") {
   for (const double to : {20.0, 30.0, 45.0, 50.0}) {
     DYNAMIC_SECTION("to " << to) {

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <map>
 
 #include "../core/sample_meshes.h"
 #include "core/boundary.h"
@@ -33,6 +34,35 @@ TEST_CASE("Regions are components where their interface is prescribed", "[volume
 TEST_CASE("Regions with a free interface node are one component", "[volume]") {
   const Mesh mesh = two_halves();
   CHECK(split_components(mesh, cube_surface(mesh)).size() == 1);
+}
+
+TEST_CASE("Parts whose free nodes lie two at a place are one component", "[volume]") {
+  const Mesh joined = two_halves();
+  Mesh mesh = joined;  // each half with nodes of its own
+  std::map<Index, Index> twin;
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (mesh.regions[c] == joined.regions[0]) continue;
+    for (Index i = mesh.offsets[c]; i < mesh.offsets[c + 1]; ++i) {
+      Index& node = mesh.connectivity[i];
+      if (std::abs(joined.points(node, 0) - 0.5) > 1e-9) continue;
+      const auto [entry, is_new] = twin.try_emplace(node, mesh.node_count());
+      if (is_new) {
+        mesh.points.conservativeResize(mesh.node_count() + 1, 3);
+        mesh.points.bottomRows(1) = joined.points.row(node);
+      }
+      node = entry->second;
+    }
+  }
+  std::vector<Index> outer;
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    if ((mesh.points.row(n).array() - 0.5).abs().maxCoeff() > 0.5 - 1e-9) outer.push_back(n);
+  REQUIRE(twin.size() == 49);
+  CHECK(split_components(mesh, outer).size() == 1);
+  // Where the twins are prescribed, each part goes by itself.
+  for (const auto& [one, other] : twin)
+    for (const Index n : {one, other})
+      if (std::ranges::find(outer, n) == outer.end()) outer.push_back(n);
+  CHECK(split_components(mesh, outer).size() == 2);
 }
 
 TEST_CASE("Nodes of no cell belong to the nearest component", "[volume]") {
