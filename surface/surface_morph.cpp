@@ -700,8 +700,8 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->association = std::move(association);
   impl_->start = mesh.points(boundary.nodes, Eigen::all);
   require_groups_on_boundary(mesh, boundary, impl_->options.groups);
-  refuse_rigid_on_cad(mesh, boundary, impl_->options.groups, impl_->association);
   impl_->constraints = find_constraints(mesh, boundary, impl_->options.groups);
+  refuse_rigid_on_cad(mesh, boundary, impl_->options.groups, impl_->association);
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);

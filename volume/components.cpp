@@ -109,23 +109,22 @@ class NodesOfRegions {
   std::map<std::pair<Index, int>, Index> other_ids_;
 };
 
-// Joins free nodes that lie at one place: the two sides of a crack, or of an interface between
-// parts that share no node, stay together.
+// Joins nodes that lie at one place, one of them free: the two sides of a crack, or of an interface
+// between parts that share no node, stay together.
 void join_twins(const Mesh& mesh, const std::vector<char>& is_prescribed, DisjointSets& sets) {
-  std::vector<Index> size(static_cast<std::size_t>(mesh.node_count()), 0), free;
+  std::vector<Index> size(static_cast<std::size_t>(mesh.node_count()), 0), nodes;
   for (Index n = 0; n < mesh.node_count(); ++n) ++size[sets.find(n)];
-  Index parts = 0;
-  for (Index n = 0; n < mesh.node_count(); ++n) {
-    parts += size[n] > 1;
-    if (!is_prescribed[n] && size[sets.find(n)] > 1) free.push_back(n);
-  }
-  if (parts < 2) return;
+  if (std::ranges::count_if(size, [](Index count) { return count > 1; }) < 2) return;
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    if (size[sets.find(n)] > 1) nodes.push_back(n);
   const auto place = [&](Index n) {
     return std::array{mesh.points(n, 0), mesh.points(n, 1), mesh.points(n, 2)};
   };
-  std::ranges::sort(free, {}, place);
-  for (std::size_t i = 1; i < free.size(); ++i)
-    if (place(free[i]) == place(free[i - 1])) sets.join(free[i], free[i - 1]);
+  std::ranges::sort(nodes, {}, place);
+  for (std::size_t i = 1; i < nodes.size(); ++i) {
+    const Index a = nodes[i - 1], b = nodes[i];
+    if (place(a) == place(b) && !(is_prescribed[a] && is_prescribed[b])) sets.join(a, b);
+  }
 }
 
 }  // namespace

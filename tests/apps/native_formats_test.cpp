@@ -162,6 +162,9 @@ TEST_CASE("Named parts are held, and unknown names refused", "[apps][formats]") 
   const RunResult twice = place.run(job + "--hold floor --rigid floor");
   CHECK(twice.exit_code == 2);
   CHECK_THAT(twice.err, Catch::Contains("floor") && Catch::Contains("two things"));
+  const RunResult rigid = place.run(job + "--rigid floor");
+  CHECK(rigid.exit_code == 2);
+  CHECK_THAT(rigid.err, Catch::Contains("'floor' lies on the CAD, which moves it"));
 }
 
 TEST_CASE("Periodic sides are named in every command that morphs", "[apps][formats]") {
