@@ -33,10 +33,10 @@ constexpr double kSmallTurn = 0.2, kTurnBits = 12;
 // Twice as many places of edges in their faces' parameters that are others speak as clearly as a
 // fit sixteen times worse: they change with the shape, but hardly ever come together by accident.
 constexpr double kParameterBits = 4;
-// A program writes what it wrote before in the same order: worth a fit 64 times as good, where that
-// order is no accident; with 9 bits rows of the corpus come out wrong, with 1 parts that were
-// turned as well. An accident has fewer bits than this.
-constexpr double kOrder = 6, kOrderBits = 20;
+// A program writes what it wrote before in the same order: worth a fit twice as good, where that
+// order is no accident. With 6 bits holes jump over others: kernels write a pattern's holes by
+// where they lie, which may still fit the adjacency. An accident has fewer bits than this.
+constexpr double kOrder = 1, kOrderBits = 20;
 constexpr double kStill = 0.5;       // of the fitted distance: standing still fits clearly better
 constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are equally near
 constexpr double kHardlyTurned = 1e-3;           // radians: to look for other matches is of no use
