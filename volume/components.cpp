@@ -109,27 +109,29 @@ class NodesOfRegions {
   std::map<std::pair<Index, int>, Index> other_ids_;
 };
 
-// Joins nodes that lie at one place, one of them free: the two sides of a crack, or of an interface
-// between parts that share no node, stay together.
-void join_twins(const Mesh& mesh, const std::vector<char>& is_prescribed, DisjointSets& sets) {
-  std::vector<Index> size(static_cast<std::size_t>(mesh.node_count()), 0), nodes;
-  for (Index n = 0; n < mesh.node_count(); ++n) ++size[sets.find(n)];
-  if (std::ranges::count_if(size, [](Index count) { return count > 1; }) < 2) return;
-  for (Index n = 0; n < mesh.node_count(); ++n)
-    if (size[sets.find(n)] > 1) nodes.push_back(n);
-  const auto place = [&](Index n) {
-    return std::array{mesh.points(n, 0), mesh.points(n, 1), mesh.points(n, 2)};
+// Joins free nodes of the surface with what lies at their places: the two sides of a crack, or of
+// an interface between parts that share no node, stay together.
+void join_twins(const Mesh& mesh, const std::vector<Index>& surface_nodes,
+                const std::vector<Index>& free_surface, DisjointSets& sets) {
+  if (free_surface.empty()) return;
+  std::vector<std::pair<Index, bool>> nodes;  // and whether it is free
+  for (const Index n : surface_nodes) nodes.emplace_back(n, false);
+  for (const Index n : free_surface) nodes.emplace_back(n, true);
+  const auto place = [&](const std::pair<Index, bool>& node) {
+    const auto x = mesh.points.row(node.first);
+    return std::array{x[0], x[1], x[2]};
   };
   std::ranges::sort(nodes, {}, place);
   for (std::size_t i = 1; i < nodes.size(); ++i) {
-    const Index a = nodes[i - 1], b = nodes[i];
-    if (place(a) == place(b) && !(is_prescribed[a] && is_prescribed[b])) sets.join(a, b);
+    const auto &a = nodes[i - 1], &b = nodes[i];
+    if ((a.second || b.second) && place(a) == place(b)) sets.join(a.first, b.first);
   }
 }
 
 }  // namespace
 
-std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes) {
+std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes,
+                                        const std::vector<Index>& free_surface) {
   std::vector<char> is_prescribed(static_cast<std::size_t>(mesh.node_count()), 0);
   std::vector<Index> position(static_cast<std::size_t>(mesh.node_count()), -1);
   for (std::size_t i = 0; i < surface_nodes.size(); ++i) {
@@ -138,7 +140,7 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
   }
   const NodesOfRegions nodes(mesh, is_prescribed);
   DisjointSets sets = nodes.joined_by_cells();
-  join_twins(mesh, is_prescribed, sets);
+  join_twins(mesh, surface_nodes, free_surface, sets);
   std::vector<Index> size(nodes.count(), 0), component(nodes.count(), 0);
   for (Index id = 0; id < nodes.count(); ++id) ++size[sets.find(id)];
   std::size_t count = 0;

@@ -19,11 +19,12 @@ struct Component {
 };
 
 /// Splits a mesh into components: connected cells of one region, joined across regions where they
-/// share a node that is not prescribed, and where such a node lies at the place of another. Bodies
-/// in contact through prescribed nodes are morphed one by one (Sieger et al. 2013, sect. 7) and
-/// agree on these. A node of no cell, such as the reference node of a coupling, belongs to the
-/// component of the nearest prescribed node. `surface_nodes`: ids of the prescribed nodes.
-/// O(cells).
-std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes);
+/// share a node that is not prescribed, and where one of `free_surface` (nodes of the surface that
+/// are not prescribed) lies at the place of another node of the surface. Bodies in contact through
+/// prescribed nodes are morphed one by one (Sieger et al. 2013, sect. 7) and agree on these. A node
+/// of no cell, such as the reference node of a coupling, belongs to the component of the nearest
+/// prescribed node. `surface_nodes`: ids of the prescribed nodes. O(cells).
+std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes,
+                                        const std::vector<Index>& free_surface = {});
 
 }  // namespace cadmorph

@@ -335,8 +335,9 @@ FieldMap derivative_of(const Part& part, const RowMatrix& values, const Points& 
 
 // A mesh without a free node, such as a part's surface alone, has one field nevertheless: that of
 // all its nodes.
-std::vector<Component> components_of(const Mesh& mesh, const std::vector<Index>& surface_nodes) {
-  std::vector<Component> components = split_components(mesh, surface_nodes);
+std::vector<Component> components_of(const Mesh& mesh, const std::vector<Index>& surface_nodes,
+                                     const std::vector<Index>& free_surface) {
+  std::vector<Component> components = split_components(mesh, surface_nodes, free_surface);
   if (std::ranges::any_of(components, [](const Component& c) { return !c.volume.empty(); }))
     return components;
   Component all;
@@ -409,7 +410,7 @@ struct VolumeMorph::Impl {
   std::unique_ptr<Baseline> baseline;  // in place of the parts when the method is not RBF
   RbfReport report;
 
-  void set_up_rbf(const Mesh& mesh);
+  void set_up_rbf(const Mesh& mesh, const std::vector<Index>& free_surface);
   void restore_rbf(const Mesh& mesh, InputArchive& archive);
   void set_up_baseline(const Mesh& mesh);
   void gather_reports();
@@ -425,9 +426,9 @@ struct VolumeMorph::Impl {
                         std::vector<VolumeMorphResult>& results) const;
 };
 
-void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh) {
+void VolumeMorph::Impl::set_up_rbf(const Mesh& mesh, const std::vector<Index>& free_surface) {
   scales = node_scales(mesh, surface_nodes, options.rbf);
-  std::vector<Component> components = components_of(mesh, surface_nodes);
+  std::vector<Component> components = components_of(mesh, surface_nodes, free_surface);
   parts.resize(components.size());
   const VolumeMorphOptions guarded = with_serial_progress(options);
   parallel_for(static_cast<Index>(parts.size()), 1, [&](Index begin, Index end) {
@@ -536,7 +537,7 @@ void VolumeMorph::Impl::morph_by_rbf(const std::vector<Points>& surface_position
 }
 
 VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
-                         VolumeMorphOptions options) {
+                         VolumeMorphOptions options, const std::vector<Index>& free_surface) {
   if (surface_nodes.empty()) throw InvalidInputError("no surface node to prescribe");
   check_nodes(mesh.node_count(), surface_nodes);
   auto impl = std::make_shared<Impl>();
@@ -544,7 +545,7 @@ VolumeMorph::VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes,
   impl->surface_nodes = std::move(surface_nodes);
   impl->options = std::move(options);
   if (impl->options.method == MorphMethod::Rbf)
-    impl->set_up_rbf(mesh);
+    impl->set_up_rbf(mesh, free_surface);
   else
     impl->set_up_baseline(mesh);
   impl_ = std::move(impl);

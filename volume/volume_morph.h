@@ -34,8 +34,9 @@ class VolumeMorph {
   /// `surface_nodes`: ids of the m nodes whose positions are prescribed. The local length of each
   /// is its shortest incident mesh edge. Where every node is prescribed (shell meshes) no system is
   /// set up. Throws InvalidInputError on an empty set, an id out of range or one named twice, and
-  /// what RbfSystem or make_baseline throws.
-  VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes, VolumeMorphOptions options = {});
+  /// what RbfSystem or make_baseline throws. `free_surface`: see split_components.
+  VolumeMorph(const Mesh& mesh, std::vector<Index> surface_nodes, VolumeMorphOptions options = {},
+              const std::vector<Index>& free_surface = {});
 
   /// The one that was stored, for the same mesh and options; of a method other than RBF the surface
   /// nodes alone are stored. Moves nodes to the last bit as the stored one.

@@ -76,9 +76,10 @@ void BaseSide::set_up(PhaseClock& clock) {
 
 void BaseSide::set_up_volume() {
   rows = prescribed_rows(association());
-  std::vector<Index> nodes;
+  std::vector<Index> nodes, free;
   for (const Index row : rows) nodes.push_back(boundary.nodes[row]);
-  volume.emplace(mesh(), std::move(nodes), options.volume);
+  std::ranges::set_difference(boundary.nodes, nodes, std::back_inserter(free));
+  volume.emplace(mesh(), std::move(nodes), options.volume, free);
 }
 
 void BaseSide::measure() {
