@@ -444,7 +444,13 @@ std::optional<FaceMapResult> unchanged(const FaceDomain& domain, const ModelPair
   return result;
 }
 
-// What wires of the face, and joints within it, tell of its motion: each place once.
+bool has_marks(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion) {
+  return std::ranges::any_of(domain.samples(), [&](const FaceDomain::Sample& sample) {
+    return motion_of(sample, pair, motion).has_value();
+  });
+}
+
+// What wires of the face, and joints within it, tell of its motion: each place once. O(samples^2).
 std::vector<SampleMotion> marks_of(const FaceDomain& domain, const ModelPair& pair,
                                    const FaceMotion& motion) {
   std::vector<SampleMotion> marks;
@@ -465,7 +471,7 @@ std::vector<SampleMotion> marks_of(const FaceDomain& domain, const ModelPair& pa
 std::optional<FaceMapResult> without_spin(const FaceDomain& domain, const ModelPair& pair,
                                           const FaceMotion& motion, const Parameters& mapped,
                                           const Points& points) {
-  if (!marks_of(domain, pair, motion).empty()) return std::nullopt;
+  if (has_marks(domain, pair, motion)) return std::nullopt;
   const int variant = pair.match.faces[domain.face()];
   std::vector<Vector3d> from, to;
   for (const Index i : probe_rows(points.rows())) {
@@ -509,6 +515,21 @@ FaceMapResult carry_face(const FaceDomain& domain, const ModelPair& pair, const 
   return project_points(pair, pair.match.faces[domain.face()], targets);
 }
 
+// A sphere, or a torus without wires, as such; nothing where its parameters tell as much.
+std::optional<FaceCarry> round_carry(const FaceDomain& domain, const ModelPair& pair,
+                                     const FaceMotion& motion) {
+  const SurfaceType type = pair.base.faces()[domain.face()].type;
+  if (type == SurfaceType::Torus && !has_marks(domain, pair, motion))
+    return carry_round_face(pair, domain.face());
+  if (type != SurfaceType::Sphere) return std::nullopt;
+  std::vector<Vector3d> from, to;
+  for (const SampleMotion& mark : marks_of(domain, pair, motion)) {
+    from.push_back(mark.from);
+    to.push_back(mark.to);
+  }
+  return carry_round_face(pair, domain.face(), from, to);
+}
+
 double face_size(const CadModel& model, int face) {
   const CadFace& f = model.faces()[face];
   const Vector2d lengths = mean_derivatives(model, face).cwiseProduct(f.upper - f.lower);
@@ -519,15 +540,7 @@ double face_size(const CadModel& model, int face) {
 
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
                        const Parameters& uv, const Points& points, int steps) {
-  const bool is_sphere = pair.base.faces()[domain.face()].type == SurfaceType::Sphere;
-  std::vector<Vector3d> from, to;
-  for (const SampleMotion& mark : marks_of(domain, pair, motion)) {
-    from.push_back(mark.from);
-    to.push_back(mark.to);
-  }
-  const auto carry =
-      is_sphere || from.empty() ? carry_round_face(pair, domain.face(), from, to) : std::nullopt;
-  if (carry) {
+  if (const auto carry = round_carry(domain, pair, motion)) {
     if (auto still = unchanged(domain, pair, motion, uv, points)) return std::move(*still);
     return carry_face(domain, pair, motion, points, [&](const Points& from) {
       Points to(from.rows(), 3);
