@@ -8,6 +8,7 @@
 #include <iterator>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "core/lbfgs.h"
@@ -49,6 +50,8 @@ constexpr int kIterations = 6, kIterationsLost = 20;
 constexpr int kTrials = 3;
 // Attempts of the last power go on while each has the figures rise by this factor.
 constexpr double kWorthwhile = 1.01;
+// Rows of nodes that left their places by less, in parts of the wall, stay.
+constexpr double kBent = 1e-3;
 // Rounds of taking back what fell too low.
 constexpr int kTakeBacks = 8;
 // Of the values of cells, -1 to 1.
@@ -97,10 +100,11 @@ class BestMesh {
   }
 
   BestMeshResult run() {
+    straighten_rows();
     if (kept() < kLost && compare_with_stretch()) {
-      hold_flat_cells();
-      mid_nodes_ = MidNodes(mesh_, came_.points);
+      prepare();
       lost_much_ = has_lost_much();
+      if (!lost_much_) hold_rows();
       if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
       raise(RaiseBy::InnerNodes, 2);
       if (!has_lost_much() || !raise_by_sliding())
@@ -240,6 +244,60 @@ class BestMesh {
     return false;
   }
 
+  // What moving any node needs, once.
+  void prepare() {
+    if (incidence_) return;
+    incidence_.emplace(mesh_);
+    hold_flat_cells();
+    mid_nodes_ = MidNodes(mesh_, came_.points);
+  }
+
+  // A smooth warp bends rows of nodes through a wall that changes shape and thickness at once.
+  void straighten_rows() {
+    std::vector<const NodeRow*> bent;
+    for (const NodeRow& row : options_.wall_rows)
+      if (deviation(row, reference_.points, came_.points) > kBent) bent.push_back(&row);
+    if (bent.empty()) return;
+    prepare();
+    State next = at_;
+    std::vector<char> has_node(mesh_.node_count(), 0);
+    Patch around;
+    for (const NodeRow* row : bent) {
+      const std::span inner(row->begin() + 1, row->end() - 1);
+      if (std::ranges::any_of(inner, [&](Index n) { return is_fixed_[n]; })) continue;
+      const Points places = straight_places(*row, reference_.points, came_.points);
+      for (std::size_t i = 0; i < inner.size(); ++i) {
+        next.positions.row(inner[i]) = places.row(static_cast<Index>(i));
+        has_node[inner[i]] = 1;
+        around.nodes.push_back(inner[i]);
+      }
+    }
+    for (Index c = 0; c < mesh_.cell_count(); ++c)
+      if (is_measured(result_.quality.values[c]) &&
+          std::ranges::any_of(mesh_.cell(c), [&](Index n) { return has_node[n]; }))
+        around.cells.push_back(c);
+    std::ranges::sort(around.nodes);
+    add_followers(around, has_node);
+    carry_followers(around, next);
+    RaiseAttempt attempt;
+    attempt.by = RaiseBy::WallRows;
+    attempt.cells = std::ssize(around.cells);
+    attempt.passes = double(attempt.cells) / double(result_.quality.cells);
+    judge(std::move(next), around, 0, attempt);
+    result_.report.attempts.push_back(attempt);
+    at_ = {result_.positions, result_.quality, {}};
+    is_at_result_ = true;
+    spoilt_.reset();
+  }
+
+  // Straight rows are given up, as the surface nodes' places are, where little is kept.
+  void hold_rows() {
+    const std::vector<RaiseAttempt>& tried = result_.report.attempts;
+    if (!tried.empty() && !tried.front().is_taken) return;
+    for (const NodeRow& row : options_.wall_rows)
+      for (const Index node : row) is_fixed_[node] = 1;
+  }
+
   bool has_lost_much() const { return least_share(result_.report.best, can_keep_) < kKeptLittle; }
   double kept() const { return least_share(result_.report.best, result_.report.base); }
 
@@ -315,7 +373,6 @@ class BestMesh {
   }
 
   Patch patch(bool is_first) {
-    if (!incidence_) incidence_.emplace(mesh_);
     std::vector<char> has_node(mesh_.node_count(), 0), has_cell(mesh_.cell_count(), 0);
     const double share = is_first && !lost_much_ ? kMostNeighboursFirst : kMostNeighbours;
     const double most = share * double(result_.quality.cells);
@@ -333,11 +390,16 @@ class BestMesh {
     }
     std::ranges::sort(result.nodes);
     std::ranges::sort(result.cells);
+    add_followers(result, has_node);
+    return result;
+  }
+
+  // `has_node`: of all nodes, those of the patch.
+  void add_followers(Patch& around, const std::vector<char>& has_node) const {
     for (Index i = 0; i < mid_nodes_.count(); ++i)
       if (!is_fixed_[mid_nodes_.node(i)] &&
           std::ranges::any_of(mid_nodes_.corners(i), [&](Index node) { return has_node[node]; }))
-        result.followers.push_back(i);
-    return result;
+        around.followers.push_back(i);
   }
 
   void carry_followers(const Patch& around, State& state) const {
@@ -350,10 +412,13 @@ class BestMesh {
     if (spoilt_ == std::pair(by, doublings)) return;
     const std::vector<char> was_fixed = is_fixed_;
     for (int trial = 0; trial < kTrials && work_left() > 0; ++trial) {
-      const Patch around = patch(result_.report.attempts.empty());
+      const bool is_first = std::ranges::all_of(
+          result_.report.attempts,
+          [](const RaiseAttempt& attempt) { return attempt.by == RaiseBy::WallRows; });
+      const Patch around = patch(is_first);
       if (around.nodes.empty()) break;
       // What raises shapes raises faces, too, and costs less: it begins.
-      const FiniteVolumes* volumes = result_.report.attempts.empty() ? nullptr : options_.volumes;
+      const FiniteVolumes* volumes = is_first ? nullptr : options_.volumes;
       FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
       free.let_follow(mid_nodes_, around.followers);
       VectorXd x = free.start(at_.positions, at_.slides);
@@ -420,8 +485,11 @@ class BestMesh {
     is_at_result_ = false;
     at_ = std::move(next);
     const WorstCells now = attempt.after = worst_cells(at_.quality);
+    // Straight rows are worth having where they cost nothing.
+    const double before = sum_of_shares(report.best, report.base);
+    const double sum = sum_of_shares(now, report.base);
     if (now.min < report.plain.min || now.worst_twentieth < report.plain.worst_twentieth ||
-        sum_of_shares(now, report.base) <= sum_of_shares(report.best, report.base))
+        (attempt.by == RaiseBy::WallRows ? sum < before : sum <= before))
       return;
     attempt.is_taken = is_at_result_ = true;
     report.best = now;

@@ -8,6 +8,7 @@
 #include "core/quality.h"
 #include "core/sliding_nodes.h"
 #include "core/validity.h"
+#include "volume/wall_rows.h"
 
 namespace cadmorph {
 
@@ -27,11 +28,11 @@ struct MeasuredShape {
 };
 
 /// What moves in an attempt to raise cells.
-enum class RaiseBy { InnerNodes, SlidingNodes };
+enum class RaiseBy { WallRows, InnerNodes, SlidingNodes };
 
 struct RaiseAttempt {
   RaiseBy by = RaiseBy::InnerNodes;
-  int power = 0;          ///< see ShapeEnergy
+  int power = 0;          ///< see ShapeEnergy; of wall rows none
   Index cells = 0;        ///< whose shape it looked at
   double passes = 0;      ///< evaluations of a cell, over the number of the mesh's cells
   WorstCells after;       ///< what it came to
@@ -58,6 +59,8 @@ struct BestMeshOptions {
   std::vector<Index> resting = {};
   /// Whether nodes slid so that valid cells overlap.
   std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
+  /// Rows of nodes that are to stay straight and evenly spaced.
+  std::vector<NodeRow> wall_rows = {};
   /// Of the moved mesh's solid cells, where known; must outlive the call.
   const ValidityReport* validity = nullptr;
   Progress progress = {};
@@ -70,18 +73,20 @@ struct BestMeshResult {
   BestMeshReport report;
 };
 
-/// Raises the cells of a moved mesh whose shape suffered most. Where the smallest scaled Jacobian
-/// or the mean of the worst twentieth fell below 98 % of the reference's (the mesh file's shape,
-/// also after many morphs), the nodes of the worst cells minimise ShapeEnergy with growing powers:
-/// the inner ones (not `is_fixed`, N; of shells those that slide within faces) first, then, where
-/// less than three quarters are kept of what the affine map nearest to the motion leaves, all those
-/// that slide, too. A motion that is an affine map is left as it is. An attempt is taken when
-/// neither figure is below that of `moved` and their sum, each as a share of the reference's, is
-/// the largest so far; no more cells are invalid then. Cells that are not valid in `moved` stay as
-/// they are. No inner node moves farther from the mesh's points than kMostOvershoot times the
-/// farthest fixed one, or than the farthest of those that came. At most 20 passes over the mesh's
-/// cells, 80 where less than three quarters were kept (more where the mesh is small): a count, no
-/// time, so that the result is the same on every machine and for any number of threads.
+/// Makes rows of nodes through walls as straight and evenly spaced as they are in the reference,
+/// where no cell suffers, then raises the cells of a moved mesh whose shape suffered most. Where
+/// the smallest scaled Jacobian or the mean of the worst twentieth fell below 98 % of the
+/// reference's (the mesh file's shape, also after many morphs), the nodes of the worst cells
+/// minimise ShapeEnergy with growing powers: the inner ones (not `is_fixed`, N; of shells those
+/// that slide within faces) first, then, where less than three quarters are kept of what the affine
+/// map nearest to the motion leaves, all those that slide, too. A motion that is an affine map is
+/// left as it is. An attempt is taken when neither figure is below that of `moved` and their sum,
+/// each as a share of the reference's, is the largest so far; no more cells are invalid then. Cells
+/// that are not valid in `moved` stay as they are. No inner node moves farther from the mesh's
+/// points than kMostOvershoot times the farthest fixed one, or than the farthest of those that
+/// came. At most 20 passes over the mesh's cells, 80 where less than three quarters were kept (more
+/// where the mesh is small): a count, no time, so that the result is the same on every machine and
+/// for any number of threads.
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
                               const MeasuredShape& moved, const std::vector<char>& is_fixed,
                               const Orientation& orientation, const BestMeshOptions& options = {});

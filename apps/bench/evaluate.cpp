@@ -1,5 +1,7 @@
 #include "apps/bench/evaluate.h"
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -10,6 +12,7 @@
 #include "apps/summary/text_table.h"
 #include "core/errors.h"
 #include "volume/baselines/simplex_linear.h"
+#include "volume/wall_rows.h"
 
 namespace cadmorph::bench {
 namespace {
@@ -32,6 +35,8 @@ const Row kEvaluationHeader = {"family",
                                "inverted",
                                "invalid",
                                "first_inverted_step",
+                               "worst_row_deviation",
+                               "largest_row_deviation",
                                "set_up_seconds",
                                "seconds",
                                "cpu_seconds",
@@ -52,7 +57,12 @@ VolumeMorphOptions options_of(Contender contender) {
       return {.rbf = {.solver = SolverKind::Iqr,
                       .tolerance = kIqrTolerance,
                       .memory_limit = physical_memory()}};
+    case Contender::Biharmonic:
+      return {.kernel = Kernel::biharmonic_3d()};
+    case Contender::Quadharmonic:
+      return {.kernel = Kernel::quadharmonic_3d()};
     case Contender::Rbf:
+    case Contender::Plain:
     case Contender::Default:
       break;
   }
@@ -68,11 +78,18 @@ struct Task {
 /// One method on one mesh of a family, through all steps.
 class Run {
  public:
-  Run(const Series& series, RbfWarps& warps, const Task& task, int stride)
-      : series_(series), warps_(warps), task_(task), stride_(stride), mesh_(series.mesh) {}
+  Run(const Series& series, RbfWarps& warps, const Task& task, const EvaluateOptions& options)
+      : series_(series),
+        warps_(warps),
+        task_(task),
+        options_(options),
+        mesh_(series.mesh),
+        wall_rows_(
+            find_wall_rows(series.mesh, find_cell_neighbours(series.mesh), series.mesh.points)) {}
 
   std::vector<Row> rows() {
-    for (int step = stride_; step <= kSteps && note_.empty(); step += stride_) {
+    const int stride = is_relative() ? 1 : options_.stride;
+    for (int step = stride; step <= options_.last && note_.empty(); step += stride) {
       try {
         take(step);
       } catch (const Error& error) {
@@ -87,20 +104,40 @@ class Run {
  private:
   static constexpr std::size_t kFirstInvertedColumn = 15;
 
+  bool is_relative() const { return task_.route.mode == Mode::Relative; }
+
   void take(int step) {
+    if (is_relative() && task_.contender == Contender::Default) {
+      take_default_on_the_way(step);
+      return;
+    }
     Warped moved = move(step);
+    add_measured_row(step, moved);
+    if (is_relative()) mesh_.points = std::move(moved.positions);
+  }
+
+  // In a series the last mesh alone is raised: of each step asked for, that of a series up to it.
+  void take_default_on_the_way(int step) {
+    Points plain = move_by_pipeline(step, QualityMode::Fast).positions;
+    if (step % options_.stride == 0)
+      add_measured_row(step, move_by_pipeline(step, QualityMode::Best));
+    mesh_.points = std::move(plain);
+  }
+
+  void add_measured_row(int step, const Warped& moved) {
     const Figures figures = measure(series_, moved.positions);
     if (figures.inverted > 0 && first_inverted_ == 0) first_inverted_ = step;
     add_row(step, figures, moved);
-    if (task_.route.mode == Mode::Relative) mesh_.points = std::move(moved.positions);
   }
 
   Warped move(int step) {
     switch (task_.contender) {
       case Contender::Rbf:
         return warps_.at(task_.route, step);
+      case Contender::Plain:
+        return move_by_pipeline(step, QualityMode::Fast);
       case Contender::Default:
-        return move_by_default(step);
+        return move_by_pipeline(step, QualityMode::Best);
       default:
         return move_by_method(step);
     }
@@ -109,7 +146,7 @@ class Run {
   Warped move_by_method(int step) {
     Warped result;
     const Stopwatch whole;
-    if (!morph_ || task_.route.mode == Mode::Relative) {
+    if (!morph_ || is_relative()) {
       morph_.emplace(mesh_, series_.surface_nodes, options_of(task_.contender));
       result.set_up_seconds = whole.seconds();
     }
@@ -120,12 +157,12 @@ class Run {
     return result;
   }
 
-  // The whole pipeline.
-  Warped move_by_default(int step) {
+  Warped move_by_pipeline(int step, QualityMode quality) {
     const Stopwatch again;
-    const bool is_relative = task_.route.mode == Mode::Relative;
-    const MorphJob job(series_.cads[is_relative ? step - 1 : 0], series_.mesh_file, {},
-                       is_relative ? mesh_.points : Points());
+    PipelineOptions options;
+    options.quality = quality;
+    const MorphJob job(series_.cads[is_relative() ? step - 1 : 0], series_.mesh_file, options,
+                       is_relative() ? mesh_.points : Points());
     Warped result{.set_up_seconds = again.seconds()};
     result.positions = job.morph(*series_.cads[step]).positions;
     result.seconds = again.seconds() - result.set_up_seconds;
@@ -134,6 +171,12 @@ class Run {
   }
 
   void add_row(int step, const std::optional<Figures>& figures, const Warped& moved) {
+    std::vector<double> kept;  // of each row, so that the smallest are the worst
+    for (const NodeRow& row : wall_rows_)
+      if (figures) kept.push_back(-deviation(row, series_.mesh.points, moved.positions));
+    const auto deviation_of = [&](double value) {
+      return kept.empty() ? "" : format("%.4g", std::abs(value));
+    };
     const auto number = [&](double Figures::*value) {
       return figures ? format("%.6g", (*figures).*value) : "";
     };
@@ -156,6 +199,8 @@ class Run {
                      count(&Figures::inverted),
                      count(&Figures::invalid),
                      "",
+                     deviation_of(mean_of_worst(kept)),
+                     deviation_of(kept.empty() ? 0 : std::ranges::min(kept)),
                      format("%.4g", moved.set_up_seconds),
                      format("%.4g", moved.seconds),
                      format("%.4g", moved.cpu_seconds),
@@ -165,8 +210,9 @@ class Run {
   const Series& series_;
   RbfWarps& warps_;
   Task task_;
-  int stride_;
+  const EvaluateOptions& options_;
   Mesh mesh_;  // that the next step starts from
+  std::vector<NodeRow> wall_rows_;
   std::optional<VolumeMorph> morph_;
   int first_inverted_ = 0;
   std::string note_;  // why the series ended
@@ -180,7 +226,8 @@ bool is_chosen(const std::set<std::string>& names, const std::string& name) {
 std::vector<Contender> contenders(Surface surface) {
   std::vector<Contender> result = {Contender::Rbf};
   if (surface == Surface::RbfS)
-    result.insert(result.end(), {Contender::RbfIqr, Contender::Default});
+    result.insert(result.end(), {Contender::RbfIqr, Contender::Plain, Contender::Default,
+                                 Contender::Biharmonic, Contender::Quadharmonic});
   result.insert(result.end(), {Contender::Femwarp, Contender::Lbwarp});
   if (has_simplex_linear()) result.push_back(Contender::SimplexLinear);
   return result;
@@ -215,6 +262,12 @@ std::string to_string(Contender contender, Surface surface) {
       return surface == Surface::RbfS ? "RBF-S" : "RBF";
     case Contender::RbfIqr:
       return "RBF-IQR";
+    case Contender::Biharmonic:
+      return "biharmonic";
+    case Contender::Quadharmonic:
+      return "quadharmonic";
+    case Contender::Plain:
+      return "plain";
     case Contender::Default:
       return "default";
     case Contender::Femwarp:
@@ -248,12 +301,11 @@ void evaluate(const EvaluateOptions& options) {
     if (tasks.empty()) continue;
     const std::string name = subject.family + " " + subject.mesh;
     options.tell(name + ": surface at all steps");
-    const Series series = make_series(subject, routes_of(tasks), options.stride);
+    const Series series = make_series(subject, routes_of(tasks), options.stride, options.last);
     RbfWarps warps(series);
     for (const Task& task : tasks) {
       const Stopwatch watch;
-      const int stride = task.route.mode == Mode::Absolute ? options.stride : 1;
-      file.append(Run(series, warps, task, stride).rows());
+      file.append(Run(series, warps, task, options).rows());
       options.tell(name + ": " + to_string(task.contender, task.route.surface) + ", " +
                    to_string(task.route.mode) + ", surface " + to_string(task.route.surface) +
                    format(": %.1f s", watch.seconds()));

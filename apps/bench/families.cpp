@@ -83,8 +83,9 @@ class Stage {
 
 void set_absolute_paths(Series& series, const std::set<Surface>& kinds, const Stage& base,
                         int stride) {
-  for (const Surface kind : kinds) series.paths[{kind, Mode::Absolute}].resize(kSteps);
-  for (int step = stride; step <= kSteps; step += stride) {
+  const int last = static_cast<int>(std::ssize(series.cads)) - 1;
+  for (const Surface kind : kinds) series.paths[{kind, Mode::Absolute}].resize(last);
+  for (int step = stride; step <= last; step += stride) {
     std::array<Points, 2> positions = base.positions_on(*cad_at(series, step), kinds);
     for (const Surface kind : kinds)
       series.paths[{kind, Mode::Absolute}][step - 1] = std::move(positions[static_cast<int>(kind)]);
@@ -95,7 +96,7 @@ void set_relative_path(Series& series, Surface kind, const Stage& base, const Bo
   Path& path = series.paths[{kind, Mode::Relative}];
   Mesh mesh = series.mesh;
   std::optional<Stage> stage;
-  for (int step = 1; step <= kSteps; ++step) {
+  for (int step = 1; step < std::ssize(series.cads); ++step) {
     const auto variant = cad_at(series, step);
     if (step > 1) {
       stage.emplace(series.cads[step - 1], mesh, boundary);
@@ -128,10 +129,10 @@ std::vector<Subject> find_subjects(const fs::path& models) {
   return result;
 }
 
-Series make_series(const Subject& subject, const std::set<Route>& routes, int stride) {
+Series make_series(const Subject& subject, const std::set<Route>& routes, int stride, int last) {
   Series series;
   series.subject = subject;
-  series.cads.resize(kSteps + 1);
+  series.cads.resize(last + 1);
   series.mesh_file = std::make_shared<const MeshFile>(subject.folder / (subject.mesh + ".vtu"));
   series.mesh = series.mesh_file->mesh();
   series.orientation = detect_orientation(series.mesh);

@@ -38,14 +38,14 @@ enum class Surface {
   Harmonic,  ///< stands in for what the methods were given there: harmonic_surface
 };
 
-/// A way to steps 1 .. kSteps.
+/// A way through the steps.
 struct Route {
   Surface surface = Surface::RbfS;
   Mode mode = Mode::Absolute;
   auto operator<=>(const Route&) const = default;
 };
 
-/// Positions of the surface nodes at steps 1 .. kSteps.
+/// Positions of the surface nodes at steps 1, 2, ...
 using Path = std::vector<Points>;
 
 /// Where the surface of a mesh is at each step.
@@ -61,10 +61,11 @@ struct Series {
   const Path& path(const Route& route) const { return paths.at(route); }
 };
 
-/// Reads base, mesh and steps, and morphs the surface on the routes asked for, on absolute ones at
-/// every `stride`-th step alone; other positions stay empty. On relative ones each step goes out
-/// from the CAD and the surface of the step before, so that they don't depend on how the nodes
-/// inside move. Throws what the pipeline throws.
-Series make_series(const Subject& subject, const std::set<Route>& routes, int stride = 1);
+/// Reads base, mesh and steps, and morphs the surface to steps 1 .. `last` on the routes asked for,
+/// on absolute ones to every `stride`-th step alone; other positions stay empty. On relative ones
+/// each step goes out from the CAD and the surface of the step before, so that they don't depend on
+/// how the nodes inside move. Throws what the pipeline throws.
+Series make_series(const Subject& subject, const std::set<Route>& routes, int stride = 1,
+                   int last = kSteps);
 
 }  // namespace cadmorph::bench

@@ -37,12 +37,17 @@ CLI::App* add_command(CLI::App& app, const std::string& name, const std::string&
 void add_commands(CLI::App& app, CommandLine& line) {
   EvaluateOptions& options = line.options;
   CLI::App* methods =
-      add_command(app, "evaluate", "every method at steps 1..20, absolute and relative", options);
+      add_command(app, "evaluate", "every method at all steps, absolute and relative", options);
   methods->add_option("--method", options.methods, "only these methods, named as in the CSV");
   methods->add_option("--surface", options.surfaces, "only these surfaces: RBF-S, harmonic");
   methods->add_option("--mode", options.modes, "only these: absolute, relative");
-  methods->add_option("--every", options.stride, "absolute: every N-th step alone")
+  methods
+      ->add_option("--every", options.stride,
+                   "absolute, and the default on relative ways: every N-th step alone")
       ->check(CLI::IsMember({1, 2, 4, 5, 10, 20}));
+  methods->add_option("--to", options.last, "the last step; 30 is 150 % of the full change")
+      ->check(CLI::Range(1, 99))
+      ->capture_default_str();
   methods->callback([&line] { evaluate(line.options); });
   add_command(app, "kernels", "every kernel at the full change, with condition numbers", options)
       ->callback([&line] { evaluate_kernels(line.options); });

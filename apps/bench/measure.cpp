@@ -14,6 +14,8 @@ namespace {
 
 constexpr double kWorstShare = 0.05;  // Sieger et al. 2013, Fig. 4
 
+}  // namespace
+
 double mean_of_worst(std::vector<double> values) {
   std::erase_if(values, [](double v) { return std::isnan(v); });
   if (values.empty()) return 0;
@@ -22,8 +24,6 @@ double mean_of_worst(std::vector<double> values) {
   std::ranges::nth_element(values, values.begin() + count - 1);
   return std::accumulate(values.begin(), values.begin() + count, 0.0) / static_cast<double>(count);
 }
-
-}  // namespace
 
 double cpu_seconds() {
   rusage used{};

@@ -16,6 +16,9 @@ struct Figures {
 
 Figures measure(const Series& series, const Points& positions);
 
+/// Mean of the smallest 5 % of the values, those that are not a number left out.
+double mean_of_worst(std::vector<double> values);
+
 /// Seconds that this process has had of all processors, which a busy machine does not stretch.
 double cpu_seconds();
 

@@ -240,6 +240,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
       is_fixed[node] = 1;
       how.held.push_back(node);
     }
+  how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
   how.validity = &result.validity;
   if (!is_in_plane) how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {

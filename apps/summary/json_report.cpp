@@ -116,17 +116,28 @@ Json to_json(const WorstCells& worst, bool is_by_faces) {
           {"worst_twentieth", json_number(worst.worst_twentieth)}};
 }
 
+std::string to_string(RaiseBy by) {
+  switch (by) {
+    case RaiseBy::WallRows:
+      return "rows through walls";
+    case RaiseBy::InnerNodes:
+      return "inner nodes";
+    case RaiseBy::SlidingNodes:
+      return "inner and sliding nodes";
+  }
+  return {};
+}
+
 Json to_json(const BestMeshReport& best) {
   const bool is_by_faces = best.is_by_faces;
   Json attempts = Json::array();
   for (const RaiseAttempt& attempt : best.attempts)
-    attempts.push_back(
-        {{"by", attempt.by == RaiseBy::InnerNodes ? "inner nodes" : "inner and sliding nodes"},
-         {"power", attempt.power},
-         {"cells", attempt.cells},
-         {"passes", json_number(attempt.passes)},
-         {"after", to_json(attempt.after, is_by_faces)},
-         {"is_taken", attempt.is_taken}});
+    attempts.push_back({{"by", to_string(attempt.by)},
+                        {"power", attempt.power},
+                        {"cells", attempt.cells},
+                        {"passes", json_number(attempt.passes)},
+                        {"after", to_json(attempt.after, is_by_faces)},
+                        {"is_taken", attempt.is_taken}});
   return {{"judged_by", is_by_faces ? "faces" : "scaled Jacobian"},
           {"base", to_json(best.base, is_by_faces)},
           {"plain", to_json(best.plain, is_by_faces)},

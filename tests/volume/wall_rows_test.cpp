@@ -1,0 +1,157 @@
+#include "volume/wall_rows.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <set>
+
+#include "../core/sample_meshes.h"
+#include "volume/best_mesh.h"
+#include "volume/volume_morph.h"
+#include "volume_meshes.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using Eigen::Vector3d;
+
+constexpr double kThickness = 0.2;
+
+// A wall n cells thick.
+Mesh wall(CellType type, int n) {
+  Mesh mesh = cube(type, n);
+  mesh.points.col(2) *= kThickness;
+  return mesh;
+}
+
+std::vector<NodeRow> rows_of_mesh(const Mesh& mesh) {
+  return find_wall_rows(mesh, find_cell_neighbours(mesh), mesh.points);
+}
+
+// Bends the wall, and makes it up to twice as thick.
+Vector3d bend(const Vector3d& x) {
+  const double thicker = 1 + x.x() * x.x();
+  const double height = 0.5 * kThickness + (x.z() - 0.5 * kThickness) * thicker;
+  return {x.x(), x.y() * (1 + 0.2 * x.x()), height + 0.2 * std::sin(3 * x.x())};
+}
+
+double largest_deviation(const std::vector<NodeRow>& rows, const Points& before,
+                         const Points& after) {
+  double largest = 0;
+  for (const NodeRow& row : rows) largest = std::max(largest, deviation(row, before, after));
+  return largest;
+}
+
+TEST_CASE("Rows go across a wall") {
+  for (const CellType type :
+       {CellType::Hexahedron, CellType::Voxel, CellType::Wedge, CellType::QuadraticHexahedron,
+        CellType::QuadraticWedge, CellType::TriquadraticHexahedron}) {
+    CAPTURE(static_cast<int>(type));
+    const int n = 4;
+    const Mesh mesh = wall(type, n);
+    const std::vector<NodeRow> rows = rows_of_mesh(mesh);
+    CHECK(std::ssize(rows) == (n + 1) * (n + 1));
+    std::set<Index> nodes;
+    for (const NodeRow& row : rows) {
+      REQUIRE(std::ssize(row) == n + 1);
+      const double end = mesh.points(row.front(), 2);
+      CHECK(std::min(end, kThickness - end) == Approx(0).margin(1e-15));
+      for (int i = 0; i <= n; ++i) {
+        const double height = std::abs(mesh.points(row[i], 2) - end);
+        CHECK(height == Approx(kThickness * i / n).margin(1e-15));
+        CHECK(mesh.points.row(row[i]).head(2) == mesh.points.row(row[0]).head(2));
+        nodes.insert(row[i]);
+      }
+    }
+    CHECK(std::ssize(nodes) == (n + 1) * (n + 1) * (n + 1));
+  }
+}
+
+TEST_CASE("What is no wall of even cells has no rows") {
+  const auto has_rows = [](const Mesh& mesh) { return !rows_of_mesh(mesh).empty(); };
+  CHECK_FALSE(has_rows(cube(CellType::Hexahedron, 4)));
+  CHECK_FALSE(has_rows(wall(CellType::Hexahedron, 1)));  // no node between
+  CHECK_FALSE(has_rows(wall(CellType::Hexahedron, 9)));
+  CHECK_FALSE(has_rows(wall(CellType::Tetra, 4)));
+  CHECK_FALSE(has_rows(wall(CellType::Pyramid, 3)));
+  CHECK_FALSE(has_rows(wall(CellType::Polyhedron, 3)));
+  Mesh layers = wall(CellType::Wedge, 4);
+  layers.points.col(2) = layers.points.col(2).array().square().eval();
+  CHECK_FALSE(has_rows(layers));
+  Mesh bent = wall(CellType::Hexahedron, 4);
+  bent.points.col(0).array() += 0.1 * (15 * bent.points.col(2).array()).sin().eval();
+  CHECK_FALSE(has_rows(bent));
+}
+
+TEST_CASE("Rows keep their places under affine maps and between ends that move") {
+  const Mesh mesh = wall(CellType::Hexahedron, 3);
+  const std::vector<NodeRow> rows = rows_of_mesh(mesh);
+  REQUIRE(rows.size() == 16);
+  const Points stretched = mapped(mesh.points, [](const Vector3d& x) {
+    return Vector3d(2 * x.x() + 0.3 * x.z(), x.y() - 0.1 * x.x(), 1.5 * x.z() + 4);
+  });
+  CHECK(largest_deviation(rows, mesh.points, stretched) < 1e-14);
+  // Rows bend by what the map is not linear in the height.
+  const Points bowed = mapped(mesh.points, [](const Vector3d& x) {
+    const double t = x.z() / kThickness;
+    return Vector3d(x.x() + 0.1 * kThickness * t * (1 - t), x.y(), x.z());
+  });
+  for (const NodeRow& row : rows)
+    CHECK(deviation(row, mesh.points, bowed) == Approx(0.1 * 2 / 9));
+  const Points places = straight_places(rows[0], mesh.points, bowed);
+  CHECK((places - mesh.points({rows[0][1], rows[0][2]}, Eigen::all)).norm() < 1e-15);
+}
+
+TEST_CASE("The best mesh has straight rows through walls") {
+  for (const CellType type : {CellType::Hexahedron, CellType::Wedge, CellType::QuadraticHexahedron}) {
+    CAPTURE(static_cast<int>(type));
+    const Mesh mesh = wall(type, 4);
+    std::vector<char> is_fixed(mesh.node_count(), 0);
+    const std::vector<Index> surface = cube_surface(cube(type, 4));
+    for (const Index node : surface) is_fixed[node] = 1;
+    const VolumeMorph warp(mesh, surface);
+    const Points moved = warp.morph(rows_of(mapped(mesh.points, bend), surface));
+    const Orientation orientation = detect_orientation(mesh);
+    BestMeshOptions options;
+    options.wall_rows = rows_of_mesh(mesh);
+    REQUIRE(largest_deviation(options.wall_rows, mesh.points, moved) > 0.003);
+    const BestMeshResult best = find_best_mesh(
+        mesh, {mesh.points, measure_quality(mesh, mesh.points, orientation)},
+        {moved, measure_quality(mesh, moved, orientation)}, is_fixed, orientation, options);
+    REQUIRE(!best.report.attempts.empty());
+    const RaiseAttempt& first = best.report.attempts.front();
+    CHECK(first.by == RaiseBy::WallRows);
+    CHECK(first.is_taken);
+    CHECK(first.cells > 0);
+    CHECK(best.report.best.min >= best.report.plain.min);
+    CHECK(best.report.best.worst_twentieth >= best.report.plain.worst_twentieth);
+    for (const Index node : surface) CHECK(best.positions.row(node) == moved.row(node));
+    if (best.report.attempts.size() > 1) continue;
+    CHECK(largest_deviation(options.wall_rows, mesh.points, best.positions) < 1e-3);
+  }
+}
+
+TEST_CASE("Rows go back between ends at rest, those of fixed nodes stay") {
+  const Mesh mesh = wall(CellType::Hexahedron, 4);
+  std::vector<char> is_fixed(mesh.node_count(), 0);
+  for (const Index node : cube_surface(cube(CellType::Hexahedron, 4))) is_fixed[node] = 1;
+  Points moved = mesh.points;
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    if (!is_fixed[n]) moved(n, 0) += 0.02;
+  const Orientation orientation = detect_orientation(mesh);
+  BestMeshOptions options;
+  options.wall_rows = rows_of_mesh(mesh);
+  std::vector<char> all_fixed(mesh.node_count(), 1);
+  const BestMeshResult held = find_best_mesh(
+      mesh, {mesh.points, measure_quality(mesh, mesh.points, orientation)},
+      {moved, measure_quality(mesh, moved, orientation)}, all_fixed, orientation, options);
+  CHECK(held.positions == moved);
+  const BestMeshResult free = find_best_mesh(
+      mesh, {mesh.points, measure_quality(mesh, mesh.points, orientation)},
+      {moved, measure_quality(mesh, moved, orientation)}, is_fixed, orientation, options);
+  CHECK((free.positions - mesh.points).norm() < 1e-14);
+}
+
+}  // namespace
+}  // namespace cadmorph

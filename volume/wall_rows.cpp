@@ -1,0 +1,212 @@
+#include "volume/wall_rows.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <span>
+#include <tuple>
+#include <utility>
+
+#include "core/cell_topology.h"
+
+namespace cadmorph {
+namespace {
+
+using Eigen::Vector3d;
+
+// A wall has few cells across it. Longer rows tell what is across and what along a wall.
+constexpr std::size_t kMostCells = 8, kFarthest = 16;
+constexpr double kThin = 0.5;
+// Off the line between its ends, of its length; layers towards a wall grow by 1.1 or more.
+constexpr double kStraight = 0.1, kEven = 1.1;
+
+// A face of a cell type and the one that has no node in common with it.
+struct Across {
+  int far_face = -1;
+  int count = 0;
+  std::array<std::uint8_t, 4> near = {}, far = {};  ///< corners, joined by edges
+};
+
+bool has(const LocalFace& face, int node) {
+  const auto corners = std::span(face.nodes).first(static_cast<std::size_t>(
+      corner_count(face.type, face.count)));
+  return std::ranges::find(corners, node) != corners.end();
+}
+
+Across across(CellType type, int face) {
+  const CellInfo& info = info_of(type);
+  Across result;
+  const LocalFace& near = info.faces[static_cast<std::size_t>(face)];
+  for (std::size_t f = 0; f < info.faces.size(); ++f) {
+    bool is_apart = true;
+    for (int n = 0; n < info.corners; ++n) is_apart &= !(has(near, n) && has(info.faces[f], n));
+    if (is_apart) result.far_face = static_cast<int>(f);
+  }
+  if (result.far_face < 0) return result;
+  const LocalFace& far = info.faces[static_cast<std::size_t>(result.far_face)];
+  for (const LocalEdge& edge : info.edges)
+    for (const auto& [a, b] : {std::pair(edge.a, edge.b), std::pair(edge.b, edge.a)})
+      if (has(near, a) && has(far, b)) {
+        result.near[static_cast<std::size_t>(result.count)] = a;
+        result.far[static_cast<std::size_t>(result.count++)] = b;
+      }
+  return result;
+}
+
+class RowFinder {
+ public:
+  RowFinder(const Mesh& mesh, const CellNeighbours& neighbours, const Points& points)
+      : mesh_(mesh), neighbours_(neighbours), points_(points) {}
+
+  std::vector<NodeRow> rows() {
+    find_starts();
+    for (const Start& start : starts_) walk(start);
+    keep_across();
+    return std::move(rows_);
+  }
+
+ private:
+  // A node of the surface, the next one inwards, and the cell and face to go in by.
+  using Start = std::tuple<Index, Index, Index, int>;
+
+  bool can_pass(Index cell) const {
+    const Shape shape = info_of(mesh_.types[cell]).shape;
+    return shape == Shape::Cube || shape == Shape::Prism;
+  }
+
+  Index beyond(Index cell, int face) const {
+    return neighbours_.neighbour[neighbours_.offsets[cell] + face];
+  }
+
+  const Across& across_of(Index cell, int face) {
+    auto& known = across_[static_cast<std::size_t>(mesh_.types[cell])][static_cast<std::size_t>(face)];
+    if (!known) known = across(mesh_.types[cell], face);
+    return *known;
+  }
+
+  Index node(Index cell, int local) const { return mesh_.connectivity[mesh_.offsets[cell] + local]; }
+
+  void find_starts() {
+    for (Index cell = 0; cell < mesh_.cell_count(); ++cell) {
+      if (!can_pass(cell)) continue;
+      const Index faces = neighbours_.offsets[cell + 1] - neighbours_.offsets[cell];
+      for (int face = 0; face < faces; ++face) {
+        if (beyond(cell, face) != -1) continue;
+        const Across& to = across_of(cell, face);
+        for (int i = 0; to.far_face >= 0 && i < to.count; ++i)
+          starts_.emplace_back(node(cell, to.near[i]), node(cell, to.far[i]), cell, face);
+      }
+    }
+    std::ranges::sort(starts_);
+    const auto twins = std::ranges::unique(starts_, {}, [](const Start& start) {
+      return std::pair(std::get<0>(start), std::get<1>(start));
+    });
+    starts_.erase(twins.begin(), twins.end());
+  }
+
+  void walk(const Start& start) {
+    auto [first, second, cell, face] = start;
+    NodeRow row = {first};
+    while (row.size() <= kFarthest) {
+      const Across& to = across_of(cell, face);
+      const auto near = std::find_if(to.near.begin(), to.near.begin() + to.count,
+                                     [&](int i) { return node(cell, i) == row.back(); });
+      if (near == to.near.begin() + to.count) return;  // a collapsed cell
+      row.push_back(node(cell, to.far[static_cast<std::size_t>(near - to.near.begin())]));
+      const Index next = beyond(cell, to.far_face);
+      if (next < 0) {
+        if (row.size() > 2 && row.front() < row.back()) rows_.push_back(std::move(row));
+        return;
+      }
+      if (next == cell || !can_pass(next)) return;
+      for (face = 0; beyond(next, face) != cell;) ++face;
+      cell = next;
+      if (across_of(cell, face).far_face < 0) return;  // in through the side of a wedge
+    }
+  }
+
+  double length(const NodeRow& row) const {
+    return (points_.row(row.back()) - points_.row(row.front())).norm();
+  }
+
+  bool is_even(const NodeRow& row) const {
+    double least = 0, most = 0;
+    for (std::size_t i = 1; i < row.size(); ++i) {
+      const double gap = (points_.row(row[i]) - points_.row(row[i - 1])).norm();
+      least = i == 1 ? gap : std::min(least, gap);
+      most = std::max(most, gap);
+    }
+    const Vector3d start = points_.row(row.front());
+    const Vector3d along = (Vector3d(points_.row(row.back())) - start).normalized();
+    return most < kEven * least && std::ranges::all_of(row, [&](Index n) {
+             const Vector3d way = Vector3d(points_.row(n)) - start;
+             return (way - way.dot(along) * along).norm() <= kStraight * length(row);
+           });
+  }
+
+  // Of the rows through a node the one that is much the shortest goes across the wall.
+  void keep_across() {
+    std::vector<std::array<double, 2>> shortest(static_cast<std::size_t>(mesh_.node_count()));
+    for (const NodeRow& row : rows_) {
+      const double own = length(row);
+      for (const Index n : row) {
+        auto& [least, next] = shortest[static_cast<std::size_t>(n)];
+        if (least == 0 || own < least)
+          next = std::exchange(least, own);
+        else if (next == 0 || own < next)
+          next = own;
+      }
+    }
+    std::erase_if(rows_, [&](const NodeRow& row) {
+      const double own = length(row);
+      const bool is_across =
+          std::all_of(row.begin() + 1, row.end() - 1, [&](Index n) {
+            const auto& [least, next] = shortest[static_cast<std::size_t>(n)];
+            return own == least && (next == 0 || own <= kThin * next);
+          });
+      return row.size() > kMostCells + 1 || !is_across || !is_even(row);
+    });
+  }
+
+  const Mesh& mesh_;
+  const CellNeighbours& neighbours_;
+  const Points& points_;
+  std::array<std::array<std::optional<Across>, 6>, 128> across_;  ///< by type and face
+  std::vector<Start> starts_;
+  std::vector<NodeRow> rows_;
+};
+
+}  // namespace
+
+std::vector<NodeRow> find_wall_rows(const Mesh& mesh, const CellNeighbours& neighbours,
+                                    const Points& points) {
+  if (neighbours.neighbour.empty()) return {};
+  return RowFinder(mesh, neighbours, points).rows();
+}
+
+Points straight_places(const NodeRow& row, const Points& before, const Points& after) {
+  const Vector3d start = before.row(row.front()), to = after.row(row.front());
+  const Vector3d along = Vector3d(before.row(row.back())) - start;
+  const Vector3d along_after = Vector3d(after.row(row.back())) - to;
+  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(along, along_after);
+  const double scale = along_after.norm() / along.norm();
+  Points result(std::ssize(row) - 2, 3);
+  for (Index i = 0; i < result.rows(); ++i) {
+    const Vector3d way = Vector3d(before.row(row[static_cast<std::size_t>(i) + 1])) - start;
+    const double share = way.dot(along) / along.squaredNorm();
+    result.row(i) = to + share * along_after + scale * (turn * (way - share * along));
+  }
+  return result;
+}
+
+double deviation(const NodeRow& row, const Points& before, const Points& after) {
+  const Points places = straight_places(row, before, after);
+  double largest = 0;
+  for (Index i = 0; i < places.rows(); ++i)
+    largest = std::max(
+        largest, (places.row(i) - after.row(row[static_cast<std::size_t>(i) + 1])).norm());
+  return largest / (after.row(row.back()) - after.row(row.front())).norm();
+}
+
+}  // namespace cadmorph

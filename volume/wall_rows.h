@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "core/cell_faces.h"
+#include "core/mesh.h"
+
+namespace cadmorph {
+
+/// Nodes through a wall, from one side to the other.
+using NodeRow = std::vector<Index>;
+
+/// The rows of corner nodes through hexahedra and wedges, from a face of the surface to the one
+/// opposite it, over 2 to 8 cells: straight ones, evenly spaced at `points` (N x 3), that are at most
+/// half as long as other rows through the same nodes. Layers, which grow, are none. Each row once;
+/// the order depends on the mesh alone. O(cells).
+std::vector<NodeRow> find_wall_rows(const Mesh& mesh, const CellNeighbours& neighbours,
+                                    const Points& points);
+
+/// Where the nodes between a row's ends would be at `after` (N x 3), had the row stayed as straight
+/// and as evenly spaced as it was `before`: a row each.
+Points straight_places(const NodeRow& row, const Points& before, const Points& after);
+
+/// Largest distance of the row's nodes from those places, in parts of the row's length.
+double deviation(const NodeRow& row, const Points& before, const Points& after);
+
+}  // namespace cadmorph
