@@ -45,10 +45,94 @@ bool is_on_part(const Mesh& mesh, Index cell, Index local, const std::vector<cha
   return std::ranges::all_of(corners, [&](Index node) { return parts[node] != 0; });
 }
 
-/// Faces used by one cell, those between regions and those on parts inside, in the order of their
-/// cells.
+/// The shell cells of a mesh with solids.
+class Shells {
+ public:
+  explicit Shells(const Mesh& mesh) : mesh_(mesh) {
+    for (Index c = 0; c < mesh.cell_count(); ++c)
+      if (dimension(mesh.types[c]) == 2) cells_.push_back(c);
+    if (cells_.empty()) return;
+    is_of_solid_.assign(static_cast<std::size_t>(mesh.node_count()), 0);
+    for (Index c = 0; c < mesh.cell_count(); ++c)
+      if (dimension(mesh.types[c]) == 3)
+        for (const Index node : mesh.cell(c)) is_of_solid_[node] = 1;
+    for (const Index c : cells_) {
+      std::vector<Index> corners =
+          corners_of({mesh.types[c], {mesh.cell(c).begin(), mesh.cell(c).end()}});
+      if (is_on_solids(corners)) on_solids_.push_back(std::move(corners));
+    }
+    std::ranges::sort(on_solids_);
+  }
+
+  /// Those that stand apart from the solids, or touch them along edges alone.
+  std::vector<Index> sheets() const {
+    std::vector<Index> result;
+    for (const Index c : cells_)
+      if (!is_on_solids(corners_of({mesh_.types[c], {mesh_.cell(c).begin(), mesh_.cell(c).end()}})))
+        result.push_back(c);
+    return result;
+  }
+
+  /// The faces between two cells of a region that one lies on. `outer`: those on the outside.
+  std::vector<Kept> inner_faces(const CellNeighbours& neighbours, const std::vector<Kept>& outer) {
+    drop(outer);
+    std::vector<Kept> result;
+    if (on_solids_.empty()) return result;
+    for (Index c = 0; c < mesh_.cell_count(); ++c) {
+      const auto is_of_shell = [&](Index node) { return is_of_shell_[node] != 0; };
+      if (dimension(mesh_.types[c]) < 3 || std::ranges::count_if(mesh_.cell(c), is_of_shell) < 3)
+        continue;
+      const std::vector<Facet> facets = cell_facets(mesh_, c);
+      for (Index f = 0; f < std::ssize(facets); ++f) {
+        const Index other = neighbours.neighbour[neighbours.offsets[c] + f];
+        if (c < other && mesh_.region(c) == mesh_.region(other) &&
+            std::ranges::binary_search(on_solids_, corners_of(facets[f])))
+          result.push_back({c, f, other});
+      }
+    }
+    return result;
+  }
+
+ private:
+  // Leaves those that do not lie on outer faces.
+  void drop(const std::vector<Kept>& outer) {
+    if (on_solids_.empty()) return;
+    std::vector<char> is_outer(on_solids_.size(), 0);
+    for (const Kept& face : outer) {
+      if (face.neighbour >= 0) continue;
+      const std::vector<Index> corners =
+          corners_of(cell_facets(mesh_, face.cell)[static_cast<std::size_t>(face.local)]);
+      for (const auto& same : std::ranges::equal_range(on_solids_, corners))
+        is_outer[static_cast<std::size_t>(&same - on_solids_.data())] = 1;
+    }
+    std::vector<std::vector<Index>> inside;
+    for (std::size_t i = 0; i < on_solids_.size(); ++i)
+      if (!is_outer[i]) inside.push_back(std::move(on_solids_[i]));
+    on_solids_ = std::move(inside);
+    is_of_shell_.assign(static_cast<std::size_t>(mesh_.node_count()), 0);
+    for (const std::vector<Index>& corners : on_solids_)
+      for (const Index node : corners) is_of_shell_[node] = 1;
+  }
+  static std::vector<Index> corners_of(const Facet& facet) {
+    std::vector<Index> corners(facet.nodes);
+    corners.resize(static_cast<std::size_t>(corner_count(facet.type, std::ssize(facet.nodes))));
+    std::ranges::sort(corners);
+    return corners;
+  }
+  bool is_on_solids(const std::vector<Index>& corners) const {
+    return std::ranges::all_of(corners, [&](Index node) { return is_of_solid_[node] != 0; });
+  }
+
+  const Mesh& mesh_;
+  std::vector<Index> cells_;                     ///< ascending
+  std::vector<char> is_of_solid_, is_of_shell_;  ///< of all nodes
+  std::vector<std::vector<Index>> on_solids_;    ///< corners, ascending, in order
+};
+
+/// Faces used by one cell, those between regions, those on parts inside and those that a shell cell
+/// lies on, in the order of their cells.
 std::vector<Kept> select_faces(const Mesh& mesh, const CellNeighbours& neighbours,
-                               const std::vector<char>& parts) {
+                               const std::vector<char>& parts, Shells& shells) {
   const Index cells = mesh.cell_count();
   std::vector<std::vector<Kept>> found((cells + kGrain - 1) / kGrain);
   parallel_for(cells, kGrain, [&](Index begin, Index end) {
@@ -64,6 +148,12 @@ std::vector<Kept> select_faces(const Mesh& mesh, const CellNeighbours& neighbour
   });
   std::vector<Kept> kept;
   for (const auto& some : found) kept.insert(kept.end(), some.begin(), some.end());
+  const std::vector<Kept> inner = shells.inner_faces(neighbours, kept);
+  if (inner.empty()) return kept;
+  kept.insert(kept.end(), inner.begin(), inner.end());
+  const auto place = [](const Kept& face) { return std::pair(face.cell, face.local); };
+  std::ranges::sort(kept, {}, place);
+  kept.erase(std::ranges::unique(kept, {}, place).begin(), kept.end());
   return kept;
 }
 
@@ -91,6 +181,16 @@ void drop_repeated_corner(Facet& facet) {
   }
 }
 
+/// A shell cell as a facet.
+Facet shell_facet(const Mesh& mesh, Index c) {
+  Facet facet{mesh.types[c], {mesh.cell(c).begin(), mesh.cell(c).end()}};
+  if (facet.type == CellType::Pixel) {
+    facet.type = CellType::Quad;
+    std::swap(facet.nodes[2], facet.nodes[3]);
+  }
+  return facet;
+}
+
 void append(Boundary& boundary, const Facet& facet, Index cell, Index neighbour) {
   boundary.types.push_back(facet.type);
   boundary.connectivity.insert(boundary.connectivity.end(), facet.nodes.begin(), facet.nodes.end());
@@ -107,7 +207,8 @@ Boundary solid_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
   const Orientation orientation = detect_orientation(mesh);
   Index cell = -1;
   std::vector<Facet> facets;
-  for (const Kept& kept : select_faces(mesh, neighbours, parts)) {
+  Shells shells(mesh);
+  for (const Kept& kept : select_faces(mesh, neighbours, parts, shells)) {
     if (kept.cell != cell) {
       cell = kept.cell;
       facets = cell_facets(mesh, cell);
@@ -117,6 +218,8 @@ Boundary solid_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
     drop_repeated_corner(facet);
     append(boundary, facet, cell, kept.neighbour);
   }
+  // As inner faces are: nodes that lie on no CAD face follow the solids.
+  for (const Index c : shells.sheets()) append(boundary, shell_facet(mesh, c), c, c);
   return boundary;
 }
 
@@ -125,12 +228,7 @@ Boundary shell_boundary(const Mesh& mesh) {
   boundary.offsets = {0};
   for (Index c = 0; c < mesh.cell_count(); ++c) {
     if (dimension(mesh.types[c]) != 2) continue;
-    Facet facet{mesh.types[c], {mesh.cell(c).begin(), mesh.cell(c).end()}};
-    if (facet.type == CellType::Pixel) {
-      facet.type = CellType::Quad;
-      std::swap(facet.nodes[2], facet.nodes[3]);
-    }
-    append(boundary, facet, c, -1);
+    append(boundary, shell_facet(mesh, c), c, -1);
   }
   return boundary;
 }

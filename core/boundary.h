@@ -5,15 +5,16 @@
 
 namespace cadmorph {
 
-/// The surface of a mesh: the facets that bound solid cells, and those between two regions or on a
-/// part inside that was asked for.
+/// The surface of a mesh: the facets that bound solid cells, those between two regions or on a part
+/// inside that was asked for, and shell cells beside or within solids.
 struct Boundary {
   std::vector<CellType> types;      ///< one a facet
   std::vector<Index> offsets;       ///< facets + 1
   std::vector<Index> connectivity;  ///< mesh node ids, corners first
   std::vector<Index> cell;          ///< owner cell of each facet (the one its normal points out of)
-  std::vector<Index> neighbour;     ///< cell on the other side of an interface, -1 on the outside
-  std::vector<Index> nodes;         ///< ids of the mesh nodes that a facet uses, ascending
+  /// Cell on the other side of an interface, -1 on the outside; of a shell beside solids itself.
+  std::vector<Index> neighbour;
+  std::vector<Index> nodes;  ///< ids of the mesh nodes that a facet uses, ascending
 
   template <class Archive>
   void serialize(Archive& archive) {
@@ -31,10 +32,12 @@ struct Boundary {
 /// (once each, owned by the cell of the lower region id), in the order of their cells. Normals
 /// point out of the owner also where the mesh uses the mirrored node order (see
 /// detect_orientation). Faces match by their corners; those of collapsed cells that have no area
-/// are left out. Shell cells on top of solids (boundary patches stored as cells) add nothing; in a
-/// mesh without solid cells the shell cells are the surface, as they are. The mesh must pass
-/// check_mesh. Throws InvalidInputError when the mesh has neither solid nor shell cells, or when
-/// more than two cells share a face. Parallel; O(F log F) time and 16 F bytes for F cell faces.
+/// are left out. Shell cells on the outside of solids (boundary patches stored as cells) add
+/// nothing; the faces inside that one lies on are taken as those between regions are; those that
+/// are no face of solids, sheets, come last, as they are. In a mesh without solid cells the shell
+/// cells are the surface. The mesh must pass check_mesh. Throws InvalidInputError when the mesh has
+/// neither solid nor shell cells, or when more than two cells share a face. Parallel; O(F log F)
+/// time and 16 F bytes for F cell faces.
 Boundary extract_boundary(const Mesh& mesh);
 
 /// The same where the neighbours of the mesh's cells are there already: O(F). `parts`, if not

@@ -78,6 +78,7 @@ class JointFinder {
   Joints run() {
     for (int n = 0; n < static_cast<int>(association_.entity.size()); ++n)
       if (association_.dimension[n] != CadDimension::None) look_at(n);
+    collect_nodes();
     for (auto& of_face : joints_.of_face) thin_out(of_face);
     return std::move(joints_);
   }
@@ -227,6 +228,15 @@ class JointFinder {
 
   double sine_to_edge(int n, int edge, double t) const {
     return tangent(edge, t).cross(tangent(entity(n), association_.uv(n, 0))).norm();
+  }
+
+  void collect_nodes() {
+    std::vector<int>& nodes = joints_.nodes;
+    for (const auto& of_face : joints_.of_face)
+      for (const Joints::OnFace& joint : of_face) nodes.push_back(joint.node);
+    for (const Joints::OnEdge& joint : joints_.on_edges) nodes.push_back(joint.node);
+    std::ranges::sort(nodes);
+    nodes.erase(std::ranges::unique(nodes).begin(), nodes.end());
   }
 
   void thin_out(std::vector<Joints::OnFace>& joints) const {

@@ -30,6 +30,7 @@ struct Joints {
   std::vector<std::vector<OnFace>> of_face;  ///< by face; of very many, some spread evenly
   std::vector<OnEdge> on_edges;
   std::vector<Crossing> crossings;
+  std::vector<int> nodes;  ///< of all of these, ascending
 };
 
 /// Joints that a variant parts: nodes that went off a face or an edge on which they lay.

@@ -123,6 +123,7 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
     const CadDimension dimension = association.dimension[row];
     if ((dimension != CadDimension::Face && dimension != CadDimension::Edge) ||
         association.is_free[row] || is_bound[row] ||
+        std::ranges::binary_search(moved.crossing, static_cast<int>(row)) ||
         std::ranges::binary_search(moved.periodic, static_cast<int>(row)))
       continue;
     Slider slider{dimension == CadDimension::Face, moved.entity[row], moved.uv.row(row), {}, {}};

@@ -783,6 +783,9 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   slid.insert(slid.end(), images.begin(), images.end());
   slid.insert(slid.end(), named.begin(), named.end());
   result.paired = nodes_of(slid);
+  result.jointed = self.joints.nodes;
+  for (const Joints::Crossing& crossing : self.joints.crossings)
+    result.crossing.push_back(crossing.node);
   result.positions = moved / self.association.mesh_unit_mm;
   keep_still(self.start, result.positions);
   result.beyond_wires = self.distances_beyond_wires(pair, placed);

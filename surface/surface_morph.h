@@ -45,6 +45,8 @@ struct SurfaceMorphResult {
   Index dragged_patches = 0;  ///< on no CAD face, that stay fixed though what moves touches them
   std::vector<int> paired;    ///< nodes on sides that are images of each other, ascending
   std::vector<int> periodic;  ///< those of them on sides named as periodic: no repair moves them
+  std::vector<int> crossing;  ///< nodes on CAD entities that cross without an imprint, ascending
+  std::vector<int> jointed;   ///< all on entities that meet without one (Joints), ascending
   std::vector<std::string> folds;     ///< faces with folded facets: a line each
   std::vector<Index> folded_facets;   ///< of the boundary, by face
   std::vector<std::string> warnings;  ///< other remarks: a line each

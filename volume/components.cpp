@@ -148,16 +148,19 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
     if (size[id] > 1) component[id] = static_cast<Index>(count++);  // alone: of no cell
 
   std::vector<Component> components(std::max<std::size_t>(count, 1));
+  Component sheets;
+  const auto component_of = [&](Index id) -> Component& {
+    const Index set = sets.find(id);
+    return size[set] == 1 ? sheets : components[component[set]];
+  };
   std::vector<Index> loose;
   const auto add = [&](Index node, Index id) {
-    const Index set = sets.find(id);
-    Component& to = components[component[set]];
     if (is_prescribed[node])
-      to.surface.push_back(position[node]);
-    else if (size[set] == 1)
+      component_of(id).surface.push_back(position[node]);
+    else if (size[sets.find(id)] == 1)
       loose.push_back(node);
     else
-      to.volume.push_back(node);
+      component_of(id).volume.push_back(node);
   };
   for (Index node = 0; node < mesh.node_count(); ++node) add(node, node);
   for (const auto& [place, id] : nodes.in_other_regions()) add(place.first, id);
@@ -165,14 +168,16 @@ std::vector<Component> split_components(const Mesh& mesh, const std::vector<Inde
     std::ranges::sort(one.surface);
     one.surface.erase(std::ranges::unique(one.surface).begin(), one.surface.end());
   }
-  if (loose.empty() || surface_nodes.empty()) return components;
-  const KdTree tree(Points(mesh.points(surface_nodes, Eigen::all)));
-  for (const Index node : loose) {
-    const Index nearest = surface_nodes[tree.nearest(mesh.points.row(node).data(), 1)[0].index];
-    Component& to = components[component[sets.find(nearest)]];
-    to.volume.push_back(node);
-    ++to.loose;
+  if (!loose.empty() && !surface_nodes.empty()) {
+    const KdTree tree(Points(mesh.points(surface_nodes, Eigen::all)));
+    for (const Index node : loose) {
+      const Index nearest = surface_nodes[tree.nearest(mesh.points.row(node).data(), 1)[0].index];
+      Component& to = component_of(nearest);
+      to.volume.push_back(node);
+      ++to.loose;
+    }
   }
+  if (!sheets.surface.empty()) components.push_back(std::move(sheets));
   return components;
 }
 

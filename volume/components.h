@@ -23,7 +23,8 @@ struct Component {
 /// are not prescribed) lies at the place of another node of the surface. Bodies in contact through
 /// prescribed nodes are morphed one by one (Sieger et al. 2013, sect. 7) and agree on these. A node
 /// of no cell, such as the reference node of a coupling, belongs to the component of the nearest
-/// prescribed node. `surface_nodes`: ids of the prescribed nodes. O(cells).
+/// prescribed node. Prescribed nodes of shells beside solids are the last component.
+/// `surface_nodes`: ids of the prescribed nodes. O(cells).
 std::vector<Component> split_components(const Mesh& mesh, const std::vector<Index>& surface_nodes,
                                         const std::vector<Index>& free_surface = {});
 

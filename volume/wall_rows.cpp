@@ -29,8 +29,8 @@ struct Across {
 };
 
 bool has(const LocalFace& face, int node) {
-  const auto corners = std::span(face.nodes).first(static_cast<std::size_t>(
-      corner_count(face.type, face.count)));
+  const auto corners =
+      std::span(face.nodes).first(static_cast<std::size_t>(corner_count(face.type, face.count)));
   return std::ranges::find(corners, node) != corners.end();
 }
 
@@ -80,12 +80,15 @@ class RowFinder {
   }
 
   const Across& across_of(Index cell, int face) {
-    auto& known = across_[static_cast<std::size_t>(mesh_.types[cell])][static_cast<std::size_t>(face)];
+    auto& known =
+        across_[static_cast<std::size_t>(mesh_.types[cell])][static_cast<std::size_t>(face)];
     if (!known) known = across(mesh_.types[cell], face);
     return *known;
   }
 
-  Index node(Index cell, int local) const { return mesh_.connectivity[mesh_.offsets[cell] + local]; }
+  Index node(Index cell, int local) const {
+    return mesh_.connectivity[mesh_.offsets[cell] + local];
+  }
 
   void find_starts() {
     for (Index cell = 0; cell < mesh_.cell_count(); ++cell) {
@@ -160,11 +163,10 @@ class RowFinder {
     }
     std::erase_if(rows_, [&](const NodeRow& row) {
       const double own = length(row);
-      const bool is_across =
-          std::all_of(row.begin() + 1, row.end() - 1, [&](Index n) {
-            const auto& [least, next] = shortest[static_cast<std::size_t>(n)];
-            return own == least && (next == 0 || own <= kThin * next);
-          });
+      const bool is_across = std::all_of(row.begin() + 1, row.end() - 1, [&](Index n) {
+        const auto& [least, next] = shortest[static_cast<std::size_t>(n)];
+        return own == least && (next == 0 || own <= kThin * next);
+      });
       return row.size() > kMostCells + 1 || !is_across || !is_even(row);
     });
   }
@@ -204,8 +206,8 @@ double deviation(const NodeRow& row, const Points& before, const Points& after) 
   const Points places = straight_places(row, before, after);
   double largest = 0;
   for (Index i = 0; i < places.rows(); ++i)
-    largest = std::max(
-        largest, (places.row(i) - after.row(row[static_cast<std::size_t>(i) + 1])).norm());
+    largest =
+        std::max(largest, (places.row(i) - after.row(row[static_cast<std::size_t>(i) + 1])).norm());
   return largest / (after.row(row.back()) - after.row(row.front())).norm();
 }
 

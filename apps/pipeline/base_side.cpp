@@ -20,8 +20,9 @@ PipelineOptions with_progress_everywhere(PipelineOptions options) {
   return options;
 }
 
-// Counts cells of a lower dimension than the mesh, and nodes that they alone, or no cell, use.
-void count_others(const Mesh& mesh, PipelineReport& report) {
+// Counts cells of a lower dimension than the mesh, and nodes that they alone, or no cell, use and
+// that are not on the surface.
+void count_others(const Mesh& mesh, const Boundary& boundary, PipelineReport& report) {
   const int highest = dimension(mesh);
   report.has_solids = highest == 3;
   std::vector<char> is_used(static_cast<std::size_t>(mesh.node_count()), 0);
@@ -31,6 +32,7 @@ void count_others(const Mesh& mesh, PipelineReport& report) {
     else
       for (const Index node : mesh.cell(c)) is_used[node] = 1;
   }
+  for (const Index node : boundary.nodes) is_used[node] = 1;
   report.loose_nodes = std::ranges::count(is_used, 0);
 }
 
@@ -117,7 +119,7 @@ void BaseSide::fill_report() {
   report.remarks = mesh_file->remarks();
   for (const std::string& note : mesh_file->notes())
     report.notes.push_back(mesh_file->path().filename().string() + ": " + note);
-  count_others(mesh(), report);
+  count_others(mesh(), boundary, report);
   report.nodes = mesh().node_count();
   report.cells = mesh().cell_count();
   report.vertex_nodes = found.vertex_nodes;

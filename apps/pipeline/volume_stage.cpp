@@ -167,12 +167,14 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
 }
 
 // Surface nodes that may slide to repair a mesh, but not to raise its cells: those that match
-// others on the opposite side of a periodic mesh, and those at rest; these may where they are in
-// poor cells of a part, but not of a flow, where what is far from a body is not to move.
+// others on the opposite side of a periodic mesh, those that hold parts together where the CAD has
+// no edge, and those at rest; these may where they are in poor cells of a part, but not of a flow,
+// where what is far from a body is not to move.
 void hold_nodes(const BaseSide& base, const SurfaceMorphResult& surface, BestMeshOptions& how) {
   for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row) {
     const Index node = base.boundary.nodes[row];
-    if (std::ranges::binary_search(surface.paired, static_cast<int>(row)))
+    if (std::ranges::binary_search(surface.paired, static_cast<int>(row)) ||
+        std::ranges::binary_search(surface.jointed, static_cast<int>(row)))
       how.held.push_back(node);
     else if (surface.positions.row(row) == base.mesh().points.row(node))
       (how.volumes ? how.held : how.resting).push_back(node);

@@ -56,7 +56,7 @@ constexpr ElementFamily kFamilies[] = {
     {"US", 2},         {"T2D", 1},         {"T3D", 1},          {"B2", 1},
     {"B3", 1},         {"PIPE2", 1},       {"PIPE3", 1},        {"ELBOW3", 1},
     {"SAX", 1},        {"DSAX", 1},        {"MAX", 1},          {"CIN", -1},
-    {"R3D", -1},       {"R2D", -1},        {"RAX", -1},         {"RB", -1},
+    {"R3D", 2},        {"R2D", -1},        {"RAX", -1},         {"RB", -1},
     {"SPRING", -1},    {"DASHPOT", -1},    {"MASS", -1},        {"ROTARYI", -1},
     {"HEATCAP", -1},   {"DCOUP", -1},      {"CONN", -1},        {"GAP", -1},
     {"DGAP", -1},      {"JOINTC", -1},     {"ITS", -1},         {"ITT", -1},

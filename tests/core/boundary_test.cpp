@@ -54,6 +54,45 @@ bool is_on_cube(const Eigen::RowVector3d& x) {
 
 }  // namespace
 
+TEST_CASE("shells beside solids and within them are facets, those on the outside are not",
+          "[core][boundary]") {
+  Mesh mesh = cube(CellType::Hexahedron, 3);
+  const Boundary alone = extract_boundary(mesh);
+  const Index of_cube = mesh.node_count();
+  const auto node_at = [&](double x, double y, double z) {
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      if ((mesh.points.row(n) - Eigen::RowVector3d(x, y, z)).norm() < 1e-9) return n;
+    return Index(-1);
+  };
+  const auto add_quad = [&](const std::vector<Index>& nodes) {
+    add_cell(mesh, CellType::Quad, nodes);
+  };
+  // On the cube's side, within it, and a sheet that stands on its edge.
+  const double t = 1.0 / 3;
+  add_quad({node_at(0, 0, 0), node_at(t, 0, 0), node_at(t, t, 0), node_at(0, t, 0)});
+  add_quad(
+      {node_at(t, t, t), node_at(2 * t, t, t), node_at(2 * t, 2 * t, t), node_at(t, 2 * t, t)});
+  mesh.points.conservativeResize(of_cube + 2, 3);
+  mesh.points.row(of_cube) << t, 0, 2;
+  mesh.points.row(of_cube + 1) << 0, 0, 2;
+  add_quad({node_at(0, 0, 1), node_at(t, 0, 1), of_cube, of_cube + 1});
+  const Boundary boundary = extract_boundary(mesh);
+  REQUIRE(boundary.facet_count() == alone.facet_count() + 2);
+  std::vector<Index> inner, sheets;
+  for (Index f = 0; f < boundary.facet_count(); ++f) {
+    if (boundary.neighbour[f] < 0) continue;
+    (boundary.neighbour[f] == boundary.cell[f] ? sheets : inner).push_back(f);
+  }
+  REQUIRE(inner.size() == 1);
+  for (const Index node : boundary.facet(inner[0])) {
+    CHECK(mesh.points(node, 2) == Approx(t));
+    CHECK_FALSE(is_on_cube(mesh.points.row(node)));
+  }
+  REQUIRE(sheets == std::vector<Index>{boundary.facet_count() - 1});
+  CHECK(boundary.cell[sheets[0]] == mesh.cell_count() - 1);
+  CHECK(std::ssize(boundary.nodes) == std::ssize(alone.nodes) + 4 + 2);
+}
+
 TEST_CASE("the boundary of a cube is its surface, for every cell type", "[core][boundary]") {
   for (CellType type : solid_types()) {
     CAPTURE(static_cast<int>(type));

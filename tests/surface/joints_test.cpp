@@ -164,3 +164,18 @@ TEST_CASE("Ordinary parts have no joints", "[surface][joints]") {
     for (const auto& of_face : joints.of_face) CHECK(of_face.empty());
   }
 }
+
+TEST_CASE("Nodes on sheets that cross are told, all of them", "[surface][joints]") {
+  const Parts base = three_sheets(22);
+  const MorphCase c = mesh_case(to_model(together(base)), triangulate(imprinted(base), 0.05, 0.2));
+  const SurfaceMorphResult result = morph_surface(c, to_model(together(three_sheets(31))));
+  std::vector<int> expected;
+  for (int row = 0; row < std::ssize(c.boundary.nodes); ++row) {
+    const Eigen::RowVector3d x = c.mesh.points.row(c.boundary.nodes[row]);
+    const int sheets = (x[2] == 0) + (x[1] == 20) + (x[0] == 22);
+    if (sheets > 1) expected.push_back(row);
+  }
+  REQUIRE(expected.size() > 4);
+  CHECK(result.crossing == expected);
+  CHECK(std::ranges::includes(result.jointed, expected));
+}

@@ -97,14 +97,14 @@ TEST_CASE("Rows keep their places under affine maps and between ends that move")
     const double t = x.z() / kThickness;
     return Vector3d(x.x() + 0.1 * kThickness * t * (1 - t), x.y(), x.z());
   });
-  for (const NodeRow& row : rows)
-    CHECK(deviation(row, mesh.points, bowed) == Approx(0.1 * 2 / 9));
+  for (const NodeRow& row : rows) CHECK(deviation(row, mesh.points, bowed) == Approx(0.1 * 2 / 9));
   const Points places = straight_places(rows[0], mesh.points, bowed);
   CHECK((places - mesh.points({rows[0][1], rows[0][2]}, Eigen::all)).norm() < 1e-15);
 }
 
 TEST_CASE("The best mesh has straight rows through walls") {
-  for (const CellType type : {CellType::Hexahedron, CellType::Wedge, CellType::QuadraticHexahedron}) {
+  for (const CellType type :
+       {CellType::Hexahedron, CellType::Wedge, CellType::QuadraticHexahedron}) {
     CAPTURE(static_cast<int>(type));
     const Mesh mesh = wall(type, 4);
     std::vector<char> is_fixed(mesh.node_count(), 0);
