@@ -9,6 +9,7 @@
 
 #include "cad/match_search.h"
 #include "cad/motion_guess.h"
+#include "core/kd_tree.h"
 
 namespace cadmorph {
 namespace {
@@ -17,8 +18,10 @@ using Eigen::Vector3d;
 
 constexpr const char* kFileOrder = "file order, verified";
 // Refinements that one guess may cost: parts of 2,000 faces need fewer than as many; and that one
-// may where a match is known already: right guesses need few.
-constexpr int kMostRefinements = 2000, kFewRefinements = 60;
+// may where a match is known already: right guesses need few, also of large models, where each
+// costs more. Above 2,000 entities their product with the entities is bounded.
+constexpr int kMostRefinements = 2000, kFewRefinements = 60, kLeastRefinements = 10;
+constexpr int kManyEntities = 2000;
 // Of the diagonal, what costs the first bit. Exchanged B-Reps are known to 1e-7 of a part's size,
 // centroids of their entities to a hundred times that; the motion of neighbours to ten times as
 // much again.
@@ -218,13 +221,16 @@ class PositionMatcher {
 
   std::optional<TopologyMatch> run() {
     const auto guesses = first_guesses(base_, variant_, hinted_ ? *hinted_ : plain_);
-    auto in_place = decide(plain_, guesses.front());
+    std::optional<TopologyMatch> in_place;
+    const bool may_stay = may_be_unmoved();
+    if (may_stay) in_place = decide(plain_, guesses.front(), kMostRefinements);
     if (in_place && is_unmoved(*in_place)) {
       selection_.offer(std::move(in_place));
       return selection_.best();
     }
     if (selection_.offer(by_file_order(base_, variant_, plain_, guesses[1].motion)))
       return selection_.best();
+    if (!may_stay) in_place = decide(plain_, guesses.front(), most_tried());
     if (selection_.offer(std::move(in_place))) return selection_.best();
     for (const NamedGuess& guess : guesses)
       if (offer_both(guess)) return selection_.best();
@@ -233,14 +239,30 @@ class PositionMatcher {
   }
 
  private:
-  std::optional<TopologyMatch> decide(const ColourRefinement& colours,
-                                      const NamedGuess& guess) const {
-    const int most = selection_.is_empty() ? kMostRefinements : kFewRefinements;
+  std::optional<TopologyMatch> decide(const ColourRefinement& colours, const NamedGuess& guess,
+                                      int most) const {
     const auto decided = decide_by_closeness(base_, variant_, colours, guess.motion, most);
     if (!decided) return std::nullopt;
     TopologyMatch match = to_match(base_, *decided);
     match.how = guess.how;
     return match;
+  }
+
+  // Whether corners lie where corners lay, but for what is_unmoved allows: a search of large
+  // symmetric models for a match that can't be takes long.
+  bool may_be_unmoved() const {
+    const EntityGraph& graph = base_.graph;
+    if (graph.corners == 0) return true;
+    RowMatrix corners(graph.corners, 3);
+    for (int c = 0; c < graph.corners; ++c)
+      corners.row(c) = variant_.features[variant_.graph.corner_node(c)].centre;
+    const KdTree tree(corners);
+    double sum = 0;
+    for (int c = 0; c < graph.corners; ++c)
+      sum +=
+          tree.nearest(base_.features[graph.corner_node(c)].centre.data(), 1)[0].squared_distance;
+    const double reach = kRounding * variant_.model.diagonal();
+    return sum <= reach * reach * (graph.corners + graph.curves);
   }
 
   // Centroids of faces are known roughly, the shapes tell.
@@ -250,9 +272,15 @@ class PositionMatcher {
     return stays(match);
   }
 
+  int most_tried() const {
+    if (selection_.is_empty()) return kMostRefinements;
+    const int entities = std::max(base_.graph.entity_count(), kManyEntities);
+    return std::max(kLeastRefinements, kFewRefinements * kManyEntities / entities);
+  }
+
   bool offer_both(const NamedGuess& guess) {
-    return (hinted_ && selection_.offer(decide(*hinted_, guess))) ||
-           selection_.offer(decide(plain_, guess));
+    return (hinted_ && selection_.offer(decide(*hinted_, guess, most_tried()))) ||
+           selection_.offer(decide(plain_, guess, most_tried()));
   }
 
   // Entities that a bad guess exchanged stand out of the smoothed motion of the others: guess by

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <map>
 
+#include "core/parallel.h"
+
 namespace cadmorph {
 namespace {
 
@@ -17,6 +19,7 @@ constexpr int kMaxTries = 12;
 constexpr int kNeighbours = 12;
 constexpr std::size_t kFewKnown = 4;
 constexpr std::size_t kFewMembers = 48;  // looked through one by one
+constexpr Index kGrain = 256;
 
 struct Ranked {
   int base = -1;
@@ -74,14 +77,18 @@ class Search {
   }
 
   RankedClass rank(const ColourClass& members, const EntityMotion& motion) const {
-    RankedClass ranked;
+    RankedClass ranked(members.base.size());
     const NearestMembers nearest(variant_, members.variant);
-    for (const int b : members.base) {
-      const EntityFeature& feature = base_.features[b];
-      const Vector3d at = motion(feature.centre);
-      ranked.push_back({b, kDoubt * guess_.scale * motion.reach(feature.centre),
-                        nearest.find(feature, at, guess_.scale, kMaxTries)});
-    }
+    parallel_for(std::ssize(ranked), kGrain, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const int b = members.base[static_cast<std::size_t>(i)];
+        const EntityFeature& feature = base_.features[b];
+        const Vector3d at = motion(feature.centre);
+        ranked[static_cast<std::size_t>(i)] = {b,
+                                               kDoubt * guess_.scale * motion.reach(feature.centre),
+                                               nearest.find(feature, at, guess_.scale, kMaxTries)};
+      }
+    });
     return ranked;
   }
 
