@@ -88,8 +88,7 @@ struct PipelineReport {
   std::vector<std::string> remarks;  ///< on the mesh file: see MeshFile::remarks
   std::vector<GroupFigures> groups;  ///< of the mesh, in the file's order
   bool has_solids = true;
-  Index loose_nodes =
-      0;  ///< of no volume element (of a mesh of shells: no shell): follow the field
+  Index loose_nodes = 0;    ///< of no volume element nor shell: see carry_loose_nodes
   Index other_cells = 0;    ///< of lower dimension than the mesh: boundary patches, beams, points
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit
   bool is_unit_detected = true;  ///< not given by the user

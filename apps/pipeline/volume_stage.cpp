@@ -8,6 +8,7 @@
 #include "apps/pipeline/refusal.h"
 #include "core/plane_mesh.h"
 #include "surface/node_slide.h"
+#include "volume/loose_nodes.h"
 
 namespace cadmorph {
 namespace {
@@ -314,10 +315,20 @@ std::vector<GroupFigures> figures_of_groups(const Mesh& mesh, const Points& posi
   return result;
 }
 
+// Of the boundary's nodes; of those that nothing prescribes, where the volume took them.
+Points where_cad_puts_surface(const BaseSide& base, const MorphResult& result) {
+  Points surface = result.positions(base.boundary.nodes, Eigen::all);
+  for (std::size_t i = 0; i < base.rows.size(); ++i)
+    surface.row(base.rows[i]) = result.surface_positions.row(static_cast<Index>(i));
+  return surface;
+}
+
 void measure(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
   raise_lost_cells(base, sliding, result);
   improve_result(base, sliding, result);
+  carry_loose_nodes(base.mesh(), base.boundary, where_cad_puts_surface(base, result),
+                    result.positions);
   PipelineReport& figures = result.report;
   set_quality(figures.after, result.quality, result.validity,
               check_quality(base.mesh(), result.positions, base.neighbours, base.orientation));

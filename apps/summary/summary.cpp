@@ -44,8 +44,9 @@ std::string node_line(const PipelineReport& report) {
   if (report.unmatched_nodes > 0)
     text += ", " + with_commas(report.unmatched_nodes) + " on no CAD face";
   if (report.loose_nodes > 0)
-    text += format("; %s of the interior ones in no %s element, they follow the field",
-                   with_commas(report.loose_nodes).c_str(), report.has_solids ? "volume" : "shell");
+    text +=
+        format("; %s of the interior ones in no %s element, they move with what is next to them",
+               with_commas(report.loose_nodes).c_str(), report.has_solids ? "volume" : "shell");
   return text;
 }
 
