@@ -495,7 +495,11 @@ void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& bou
   const bool is_larger = size_of(surface) >= kBeyondCad * base.diagonal();
   if (!is_larger && is_hole(surface, association, unmatched_facets(surface, boundary, association)))
     refuse(base, mesh, boundary, surface, {example, unmatched, outside},
-           "; they bound a hole inside of the mesh that the CAD does not have.");
+           dimension(mesh) == 3
+               ? "; they bound a hole inside of the mesh that the CAD does not have."
+               : "; they are of shells apart from the others, which the CAD does not have. If they "
+                 "are meant, as those of a tool that no CAD tells of, say so: " +
+                     words_for(Remedy::ExpectUnmatched) + ".");
   if (!is_larger)
     refuse(base, mesh, boundary, surface, {example, unmatched, outside},
            "; the mesh is hardly larger than the CAD, so they are no far field. If they are meant, "

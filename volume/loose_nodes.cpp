@@ -49,7 +49,8 @@ class LooseNodes {
     find_lines();
     Points moves(std::ssize(nodes_), 3);  // beyond the field's
     for (std::size_t i = 0; i < nodes_.size(); ++i)
-      if (is_end_[i]) moves.row(i) = carried(mesh_.points.row(nodes_[i])) - positions_.row(nodes_[i]);
+      if (is_end_[i])
+        moves.row(i) = carried(mesh_.points.row(nodes_[i])) - positions_.row(nodes_[i]);
     spread_along_lines(moves);
     for (std::size_t i = 0; i < nodes_.size(); ++i) positions_.row(nodes_[i]) += moves.row(i);
   }

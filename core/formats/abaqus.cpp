@@ -942,10 +942,7 @@ class Reader {
   }
 
   void add_remarks(ReadMesh& result) const {
-    for (const auto& [type, count] : left_out_types_)
-      if (count > 0)
-        result.remarks.push_back(std::to_string(count) + " elements of type " + type +
-                                 " are no cells of the mesh; their nodes follow the others");
+    remark_on_left_out(left_out_types_, result.remarks);
     for (const auto& [name, count] : located_)
       result.remarks.push_back("positions under *" + name + " are those of the base");
     if (has_normals_)

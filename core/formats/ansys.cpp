@@ -148,9 +148,7 @@ class Reader {
     MeshAssembly assembly(sources_);
     assembly.add(std::move(mesh_));
     ReadMesh result = assembly.finish(std::move(sources_), "material");
-    for (const auto& [name, count] : left_out_)
-      result.remarks.push_back(std::to_string(count) + " elements of type " + name +
-                               " are no cells of the mesh; their nodes follow the others");
+    remark_on_left_out(left_out_, result.remarks);
     if (incomplete_ > 0)
       result.remarks.push_back(std::to_string(incomplete_) +
                                " elements lack some of their mid-side nodes and are taken as "
@@ -431,7 +429,7 @@ class Reader {
       const std::string name = std::to_string(type->second.number);
       if (!is_left_out(type->second.number))
         sources_.fail(place, "elements of type " + name + " are not known");
-      ++block.left_out[name];
+      ++block.left_out["of type " + name];
       return;
     }
     const auto first = numbers.begin() + std::ptrdiff_t(kHead);

@@ -71,9 +71,7 @@ class Reader {
     MeshAssembly assembly(sources_);
     assembly.add(std::move(mesh_));
     ReadMesh result = assembly.finish(std::move(sources_), "part");
-    for (const auto& [name, count] : left_out_)
-      result.remarks.push_back(std::to_string(count) + " lines of *" + name +
-                               " give no cells of the mesh; their nodes follow the others");
+    remark_on_left_out(left_out_, result.remarks);
     return result;
   }
 
@@ -352,7 +350,7 @@ class Reader {
     data_ = Data::Elements;
     if (kind_ == Kind::None) {
       data_ = Data::LeftOut;
-      left_out_lines_ = &left_out_[name];
+      left_out_lines_ = &left_out_["lines of *" + name];
     }
   }
 

@@ -285,9 +285,7 @@ class Reader {
     MeshAssembly assembly(sources_);
     assembly.add(std::move(mesh_));
     ReadMesh result = assembly.finish(std::move(sources_), "property");
-    for (const auto& [name, count] : left_out_)
-      result.remarks.push_back(std::to_string(count) + " elements " + name +
-                               " are no cells of the mesh; their nodes follow the others");
+    remark_on_left_out(left_out_, result.remarks);
     if (incomplete_ > 0)
       result.remarks.push_back(std::to_string(incomplete_) +
                                " elements lack some of their mid-side nodes and are taken as "

@@ -277,4 +277,15 @@ ReadMesh MeshAssembly::finish(DeckSources sources, const std::string& region_arr
   return result;
 }
 
+void remark_on_left_out(const std::map<std::string, Index>& counts,
+                        std::vector<std::string>& remarks) {
+  std::string text;
+  for (const auto& [kind, count] : counts)
+    if (count > 0) text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + kind;
+  if (!text.empty())
+    remarks.push_back(
+        "elements that are no cells of the mesh, whose nodes move with what is next to them: " +
+        text);
+}
+
 }  // namespace cadmorph

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <span>
 #include <string>
 #include <utility>
@@ -50,6 +51,11 @@ struct NumberedMesh {
   void reserve_nodes(std::size_t more);
   void clear_elements();
 };
+
+/// Appends a remark on elements of a deck that are no cells, counted by their kind, if there are
+/// any.
+void remark_on_left_out(const std::map<std::string, Index>& counts,
+                        std::vector<std::string>& remarks);
 
 /// Gathers the nodes of one group after another, each node once a group.
 class GroupNodes {

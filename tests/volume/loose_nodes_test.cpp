@@ -43,8 +43,7 @@ struct Case {
 Motion near_motion(const Vector3d& shift, double turn, double growth) {
   return [=](const Vector3d& x) -> Vector3d {
     const double share = 1 / (1 + std::pow(std::max(x.norm() - 1, 0.0), 2));
-    const Vector3d moved =
-        growth * (Eigen::AngleAxisd(turn, Vector3d::UnitZ()) * x) + shift;
+    const Vector3d moved = growth * (Eigen::AngleAxisd(turn, Vector3d::UnitZ()) * x) + shift;
     return x + share * (moved - x);
   };
 }

@@ -97,7 +97,7 @@ TEST_CASE("An LS-DYNA deck gives its cells, points, sets and parts", "[core][for
   CHECK(mesh.groups[1].kind == "segment set");
   CHECK(mesh.groups[1].nodes == std::vector<Index>{0, 1, 2, 3});
   REQUIRE(file.remarks().size() == 1);
-  CHECK_THAT(file.remarks()[0], Catch::Contains("1 lines of *ELEMENT_MASS"));
+  CHECK_THAT(file.remarks()[0], Catch::Contains(": 1 lines of *ELEMENT_MASS"));
 
   // The wedge: the edges upwards of its first triangle lie along y, where its normal points.
   const auto wedge = mesh.cell(3);
