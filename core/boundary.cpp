@@ -1,6 +1,8 @@
 #include "core/boundary.h"
 
 #include <algorithm>
+#include <array>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -56,11 +58,8 @@ class Shells {
     for (Index c = 0; c < mesh.cell_count(); ++c)
       if (dimension(mesh.types[c]) == 3)
         for (const Index node : mesh.cell(c)) is_of_solid_[node] = 1;
-    for (const Index c : cells_) {
-      std::vector<Index> corners =
-          corners_of({mesh.types[c], {mesh.cell(c).begin(), mesh.cell(c).end()}});
-      if (is_on_solids(corners)) on_solids_.push_back(std::move(corners));
-    }
+    for (const Index c : cells_)
+      if (is_on_solids(c)) on_solids_.push_back(key_of(mesh.types[c], mesh.cell(c)));
     std::ranges::sort(on_solids_);
   }
 
@@ -68,8 +67,7 @@ class Shells {
   std::vector<Index> sheets() const {
     std::vector<Index> result;
     for (const Index c : cells_)
-      if (!is_on_solids(corners_of({mesh_.types[c], {mesh_.cell(c).begin(), mesh_.cell(c).end()}})))
-        result.push_back(c);
+      if (!is_on_solids(c)) result.push_back(c);
     return result;
   }
 
@@ -86,7 +84,7 @@ class Shells {
       for (Index f = 0; f < std::ssize(facets); ++f) {
         const Index other = neighbours.neighbour[neighbours.offsets[c] + f];
         if (c < other && mesh_.region(c) == mesh_.region(other) &&
-            std::ranges::binary_search(on_solids_, corners_of(facets[f])))
+            std::ranges::binary_search(on_solids_, key_of(facets[f].type, facets[f].nodes)))
           result.push_back({c, f, other});
       }
     }
@@ -94,39 +92,51 @@ class Shells {
   }
 
  private:
+  // The least four corners, ascending, and -1 where there are three: they tell a face from all
+  // others.
+  using Key = std::array<Index, 4>;
+
+  static std::span<const Index> corners_of(CellType type, std::span<const Index> nodes) {
+    return nodes.first(static_cast<std::size_t>(corner_count(type, std::ssize(nodes))));
+  }
+
+  static Key key_of(CellType type, std::span<const Index> nodes) {
+    Key key;
+    key.fill(-1);
+    std::ranges::partial_sort_copy(corners_of(type, nodes), key);
+    return key;
+  }
+
+  bool is_on_solids(Index shell) const {
+    return std::ranges::all_of(corners_of(mesh_.types[shell], mesh_.cell(shell)),
+                               [&](Index node) { return is_of_solid_[node] != 0; });
+  }
+
   // Leaves those that do not lie on outer faces.
   void drop(const std::vector<Kept>& outer) {
     if (on_solids_.empty()) return;
     std::vector<char> is_outer(on_solids_.size(), 0);
     for (const Kept& face : outer) {
       if (face.neighbour >= 0) continue;
-      const std::vector<Index> corners =
-          corners_of(cell_facets(mesh_, face.cell)[static_cast<std::size_t>(face.local)]);
-      for (const auto& same : std::ranges::equal_range(on_solids_, corners))
+      const Facet facet = cell_facets(mesh_, face.cell)[static_cast<std::size_t>(face.local)];
+      for (const Key& same : std::ranges::equal_range(on_solids_, key_of(facet.type, facet.nodes)))
         is_outer[static_cast<std::size_t>(&same - on_solids_.data())] = 1;
     }
-    std::vector<std::vector<Index>> inside;
+    std::vector<Key> inside;
     for (std::size_t i = 0; i < on_solids_.size(); ++i)
-      if (!is_outer[i]) inside.push_back(std::move(on_solids_[i]));
+      if (!is_outer[i]) inside.push_back(on_solids_[i]);
     on_solids_ = std::move(inside);
+    if (on_solids_.empty()) return;
     is_of_shell_.assign(static_cast<std::size_t>(mesh_.node_count()), 0);
-    for (const std::vector<Index>& corners : on_solids_)
-      for (const Index node : corners) is_of_shell_[node] = 1;
-  }
-  static std::vector<Index> corners_of(const Facet& facet) {
-    std::vector<Index> corners(facet.nodes);
-    corners.resize(static_cast<std::size_t>(corner_count(facet.type, std::ssize(facet.nodes))));
-    std::ranges::sort(corners);
-    return corners;
-  }
-  bool is_on_solids(const std::vector<Index>& corners) const {
-    return std::ranges::all_of(corners, [&](Index node) { return is_of_solid_[node] != 0; });
+    for (const Key& key : on_solids_)
+      for (const Index node : key)
+        if (node >= 0) is_of_shell_[node] = 1;
   }
 
   const Mesh& mesh_;
   std::vector<Index> cells_;                     ///< ascending
   std::vector<char> is_of_solid_, is_of_shell_;  ///< of all nodes
-  std::vector<std::vector<Index>> on_solids_;    ///< corners, ascending, in order
+  std::vector<Key> on_solids_;                   ///< of those with all corners on solids, in order
 };
 
 /// Faces used by one cell, those between regions, those on parts inside and those that a shell cell
