@@ -52,6 +52,8 @@ constexpr int kTrials = 3;
 constexpr double kWorthwhile = 1.01;
 // Rows of nodes that left their places by less, in parts of the wall, stay.
 constexpr double kBent = 1e-3;
+// Straight rows are taken where this share of each figure is kept.
+constexpr double kForRows = 0.999;
 // Rounds of taking back what fell too low.
 constexpr int kTakeBacks = 8;
 // Of the values of cells, -1 to 1.
@@ -485,11 +487,14 @@ class BestMesh {
     is_at_result_ = false;
     at_ = std::move(next);
     const WorstCells now = attempt.after = worst_cells(at_.quality);
-    // Straight rows are worth having where they cost nothing.
+    // Straight rows are worth having where they cost next to nothing.
+    const bool is_of_rows = attempt.by == RaiseBy::WallRows;
+    const double kept = is_of_rows ? kForRows : 1;
     const double before = sum_of_shares(report.best, report.base);
     const double sum = sum_of_shares(now, report.base);
-    if (now.min < report.plain.min || now.worst_twentieth < report.plain.worst_twentieth ||
-        (attempt.by == RaiseBy::WallRows ? sum < before : sum <= before))
+    if (now.min < kept * report.plain.min ||
+        now.worst_twentieth < kept * report.plain.worst_twentieth ||
+        (is_of_rows ? sum < kept * before : sum <= before))
       return;
     attempt.is_taken = is_at_result_ = true;
     report.best = now;
@@ -499,7 +504,7 @@ class BestMesh {
   }
 
   double moved(const Points& positions, Index node) const {
-    return (positions.row(node) - mesh_.points.row(node)).norm();
+    return (positions.row(node) - reference_.points.row(node)).norm();
   }
 
   // Large cells far from a small change have room for moves beyond all that the part does: these
