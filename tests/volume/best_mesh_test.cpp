@@ -582,4 +582,18 @@ TEST_CASE("No inner node moves much farther than the farthest surface node", "[v
   CHECK((result.positions - start).rowwise().norm().maxCoeff() <= 1.2 * kMoved);
 }
 
+TEST_CASE("A mesh that came by small moves is raised as one that came at once") {
+  const FixedCube cube_case(cube(CellType::Hexahedron, 5));
+  const Points moved = cube_case.disturbed(0.3);
+  const BestMeshResult at_once = cube_case.raised(moved);
+  REQUIRE(at_once.report.best.min > 1.1 * at_once.report.plain.min);
+  Mesh last = cube_case.mesh;
+  last.points = moved;
+  const BestMeshResult result =
+      find_best_mesh(last, {cube_case.mesh.points, cube_case.quality},
+                     {moved, measure_quality(last, moved, cube_case.orientation)},
+                     cube_case.is_fixed, cube_case.orientation);
+  CHECK(result.positions == at_once.positions);
+}
+
 }  // namespace cadmorph
