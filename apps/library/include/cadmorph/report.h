@@ -85,7 +85,8 @@ struct Report {
   Index repaired_cells = 0;  ///< inverted before optimisation, and not after
   Index raised_cells = 0;    ///< below MorphOptions::improve_below before, and not after
   bool is_raised = false;    ///< elements that lost shape were raised (Quality::Best)
-  /// Positions are a linear function of the surface's: one step, no repair, nothing raised.
+  /// Positions are a linear function of the surface's: one step, no repair, nothing raised. Nodes
+  /// of no solid or shell don't count.
   bool is_plain = true;
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
   std::vector<std::string> warnings;
