@@ -8,10 +8,9 @@ namespace cadmorph {
 /// The surface nodes that may slide on the variant: those on edges along them, those within faces
 /// on these; what each keeps of an offset from the CAD goes with it, turned no further. Left out,
 /// for what belongs to them would not follow: nodes on facets that are not on the CAD (symmetry
-/// planes that cut it, interfaces) or have nodes amid straight edges, nodes
-/// at a place with others (both sides of a slit), where entities cross without an imprint, on sides
-/// named as periodic, and poles. `moved` is
-/// what SurfaceMorph::morph made of the nodes of `boundary`.
+/// planes that cut it, interfaces) or have nodes amid straight edges, nodes at a place with others
+/// (both sides of a slit), where entities cross without an imprint, on sides named as periodic, and
+/// poles. `moved` is what SurfaceMorph::morph made of the nodes of `boundary`.
 SlidingNodes slide_on_cad(const CadModel& variant, const Association& association,
                           const Boundary& boundary, const SurfaceMorphResult& moved);
 

@@ -74,9 +74,9 @@ struct BestMeshResult {
 };
 
 /// Makes rows of nodes through walls as straight and evenly spaced as they are in the reference,
-/// where no cell suffers, then raises the cells of a moved mesh whose shape suffered most. Where
-/// the smallest scaled Jacobian or the mean of the worst twentieth fell below 98 % of the
-/// reference's (the mesh file's shape, also after many morphs), the nodes of the worst cells
+/// where that costs next to nothing, then raises the cells of a moved mesh whose shape suffered
+/// most. Where the smallest scaled Jacobian or the mean of the worst twentieth fell below 98 % of
+/// the reference's (the mesh file's shape, also after many morphs), the nodes of the worst cells
 /// minimise ShapeEnergy with growing powers: the inner ones (not `is_fixed`, N; of shells those
 /// that slide within faces) first, then, where less than three quarters are kept of what the affine
 /// map nearest to the motion leaves, all those that slide, too. A motion that is an affine map is

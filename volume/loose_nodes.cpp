@@ -8,13 +8,13 @@
 #include <vector>
 
 #include "core/kd_tree.h"
+#include "core/least_squares.h"
 
 namespace cadmorph {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::RowVector3d;
-using Eigen::Vector3d;
 
 constexpr int kPower = 32;
 // Times the nearest distance: farther nodes weigh less than 0.003.
@@ -128,19 +128,14 @@ class LooseNodes {
       product += weight(one) * way.transpose() * (after_.row(one.index) - to);
     }
     const double size = sum * nearest * nearest;
-    const Matrix3d turn = rotation_of(product + kFlat * size * Matrix3d::Identity());
+    // Of row vectors.
+    const Matrix3d covariance = product + kFlat * size * Matrix3d::Identity();
+    const Matrix3d turn = fit_rotation(covariance.transpose()).rotation.transpose();
     // A ring that grows keeps its middle, but what is above it comes no nearer.
     const Matrix3d map = (spread + kRigid * size * Matrix3d::Identity())
                              .ldlt()
                              .solve(product + kRigid * size * turn);
     return to + (whole_(x) - from) * map;
-  }
-
-  // Kabsch 1976, of row vectors.
-  static Matrix3d rotation_of(const Matrix3d& product) {
-    const Eigen::JacobiSVD<Matrix3d> svd(product, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-    return svd.matrixU() * Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
   }
 
   // Neighbours along lines; a node of none, or at the end of one, is an end.

@@ -1,6 +1,5 @@
 #include "volume/wall_rows.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/least_squares.h"
 
 namespace cadmorph {
 namespace {
@@ -191,7 +191,7 @@ Points straight_places(const NodeRow& row, const Points& before, const Points& a
   const Vector3d start = before.row(row.front()), to = after.row(row.front());
   const Vector3d along = Vector3d(before.row(row.back())) - start;
   const Vector3d along_after = Vector3d(after.row(row.back())) - to;
-  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(along, along_after);
+  const Eigen::Matrix3d turn = rotation_between(along, along_after);
   const double scale = along_after.norm() / along.norm();
   Points result(std::ssize(row) - 2, 3);
   for (Index i = 0; i < result.rows(); ++i) {
