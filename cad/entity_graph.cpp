@@ -53,6 +53,12 @@ class GraphBuilder {
         if (solid >= 0) connect(first + solid, f, kSolidFace);
   }
 
+  bool is_seen_from_inside(int face) const {
+    if (options_.seen_along.isZero(0)) return false;
+    const CadFace& of = model_.faces()[face];
+    return model_.normal(face, (of.lower + of.upper) / 2).dot(options_.seen_along) < 0;
+  }
+
   // All links of a chain have the same faces: the first one stands for them.
   void add_uses(int id, const CadCurve& curve) {
     const CurveLink& link = curve.links.front();
@@ -64,7 +70,8 @@ class GraphBuilder {
       connect(use, coedge.face, kUseFace);
       connect(use, graph_.curve_node(id), kUseCurve);
       if (curve.start < 0) continue;
-      const bool runs_back = coedge.is_reversed != link.is_reversed;
+      const bool runs_back =
+          (coedge.is_reversed != link.is_reversed) != is_seen_from_inside(coedge.face);
       const int tail = runs_back ? curve.end : curve.start;
       const int head = runs_back ? curve.start : curve.end;
       connect(use, graph_.corner_node(tail), kUseTail);

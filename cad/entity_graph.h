@@ -34,6 +34,9 @@ struct GraphOptions {
   /// The uses tell a curve's first corner from its last one as seen with the face to the left from
   /// outside: a mirrored copy then has another graph.
   bool is_oriented = true;
+  /// Of a model in one plane: the side from which it is seen, whatever its faces call their
+  /// outside; else zero.
+  Eigen::Vector3d seen_along = Eigen::Vector3d::Zero();
   bool has_solids = true;  ///< the solids are nodes; else a solid is no more than its faces
 };
 

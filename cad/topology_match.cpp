@@ -21,6 +21,8 @@ namespace {
 constexpr double kNameBits = 3;
 // Where exporters cut smooth curves, there is a corner: worth a fit four times as good.
 constexpr double kJointBits = 2;
+// Of the diagonal, and radians: off a plane.
+constexpr double kInPlane = 1e-6;
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
 void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOptions& options,
@@ -127,16 +129,38 @@ bool are_solid(const CadModel& model) {
   return std::ranges::all_of(model.faces(), [](const CadFace& face) { return face.solid >= 0; });
 }
 
+// The normal of a plane that all of a model lies in; zero where there is none.
+Eigen::Vector3d normal_of_plane(const CadModel& model) {
+  if (model.faces().empty()) return Eigen::Vector3d::Zero();
+  const auto normal = [&](int face) {
+    return model.normal(face, (model.faces()[face].lower + model.faces()[face].upper) / 2);
+  };
+  const Eigen::Vector3d first = normal(0);
+  const double tolerance = kInPlane * model.diagonal();
+  for (int f = 0; f < std::ssize(model.faces()); ++f)
+    if (model.faces()[f].type != SurfaceType::Plane || normal(f).cross(first).norm() > kInPlane)
+      return Eigen::Vector3d::Zero();
+  for (const CadVertex& vertex : model.vertices())
+    if (std::abs((vertex.point - model.vertices()[0].point).dot(first)) > tolerance)
+      return Eigen::Vector3d::Zero();
+  return first;
+}
+
 // Oriented first. Shells that are no solids have no outside: one exporter's normals are the other
-// way round than another's, so they match as they cost less. One exporter writes solids, another
+// way round than another's, so they match as they cost less. Sheets in one plane are seen from one
+// side: turned over, all elements of a mesh would be, too. One exporter writes solids, another
 // their shells alone: solids count where both models have as many.
 std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadModel& variant,
                                              const MatchOptions& options) {
   const bool has_solids = base.solid_count() == variant.solid_count();
   const bool are_solids = are_solid(base) && are_solid(variant);
+  Eigen::Vector3d plane = normal_of_plane(base);
+  if (plane.cross(normal_of_plane(variant)).norm() > kInPlane || normal_of_plane(variant).isZero(0))
+    plane.setZero();
   std::optional<TopologyMatch> best;
   for (const bool is_oriented : {true, false}) {
-    const GraphOptions graph{.is_oriented = is_oriented, .has_solids = has_solids};
+    const GraphOptions graph{
+        .is_oriented = is_oriented, .seen_along = plane, .has_solids = has_solids};
     const MatchSide b = make_match_side(base, graph), v = make_match_side(variant, graph);
     if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||
         b.graph.corners != v.graph.corners)
@@ -145,7 +169,7 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
       match->is_oriented = is_oriented && are_solids;
       best = cheaper(std::move(best), std::move(match));
     }
-    if (best && are_solids) break;
+    if (best && (are_solids || !plane.isZero(0))) break;
   }
   return best;
 }

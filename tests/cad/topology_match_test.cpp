@@ -3,6 +3,8 @@
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepAlgoAPI_Fuse.hxx>
 #include <BRepBuilderAPI_Copy.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
@@ -16,6 +18,7 @@
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <functional>
+#include <gp_Pln.hxx>
 #include <numbers>
 #include <numeric>
 #include <regex>
@@ -302,6 +305,32 @@ TEST_CASE("a part that changes in its own frame is matched in place", "[cad][mat
         std::vector<int> expected;
         for (const int f : known) expected.push_back(variant.faces[f]);
         CHECK(match_topology(base, to_model(variant.shape)).faces == expected);
+      }
+    }
+}
+
+TEST_CASE("a sheet in a plane is not turned over", "[cad][match]") {
+  // An angle whose legs exchange their lengths: turned over, the one is the other.
+  const auto angle = [](double along_x, double along_y, int first, bool is_reversed) {
+    const gp_Pnt corners[] = {{0, 0, 0},   {along_x, 0, 0},  {along_x, 20, 0},
+                              {20, 20, 0}, {20, along_y, 0}, {0, along_y, 0}};
+    BRepBuilderAPI_MakePolygon wire;
+    for (int i = 0; i < 6; ++i) wire.Add(corners[(first + i) % 6]);
+    wire.Close();
+    TopoDS_Shape face = BRepBuilderAPI_MakeFace(gp_Pln(), wire.Wire()).Face();
+    if (is_reversed) face.Reverse();
+    return face;
+  };
+  const CadModel base = to_model(angle(80, 100, 0, false));
+  for (int first = 0; first < 6; ++first)
+    for (const bool is_reversed : {false, true}) {
+      INFO("from corner " << first << (is_reversed ? ", reversed" : ""));
+      const CadModel variant = to_model(angle(100, 80, first, is_reversed));
+      const TopologyMatch match = match_topology(base, variant);
+      for (std::size_t c = 0; c < match.corners.size(); ++c) {
+        const Vector3d from = base.vertices()[base.skeleton().corners[c]].point;
+        const Vector3d to = variant.vertices()[variant.skeleton().corners[match.corners[c]]].point;
+        CHECK((to - from).norm() <= 20 + 1e-9);
       }
     }
 }
