@@ -46,6 +46,7 @@ struct NodeGroup {
   std::string name;
   std::string kind;          ///< in the words of the format: "marker", "patch", "node set"
   std::vector<Index> nodes;  ///< ascending, each once
+  std::string partner = {};  ///< name of the group that the file says is a period apart
 };
 
 /// An unstructured mesh of any VTK cells: solid, shell, line and vertex cells may be mixed.

@@ -7,13 +7,13 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/plane_mesh.h"
 #include "surface/free_patches.h"
-#include "surface/group_constraints.h"
 
 namespace cadmorph {
 namespace {
@@ -325,6 +325,25 @@ bool fits(const Points& from, const Points& to, const Isometry& map, double tole
   return true;
 }
 
+PeriodicSides find_pair(const Mesh& mesh, const Boundary& boundary, const SurfaceMesh& surface,
+                        const Association& association, const std::vector<char>& is_held,
+                        const std::string& first, const std::string& second) {
+  if (first == second)
+    throw InvalidInputError("the group '" + first + "' of the mesh can't be a period from itself");
+  const Vector3d normal = plane_normal(mesh, mesh.points);
+  const Side from = make_side(mesh, boundary, surface, first, !normal.isZero(0));
+  const Side to = make_side(mesh, boundary, surface, second, !normal.isZero(0));
+  for (const Side* side : {&from, &to})
+    for (const int n : side->rows)
+      if (association.is_free[n])
+        throw InvalidInputError(node_name(mesh, boundary.nodes[n]) + " of '" + side->name +
+                                "' follows the volume, so the group can't be a periodic side");
+  PeriodicSides sides = PeriodSearch(surface, from, to, normal).find();
+  for (const int n : sides.pair.to)
+    sides.is_given.push_back(is_held[n] || association.dimension[n] != CadDimension::None);
+  return sides;
+}
+
 }  // namespace
 
 std::vector<PeriodicSides> find_periodic_sides(
@@ -332,23 +351,35 @@ std::vector<PeriodicSides> find_periodic_sides(
     const Association& association, const std::vector<char>& is_held,
     const std::vector<std::pair<std::string, std::string>>& names) {
   std::vector<PeriodicSides> result;
-  if (names.empty()) return result;
-  const Vector3d normal = plane_normal(mesh, mesh.points);
-  for (const auto& [first, second] : names) {
-    if (first == second)
-      throw InvalidInputError("the group '" + first +
-                              "' of the mesh can't be a period from itself");
-    const Side from = make_side(mesh, boundary, surface, first, !normal.isZero(0));
-    const Side to = make_side(mesh, boundary, surface, second, !normal.isZero(0));
-    for (const Side* side : {&from, &to})
-      for (const int n : side->rows)
-        if (association.is_free[n])
-          throw InvalidInputError(node_name(mesh, boundary.nodes[n]) + " of '" + side->name +
-                                  "' follows the volume, so the group can't be a periodic side");
-    PeriodicSides sides = PeriodSearch(surface, from, to, normal).find();
-    for (const int n : sides.pair.to)
-      sides.is_given.push_back(is_held[n] || association.dimension[n] != CadDimension::None);
-    result.push_back(std::move(sides));
+  for (const auto& [first, second] : names)
+    result.push_back(find_pair(mesh, boundary, surface, association, is_held, first, second));
+  return result;
+}
+
+std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& boundary,
+                                              const SurfaceMesh& surface,
+                                              const Association& association,
+                                              const std::vector<char>& is_held,
+                                              const GroupConstraints& constraints,
+                                              std::vector<std::string>& remarks) {
+  std::set<std::string> done;
+  for (const auto* names :
+       {&constraints.held, &constraints.rigid, &constraints.sliding, &constraints.following})
+    done.insert(names->begin(), names->end());
+  for (const auto& [first, second] : constraints.periodic) done.insert({first, second});
+  std::vector<PeriodicSides> result;
+  for (const NodeGroup& group : mesh.groups) {
+    if (group.partner.empty() || done.contains(group.name) || done.contains(group.partner))
+      continue;
+    done.insert({group.name, group.partner});
+    try {
+      result.push_back(
+          find_pair(mesh, boundary, surface, association, is_held, group.name, group.partner));
+      result.back().is_by_file = true;
+    } catch (const InvalidInputError& error) {
+      remarks.push_back("the mesh file says that '" + group.name + "' and '" + group.partner +
+                        "' are periodic, but they are not moved as such: " + error.what());
+    }
   }
   return result;
 }
@@ -377,26 +408,30 @@ ImagePair with_period_at(const PeriodicSides& sides, const SurfaceMesh& surface,
   return pair;
 }
 
-void place_second_side(const PeriodicSides& sides, const ImagePair& pair,
-                       const SurfaceMesh& surface, Points& moved) {
+std::string place_second_side(const PeriodicSides& sides, const ImagePair& pair,
+                              const SurfaceMesh& surface, Points& moved) {
+  Points places(std::ssize(pair.to), 3);
   for (std::size_t i = 0; i < pair.to.size(); ++i) {
-    const int to = pair.to[i];
-    if (to == pair.from[i]) continue;  // on the axis
     const Vector3d place = pair.place(surface, moved, i);
-    const double off = (place - moved.row(to).transpose()).norm();
-    if (sides.is_given[i] && off > sides.tolerance[i]) {
-      std::ostringstream text;
-      text << "the sides '" << sides.first << "' and '" << sides.second
-           << "', named as periodic, do not move alike: the node of '" << sides.second << "' at "
-           << text_of(surface.points.row(to)) << " mm goes " << off
-           << " mm off the image of that of '" << sides.first << "' at "
-           << text_of(surface.points.row(pair.from[i]))
-           << " mm. Are the variant's sides a period apart there, and is neither held or moved "
-              "otherwise?";
-      throw InvalidInputError(text.str());
-    }
-    moved.row(to) = place;
+    places.row(static_cast<Index>(i)) = place;
+    if (pair.to[i] == pair.from[i]) continue;  // on the axis
+    const double off = (place - moved.row(pair.to[i]).transpose()).norm();
+    if (!sides.is_given[i] || off <= sides.tolerance[i]) continue;
+    std::ostringstream text;
+    text << "the sides '" << sides.first << "' and '" << sides.second << "', "
+         << (sides.is_by_file ? "which the mesh file says are" : "named as")
+         << " periodic, do not move alike: the node of '" << sides.second << "' at "
+         << text_of(surface.points.row(pair.to[i])) << " mm goes " << off
+         << " mm off the image of that of '" << sides.first << "' at "
+         << text_of(surface.points.row(pair.from[i]))
+         << " mm. Are the variant's sides a period apart there, and is neither held or moved "
+            "otherwise?";
+    if (sides.is_by_file) return text.str();
+    throw InvalidInputError(text.str());
   }
+  for (std::size_t i = 0; i < pair.to.size(); ++i)
+    if (pair.to[i] != pair.from[i]) moved.row(pair.to[i]) = places.row(static_cast<Index>(i));
+  return {};
 }
 
 std::string describe(const PeriodicSides& sides, const ImagePair& pair) {

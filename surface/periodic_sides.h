@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "surface/association.h"
+#include "surface/group_constraints.h"
 #include "surface/image_pairs.h"
 
 namespace cadmorph {
@@ -16,6 +17,7 @@ struct PeriodicSides {
   std::vector<double> tolerance;  ///< of each image's place, millimetres
   std::vector<char> is_given;     ///< images that the CAD, or what holds them, has a place for
   Eigen::Vector3d normal;         ///< of a mesh in a plane; else zero
+  bool is_by_file = false;        ///< the mesh file says that they are a pair; nobody asked for it
 };
 
 /// Finds by the nodes the translation or rotation that carries one named side onto the other: every
@@ -30,16 +32,26 @@ std::vector<PeriodicSides> find_periodic_sides(
     const Association& association, const std::vector<char>& is_held,
     const std::vector<std::pair<std::string, std::string>>& names);
 
+/// Finds those that the mesh file says are pairs (NodeGroup::partner), where no group of a pair is
+/// among `constraints`. What is none is left as it is: a line in `remarks` says why.
+std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& boundary,
+                                              const SurfaceMesh& surface,
+                                              const Association& association,
+                                              const std::vector<char>& is_held,
+                                              const GroupConstraints& constraints,
+                                              std::vector<std::string>& remarks);
+
 /// The pair with the period that the sides have at `moved` (all surface nodes, millimetres): that
 /// of before, or where the CAD's corners on both sides (else its edges, else its faces) went apart
 /// otherwise, the one that fits these best.
 ImagePair with_period_at(const PeriodicSides& sides, const SurfaceMesh& surface,
                          const Association& association, const Points& moved);
 
-/// Puts the nodes of the second side where the first's say. Throws InvalidInputError where one that
-/// is given has another place.
-void place_second_side(const PeriodicSides& sides, const ImagePair& pair,
-                       const SurfaceMesh& surface, Points& moved);
+/// Puts the nodes of the second side where the first's say. Where one that is given has another
+/// place: throws InvalidInputError; of sides that only the file pairs, returns what is wrong, and
+/// moves nothing.
+std::string place_second_side(const PeriodicSides& sides, const ImagePair& pair,
+                              const SurfaceMesh& surface, Points& moved);
 
 /// What the period is: "turned by 30 degrees about ...".
 std::string describe(const PeriodicSides& sides, const ImagePair& pair);

@@ -214,8 +214,11 @@ struct SurfaceMorph::Impl {
   void place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
                     Placement& placed) const;
   void settle_images(const std::vector<ImagePair>& images, Points& moved) const;
-  std::vector<ImagePair> named_pairs(const Points& moved) const;
-  void settle_named(const std::vector<ImagePair>& pairs, Points& moved) const;
+  SurfaceMorphResult morph(const CadModel& variant, const TopologyMatch& match,
+                           const std::vector<PeriodicSides>& sides,
+                           std::vector<std::string>& apart) const;
+  std::vector<ImagePair> named_pairs(const std::vector<PeriodicSides>& sides,
+                                     const Points& moved) const;
   void follow_named(Points& moved) const;
   PartedJoints settle_junctions(const CadModel& variant, Placement& placed) const;
   void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
@@ -552,21 +555,17 @@ void SurfaceMorph::Impl::settle_images(const std::vector<ImagePair>& images, Poi
 }
 
 // The sides that are named as periodic, with the period they have at `moved`.
-std::vector<ImagePair> SurfaceMorph::Impl::named_pairs(const Points& moved) const {
+std::vector<ImagePair> SurfaceMorph::Impl::named_pairs(const std::vector<PeriodicSides>& sides,
+                                                       const Points& moved) const {
   std::vector<ImagePair> pairs;
-  for (const PeriodicSides& sides : periodic)
-    pairs.push_back(with_period_at(sides, surface, association, moved));
+  for (const PeriodicSides& each : sides)
+    pairs.push_back(with_period_at(each, surface, association, moved));
   return pairs;
-}
-
-void SurfaceMorph::Impl::settle_named(const std::vector<ImagePair>& pairs, Points& moved) const {
-  for (std::size_t i = 0; i < pairs.size(); ++i)
-    place_second_side(periodic[i], pairs[i], surface, moved);
 }
 
 // Nodes on no CAD face alone.
 void SurfaceMorph::Impl::follow_named(Points& moved) const {
-  const std::vector<ImagePair> pairs = named_pairs(moved);
+  const std::vector<ImagePair> pairs = named_pairs(periodic, moved);
   for (std::size_t k = 0; k < pairs.size(); ++k)
     for (std::size_t i = 0; i < pairs[k].to.size(); ++i)
       if (!periodic[k].is_given[i] && pairs[k].to[i] != pairs[k].from[i])
@@ -715,10 +714,15 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   std::ranges::transform(impl_->constraints, held.begin(), is_taken_from_cad);
   impl_->periodic = find_periodic_sides(mesh, boundary, impl_->surface, impl_->association, held,
                                         impl_->options.groups.periodic);
+  std::vector<std::string> unpaired;
+  for (PeriodicSides& sides : find_sides_of_file(mesh, boundary, impl_->surface, impl_->association,
+                                                 held, impl_->options.groups, unpaired))
+    impl_->periodic.push_back(std::move(sides));
   impl_->find_forms();
   impl_->crack = describe_cracks(mesh, impl_->surface, boundary, impl_->association);
   impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association,
                                      impl_->patches);
+  std::ranges::move(unpaired, std::back_inserter(impl_->idle));
   // With regions, who holds an interface takes its facets from the CAD.
   if (const int face = face_between_solids_off_mesh(*impl_->base, impl_->association);
       face >= 0 && mesh.regions.empty())
@@ -740,7 +744,32 @@ SurfaceMorph& SurfaceMorph::operator=(SurfaceMorph&&) noexcept = default;
 const Association& SurfaceMorph::association() const { return impl_->association; }
 
 SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMatch& match) const {
-  const Impl& self = *impl_;
+  // Sides that the mesh file alone pairs, and that the variant does not have a period apart, go as
+  // if they were none.
+  std::vector<PeriodicSides> sides = impl_->periodic;
+  std::vector<std::string> warnings;
+  for (;;) {
+    std::vector<std::string> apart;  // of each pair what is wrong
+    SurfaceMorphResult result = impl_->morph(variant, match, sides, apart);
+    std::vector<PeriodicSides> left;
+    for (std::size_t i = 0; i < sides.size(); ++i)
+      if (apart[i].empty())
+        left.push_back(std::move(sides[i]));
+      else
+        warnings.push_back(std::move(apart[i]));
+    if (left.size() == sides.size()) {
+      std::ranges::move(warnings, std::back_inserter(result.warnings));
+      return result;
+    }
+    sides = std::move(left);
+  }
+}
+
+// `apart`: of each of `sides` why it is not periodic in the variant; empty where it is.
+SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const TopologyMatch& match,
+                                             const std::vector<PeriodicSides>& sides,
+                                             std::vector<std::string>& apart) const {
+  const Impl& self = *this;
   const CadModel base = match.joins_edges ? self.base->with_joined_edges() : *self.base;
   const CadModel joined = match.joins_edges ? variant.with_joined_edges() : variant;
   const MotionPrediction prediction(base, joined, match);
@@ -757,7 +786,7 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   self.move_faces(pair, maps, placed, result);
   const auto images = self.image_faces(pair, self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, images, placed);
-  const auto named = self.named_pairs(self.surface.points + (placed.feet - self.feet));
+  const auto named = self.named_pairs(sides, self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, named, placed);
   const PartedJoints left = self.settle_junctions(joined, placed);
   for (Index n = 0; n < placed.feet.rows(); ++n)
@@ -773,10 +802,11 @@ SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMa
   result.warnings.insert(result.warnings.end(), self.idle.begin(), self.idle.end());
   auto slid = self.slide(moved);
   const Points before = moved;
-  self.settle_named(named, moved);
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    apart.push_back(place_second_side(sides[i], named[i], self.surface, moved));
+    result.notes.push_back(describe(sides[i], named[i]));
+  }
   result.periodic = nodes_of(named);
-  for (std::size_t i = 0; i < named.size(); ++i)
-    result.notes.push_back(describe(self.periodic[i], named[i]));
   result.dragged_patches = self.dragged_patches(moved);
   if (std::string text = self.describe_patches(result.dragged_patches); !text.empty())
     result.warnings.push_back(std::move(text));

@@ -48,7 +48,8 @@ std::string hash_of(const Values& values) {
 // A file may have changed since it was read: what was read counts beside the file.
 std::string contents_of(const Mesh& mesh) {
   std::string groups;
-  for (const NodeGroup& group : mesh.groups) groups += group.name + "\n" + hash_of(group.nodes);
+  for (const NodeGroup& group : mesh.groups)
+    groups += group.name + "\n" + group.partner + "\n" + hash_of(group.nodes);
   return content_hash(groups + hash_of(mesh.points) + hash_of(mesh.types) + hash_of(mesh.offsets) +
                       hash_of(mesh.connectivity) + hash_of(mesh.polyhedron_offsets) +
                       hash_of(mesh.polyhedron_faces) + hash_of(mesh.regions));

@@ -66,6 +66,8 @@ class Reader {
       read_cells(start);
     else if (kind == 13)
       read_faces();
+    else if (kind == 18)
+      read_periodic(start);
     else if (kind == 39 || kind == 45)
       read_zone(start);
     else if (kind == 61)
@@ -222,6 +224,16 @@ class Reader {
     const Index big = bytes_.int32("a face");
     bytes_.go_to(place);
     bytes_.set_big_endian(big > 0 && (little <= 0 || (little > big && little > kLargest / 16)));
+  }
+
+  /// "(18 (first last periodic-zone shadow-zone)(...))"
+  void read_periodic(std::size_t start) {
+    in_.expect('(', "the number of a section");
+    std::array<Index, 4> numbers{};
+    for (Index& number : numbers)
+      number = in_.hexadecimal("a number of the header of periodic faces");
+    mesh_.periodic_zones.emplace_back(numbers[2], numbers[3]);
+    skip_section(start);
   }
 
   /// "(45 (3 wall hull)(...))"

@@ -217,6 +217,7 @@ struct ElementCard {
   CellType linear;
   CellType quadratic;  ///< the same where there is none
   std::size_t nodes_at = 2;
+  bool goes_round = false;  ///< each corner is followed by the node beside it
 };
 
 constexpr ElementCard kElements[] = {
@@ -240,6 +241,15 @@ constexpr ElementCard kElements[] = {
     {"CPLSTS6", CellType::Triangle, CellType::QuadraticTriangle},
     {"CPLSTN8", CellType::Quad, CellType::QuadraticQuad},
     {"CPLSTS8", CellType::Quad, CellType::QuadraticQuad},
+    // Axisymmetric, and plane ones for large strains.
+    {"CTRAX3", CellType::Triangle, CellType::Triangle},
+    {"CQUADX4", CellType::Quad, CellType::Quad},
+    {"CTRAX6", CellType::Triangle, CellType::QuadraticTriangle},
+    {"CTRIAX", CellType::Triangle, CellType::QuadraticTriangle},
+    {"CTRIAX6", CellType::Triangle, CellType::QuadraticTriangle, 2, true},
+    {"CQUADX8", CellType::Quad, CellType::QuadraticQuad},
+    {"CQUADX", CellType::Quad, CellType::QuadraticQuad},
+    {"CQUAD", CellType::Quad, CellType::QuadraticQuad},
     {"CBAR", CellType::Line, CellType::Line},
     {"CBEAM", CellType::Line, CellType::Line},
     {"CBEND", CellType::Line, CellType::Line},
@@ -249,11 +259,10 @@ constexpr ElementCard kElements[] = {
 };
 
 constexpr std::string_view kLeftOut[] = {
-    "CELAS1", "CELAS2", "CELAS3",  "CELAS4", "CBUSH",  "CBUSH1D", "CDAMP1", "CDAMP2",
-    "CDAMP3", "CDAMP4", "CMASS1",  "CMASS2", "CMASS3", "CMASS4",  "CONM1",  "CONM2",
-    "CGAP",   "CVISC",  "CFAST",   "CWELD",  "CSEAM",  "RBE1",    "RBE2",   "RBE3",
-    "RBAR",   "RROD",   "RSPLINE", "PLOTEL", "CBEAM3", "CTRIAX6", "CTRIAX", "CQUADX",
-    "CQUAD",  "CHBDYG", "CHBDYE",  "CHBDYP", "CONV",   "CHACAB",  "CHACBR"};
+    "CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH",  "CBUSH1D", "CDAMP1", "CDAMP2", "CDAMP3",
+    "CDAMP4", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CONM1",   "CONM2",  "CGAP",   "CVISC",
+    "CFAST",  "CWELD",  "CSEAM",  "RBE1",   "RBE2",   "RBE3",    "RBAR",   "RROD",   "RSPLINE",
+    "PLOTEL", "CBEAM3", "CHBDYG", "CHBDYE", "CHBDYP", "CONV",    "CHACAB", "CHACBR"};
 
 /// A coordinate system of the deck.
 struct System {
@@ -543,7 +552,9 @@ class Reader {
     std::vector<Index>& nodes = block.nodes;
     nodes.clear();
     for (std::size_t i = 0; i < most; ++i) {
-      const std::string_view field = card.field(element.nodes_at + i);
+      const std::size_t round = i < corners ? 2 * i : 2 * (i - corners) + 1;
+      const std::string_view field =
+          card.field(element.nodes_at + (element.goes_round ? round : i));
       const bool may_be_blank = i >= corners;
       const Index node = field.empty() && may_be_blank
                              ? 0

@@ -208,6 +208,42 @@ TEST_CASE("sides that have names move alike where their shape leaves the turn op
   CHECK_THAT(m.surface.notes.front(), Catch::Contains("low, high: 25 nodes turned by 40 degrees"));
 }
 
+TEST_CASE("sides that the mesh file pairs move alike without an option", "[surface][periodic]") {
+  const double period = 2 * pi / 9;
+  const Passage base{square_side(1), true, period, {4, 4, 3}, 1.0},
+      variant{square_side(2.5), true, period, {4, 4, 3}, 1.0};
+  const CadModel changed =
+      to_model(shuffle(to_nurbs(variant.shape()),
+                       {.seed = 3, .has_reversed_edges = true, .has_reversed_surfaces = true})
+                   .shape);
+  const auto paired = [&](const std::string& group, const std::string& partner) {
+    Mesh mesh = base.mesh();
+    for (NodeGroup& each : mesh.groups)
+      if (each.name == group) each.partner = partner;
+    return mesh_case(to_model(base.shape()), mesh);
+  };
+  const MorphCase c = paired("low", "high");
+  const auto pairs = pairs_by(c.mesh, base.at(1));
+  const Morphed m = morph(c, changed);
+  CHECK(off_alike(c.mesh, m.points, pairs, base.at(1).linear()) <= 1e-12 * c.diagonal);
+  REQUIRE(m.surface.notes.size() == 1);
+  CHECK(m.surface.warnings.empty());
+
+  // What is not periodic is morphed with a warning: of the mesh, and of the variant.
+  const Morphed none = morph(paired("low", "highest"), changed);
+  CHECK(none.surface.notes.empty());
+  REQUIRE(none.surface.warnings.size() == 1);
+  CHECK_THAT(none.surface.warnings.front(), Catch::Contains("'highest' are periodic, but"));
+  gp_GTrsf stretch;
+  stretch.SetValue(1, 1, 1.2);
+  const CadModel stretched = to_model(transformed(base.shape(), stretch));
+  const Morphed apart = morph(c, stretched);
+  CHECK(apart.points == morph(mesh_case(to_model(base.shape()), base.mesh()), stretched).points);
+  REQUIRE(apart.surface.warnings.size() == 1);
+  CHECK_THAT(apart.surface.warnings.front(),
+             Catch::Contains("mesh file says are periodic, do not"));
+}
+
 TEST_CASE("curved sides that have names are a period apart", "[surface][periodic]") {
   const bool is_turned = GENERATE(true, false);
   const double new_period = GENERATE(1.0, 1.1);

@@ -173,6 +173,11 @@ Mesh to_mesh(FluentMesh&& fluent, const fs::path& path) {
     group.nodes.insert(group.nodes.end(), first + fluent.faces.offsets[zone.first],
                        first + fluent.faces.offsets[zone.end]);
   }
+  for (const auto& [zone, shadow] : fluent.periodic_zones) {
+    const auto one = groups.find(zone), other = groups.find(shadow);
+    if (one != groups.end() && other != groups.end())
+      mesh.groups[one->second].partner = mesh.groups[other->second].name;
+  }
   add_cell_zones(fluent, mesh);
   tidy_groups(mesh);
   return mesh;

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/formats/face_cells.h"
@@ -25,6 +26,7 @@ struct FluentMesh {
   Points points;
   FaceList faces;
   std::vector<FluentZone> face_zones, cell_zones;
+  std::vector<std::pair<Index, Index>> periodic_zones = {};  ///< ids of face zones a period apart
 
   /// Adds a face of the cells c0 and c1, counted from 1; 0: there is none.
   void add_face(std::span<const Index> nodes, Index c0, Index c1);

@@ -61,6 +61,8 @@ void read_boundary(PolyMesh& mesh) {
         patch.other_processor = file.label("neighbProcNo", 0, std::numeric_limits<int>::max());
       else if (key == "referPatch")
         patch.refers_to = file.word("referPatch");
+      else if (key == "neighbourPatch")
+        patch.partner = file.word("neighbourPatch");
       file.skip_value();
     }
     if (start < 0 || size < 0 || start + size > faces)
@@ -368,7 +370,10 @@ void join_names(const std::vector<PolyMesh>& pieces, PolyMesh& mesh) {
       const auto [at, is_new] = patches.emplace(name, mesh.patches.size());
       if (is_new) mesh.patches.push_back({.name = name, .type = patch.type, .faces = {}});
       FoamPatch& joined = mesh.patches[at->second];
-      if (patch.refers_to.empty()) joined.type = patch.type;
+      if (patch.refers_to.empty()) {
+        joined.type = patch.type;
+        joined.partner = patch.partner;
+      }
       for (const Index f : patch.faces) joined.faces.push_back(std::abs(to.faces[f]) - 1);
     }
     for (const FoamZone& zone : piece.zones) {
@@ -409,6 +414,8 @@ void add_groups(const PolyMesh& poly_mesh, Mesh& mesh) {
     NodeGroup& group = mesh.groups.emplace_back();
     group.name = patch.name;
     group.kind = patch.type == "patch" ? "patch" : "patch (" + patch.type + ")";
+    // Other coupled patches, as cyclicAMI, need no nodes that match.
+    if (patch.type == "cyclic") group.partner = patch.partner;
     for (const Index f : patch.faces) add_face(group.nodes, f);
   }
   for (const FoamZone& zone : poly_mesh.zones) {

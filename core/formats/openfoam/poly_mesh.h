@@ -18,6 +18,7 @@ struct FoamPatch {
   std::vector<Index> faces;
   Index processor = -1;  ///< of a processor patch: its own and the other side's number
   Index other_processor = -1;
+  std::string partner = {};    ///< of a cyclic patch: the other side's name
   std::string refers_to = {};  ///< of a part of a cyclic patch: the whole one's name
 };
 

@@ -243,6 +243,18 @@ TEST_CASE("Fluent files in text and in bytes give the same cells", "[core][forma
   }
 }
 
+TEST_CASE("Periodic zones of a Fluent file name their shadows", "[core][formats]") {
+  const FormatFolder folder;
+  const Mesh wanted = testing::cube(CellType::Hexahedron, 2);
+  const std::string text = FluentWriter({}).write(foam_mesh(wanted), wanted.cell_count());
+  const MeshFile plain(folder.put("plain.msh", text));
+  const MeshFile file(folder.put("mesh.msh", text + "(18 (1 1 4 5)(\n 1 2\n))\n"));
+  REQUIRE(file.mesh().groups.size() == 2);
+  CHECK(plain.mesh().groups[0].partner.empty());
+  CHECK(file.mesh().groups[0].partner == "rest");
+  CHECK(file.mesh().groups[1].partner.empty());
+}
+
 TEST_CASE("Fluent's HDF5 files give cells and zones", "[core][formats]") {
   const FormatFolder folder;
   const Mesh wanted = testing::cube(CellType::Wedge, 2);

@@ -143,6 +143,35 @@ TEST_CASE("Second-order elements of Nastran have VTK's nodes", "[core][formats]"
   CHECK_THAT(file.remarks()[0], Catch::Contains("mid-side nodes"));
 }
 
+TEST_CASE("Axisymmetric elements of Nastran are cells", "[core][formats]") {
+  const FormatFolder folder;
+  std::string deck = "BEGIN BULK\n";
+  const auto grid = [&](int number, const std::string& r, const std::string& z) {
+    deck += "GRID," + std::to_string(number) + ",," + r + ",0.," + z + "\n";
+  };
+  grid(1, "1.", "0.");
+  grid(2, "2.", "0.");
+  grid(3, "2.", "1.");
+  grid(4, "1.", "1.");
+  grid(5, "1.5", "0.");
+  grid(6, "2.", ".5");
+  grid(7, "1.5", ".5");
+  deck +=
+      "CTRIAX6,1,9,1,5,2,6,3,7\n"  // round the element
+      "CTRIAX,2,9,1,2,3,5,6,7\nCTRAX6,3,9,1,2,3,5,6,7\nCTRIAX,4,9,1,2,3\n"
+      "CTRAX3,5,9,1,2,3\nCQUADX,6,9,1,2,3,4\nCQUADX4,7,9,1,2,3,4\nCQUAD,8,9,1,2,3,4\nENDDATA\n";
+  const MeshFile file(folder.put("round.bdf", deck));
+  const Mesh& mesh = file.mesh();
+  using enum CellType;
+  CHECK(mesh.types == std::vector{QuadraticTriangle, QuadraticTriangle, QuadraticTriangle, Triangle,
+                                  Triangle, Quad, Quad, Quad});
+  const auto nodes = [&](Index c) {
+    return std::vector<Index>(mesh.cell(c).begin(), mesh.cell(c).end());
+  };
+  for (const Index c : {0, 1, 2}) CHECK(nodes(c) == std::vector<Index>{0, 1, 2, 4, 5, 6});
+  CHECK(nodes(7) == std::vector<Index>{0, 1, 2, 3});
+}
+
 TEST_CASE("Coordinate systems of Nastran are followed", "[core][formats]") {
   const FormatFolder folder;
   const std::string deck =

@@ -124,6 +124,21 @@ TEST_CASE("An OpenFOAM mesh gives its cells, patches and zones", "[core][formats
   CHECK(mesh.regions.empty());
 }
 
+TEST_CASE("Cyclic patches of OpenFOAM name each other", "[core][formats]") {
+  const FormatFolder folder;
+  FoamMesh mesh = blocks();
+  mesh.patches[0].type = "cyclic";
+  mesh.patches[0].more = "  neighbourPatch rest;\n";
+  mesh.patches[1].type = "cyclicAMI";
+  mesh.patches[1].more = "  neighbourPatch left;\n";
+  put_foam_mesh(folder, kMesh, mesh);
+  const MeshFile file(folder / "case");
+  REQUIRE(file.mesh().groups.size() >= 2);
+  CHECK(file.mesh().groups[0].kind == "patch (cyclic)");
+  CHECK(file.mesh().groups[0].partner == "rest");
+  CHECK(file.mesh().groups[1].partner.empty());
+}
+
 TEST_CASE("Cells of OpenFOAM come in VTK's node order", "[core][formats]") {
   for (const CellType type :
        {CellType::Tetra, CellType::Pyramid, CellType::Wedge, CellType::Hexahedron}) {
