@@ -17,6 +17,8 @@ using Eigen::Vector3d;
 constexpr double kKept = 0.01;
 // Of its floor's shortest edge: a cell that is higher is none of a layer.
 constexpr double kFlat = 1.5;
+// Heights that are worth holding are those of thin cells: others grow by accident.
+constexpr double kThin = 0.5;
 // Layers towards a wall are made with growth rates of 1.1 to 1.3, the same from one to the next;
 // other cells are as high as they happen to be.
 constexpr double kGrowth = 1.1, kSameRate = 0.1;
@@ -79,13 +81,13 @@ Storey next(const Mesh& mesh, const CellNeighbours& neighbours, Index below, con
   return {};
 }
 
-// Whether a cell is a layer's: less high than its floor is wide. On a symmetry plane that layers
-// end at, cells stand as high as they are apart along the body.
-bool is_flat(const Storey& one, const Points& points) {
+// Whether a cell is at most `most` times as high as its floor is wide. On a symmetry plane that
+// layers end at, cells stand as high as they are apart along the body.
+bool is_flat(const Storey& one, const Points& points, double most) {
   const double height = one.height(points);
   for (std::size_t i = 0; i < one.floor.size(); ++i) {
     const Index next = one.floor[(i + 1) % one.floor.size()];
-    if (height > kFlat * (points.row(next) - points.row(one.floor[i])).norm()) return false;
+    if (height > most * (points.row(next) - points.row(one.floor[i])).norm()) return false;
   }
   return true;
 }
@@ -125,7 +127,7 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
     const Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
-      return moves(one, before, after) && is_flat(one, before);
+      return moves(one, before, after) && is_flat(one, before, kFlat);
     });
     if (first.floor.empty()) continue;
     const double height = first.height(before), ratio = first.height(after) / height;
@@ -158,8 +160,9 @@ std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours&
   std::vector<Index> result;
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
-    const Storey first = first_storey(mesh, neighbours, cell, is_surface,
-                                      [&](const Storey& one) { return is_flat(one, points); });
+    const Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
+      return is_flat(one, points, kThin);
+    });
     if (first.floor.empty()) continue;
     const Storey second = next(mesh, neighbours, cell, first);
     const double rate = growth(first, second);
