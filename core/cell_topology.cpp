@@ -189,4 +189,39 @@ std::vector<LocalMidNode> mid_nodes_of(CellType type) {
 
 int dimension(CellType type) { return info_of(type).dimension; }
 
+Mesh corners_alone(const Mesh& mesh) {
+  const auto straight = [](const CellInfo& info) {
+    using enum CellType;
+    switch (info.shape) {
+      case Shape::Simplex:
+        return Tetra;
+      case Shape::Cube:
+        return Hexahedron;
+      case Shape::Prism:
+        return Wedge;
+      case Shape::Pyramid:
+        return CellType::Pyramid;
+      case Shape::Triangle:
+        return CellType::Triangle;
+      case Shape::Quad:
+        return CellType::Quad;
+      case Shape::None:
+        break;
+    }
+    return Line;
+  };
+  Mesh result = mesh;
+  result.connectivity.clear();
+  result.offsets = {0};
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    const CellInfo& info = info_of(mesh.types[c]);
+    const bool is_curved = info.mid_nodes > 0;
+    const auto nodes = is_curved ? mesh.cell(c).first(std::size_t(info.corners)) : mesh.cell(c);
+    if (is_curved) result.types[c] = straight(info);
+    result.connectivity.insert(result.connectivity.end(), nodes.begin(), nodes.end());
+    result.offsets.push_back(std::ssize(result.connectivity));
+  }
+  return result;
+}
+
 }  // namespace cadmorph

@@ -65,6 +65,9 @@ struct LocalMidNode {
 /// Those of a type whose number of nodes does not vary.
 std::vector<LocalMidNode> mid_nodes_of(CellType type);
 
+/// The mesh with straight edges: of second-order cells the corners alone. Nodes keep their ids.
+Mesh corners_alone(const Mesh& mesh);
+
 /// Number of nodes of a cell type; -1 when it varies (polygon, polyhedron, polyline, polyvertex), 0
 /// for a number that is no type of CellType.
 inline int cell_node_count(CellType type) { return info_of(type).nodes; }

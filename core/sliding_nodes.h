@@ -14,6 +14,12 @@ struct SlidePlace {
   Eigen::Matrix<double, 3, 2> tangents;  ///< derivatives of the point by the two coordinates
 };
 
+/// Two nodes next to each other on an edge.
+struct EdgeSegment {
+  Index a, b;     ///< ids, a < b
+  double length;  ///< where they start
+};
+
 /// Nodes that may slide along surfaces. Each has two coordinates of its own, lengths in the mesh's
 /// unit: (0, 0) is where the node starts, where its tangents are orthonormal.
 struct SlidingNodes {
@@ -25,6 +31,8 @@ struct SlidingNodes {
 
   /// Whether nodes[i] is still within its surface's bounds there.
   std::function<bool(Index i, const Eigen::Vector2d& slide)> is_within;
+
+  std::vector<EdgeSegment> segments;  ///< of the edges with nodes that slide
 };
 
 }  // namespace cadmorph

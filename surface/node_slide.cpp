@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -71,6 +72,42 @@ bool is_on_entity(const CadModel& variant, const Slider& slider, const Vector2d&
   return is_closed(edge) || (uv[0] >= edge.first && uv[0] <= edge.last);
 }
 
+// Neighbours along the variant's edges, each pair once, with their distance.
+std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Association& association,
+                                           const Boundary& boundary,
+                                           const SurfaceMorphResult& moved) {
+  const auto is_on = [&](Index row, int edge) {
+    if (association.dimension[row] == CadDimension::Edge) return moved.entity[row] == edge;
+    if (association.dimension[row] != CadDimension::Vertex) return false;
+    const Vector3d place = association.mesh_unit_mm * moved.positions.row(row).transpose();
+    const CadEdge& ends = variant.edges()[edge];
+    return std::ranges::any_of(std::array{ends.start, ends.end}, [&](int vertex) {
+      return vertex >= 0 &&
+             (variant.vertices()[vertex].point - place).norm() <= kTwin * variant.diagonal();
+    });
+  };
+  const auto row_of = [&](Index node) {
+    return std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin();
+  };
+  std::vector<EdgeSegment> result;
+  for (Index f = 0; f < boundary.facet_count(); ++f) {
+    const auto facet = boundary.facet(f);
+    const Index corners = corner_count(boundary.types[f], std::ssize(facet));
+    for (Index i = 0; i < corners; ++i) {
+      Index a = row_of(facet[i]), b = row_of(facet[(i + 1) % corners]);
+      if (association.dimension[a] != CadDimension::Edge) std::swap(a, b);
+      if (association.dimension[a] == CadDimension::Edge && is_on(b, moved.entity[a]))
+        result.push_back({std::min(boundary.nodes[a], boundary.nodes[b]),
+                          std::max(boundary.nodes[a], boundary.nodes[b]),
+                          (moved.positions.row(a) - moved.positions.row(b)).norm()});
+    }
+  }
+  const auto ends = [](const EdgeSegment& segment) { return std::pair(segment.a, segment.b); };
+  std::ranges::sort(result, {}, ends);
+  result.erase(std::ranges::unique(result, {}, ends).begin(), result.end());
+  return result;
+}
+
 std::vector<char> marks_of_bound_nodes(const Association& association, const Boundary& boundary,
                                        const CadModel& variant, const Points& positions) {
   std::vector<char> is_bound(boundary.nodes.size(), 0);
@@ -113,7 +150,8 @@ bool set_up(const CadModel& variant, const Vector3d& position, Slider& slider) {
 }  // namespace
 
 SlidingNodes slide_on_cad(const CadModel& variant, const Association& association,
-                          const Boundary& boundary, const SurfaceMorphResult& moved) {
+                          const Boundary& boundary, const SurfaceMorphResult& moved,
+                          bool on_edges_alone) {
   const double unit = association.mesh_unit_mm;
   const std::vector<char> is_bound =
       marks_of_bound_nodes(association, boundary, variant, moved.positions);
@@ -121,6 +159,7 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
   const auto sliders = std::make_shared<std::vector<Slider>>();
   for (std::size_t row = 0; row < is_bound.size(); ++row) {
     const CadDimension dimension = association.dimension[row];
+    if (on_edges_alone && dimension != CadDimension::Edge) continue;
     if ((dimension != CadDimension::Face && dimension != CadDimension::Edge) ||
         association.is_free[row] || is_bound[row] ||
         std::ranges::binary_search(moved.crossing, static_cast<int>(row)) ||
@@ -131,6 +170,7 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
     result.nodes.push_back(boundary.nodes[row]);
     sliders->push_back(std::move(slider));
   }
+  result.segments = segments_of_edges(variant, association, boundary, moved);
   result.slides = RowMatrix::Zero(static_cast<Index>(result.nodes.size()), 2);
   const auto uv_at = [sliders, unit](Index i, const Vector2d& slide) -> Vector2d {
     const Slider& slider = (*sliders)[i];

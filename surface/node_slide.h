@@ -10,9 +10,11 @@ namespace cadmorph {
 /// for what belongs to them would not follow: nodes on facets that are not on the CAD (symmetry
 /// planes that cut it, interfaces) or have nodes amid straight edges, nodes at a place with others
 /// (both sides of a slit), where entities cross without an imprint, on sides named as periodic, and
-/// poles. `moved` is what SurfaceMorph::morph made of the nodes of `boundary`.
+/// poles; where `on_edges_alone` is set, also those within faces. `moved` is what
+/// SurfaceMorph::morph made of the nodes of `boundary`.
 SlidingNodes slide_on_cad(const CadModel& variant, const Association& association,
-                          const Boundary& boundary, const SurfaceMorphResult& moved);
+                          const Boundary& boundary, const SurfaceMorphResult& moved,
+                          bool on_edges_alone = false);
 
 /// Number of facets that look clearly (by over 120 degrees) to another side of their CAD face than
 /// most do, at `positions` (a row for each mesh node) with the nodes at `slides`: cells there are

@@ -23,8 +23,9 @@ namespace {
 
 using Eigen::VectorXd;
 
-// Share of the reference's figures below which inner nodes move.
-constexpr double kLost = 0.98;
+// Shares of the reference's figures below which inner nodes move: once, which costs little, and
+// for as long as it helps.
+constexpr double kLostAny = 0.999, kLost = 0.98;
 // Surface nodes leave the place that the CAD's parameters give them only where less than the first
 // share is kept of what a stretch of the part leaves, and then until the second is. With half for
 // the first, hexahedra of the families came out worse at three quarters of a change, where they
@@ -50,12 +51,14 @@ constexpr int kIterations = 6, kIterationsLost = 20;
 constexpr int kTrials = 3;
 // Attempts of the last power go on while each has the figures rise by this factor.
 constexpr double kWorthwhile = 1.01;
-// Rows of nodes that left their places by less, in parts of the wall, stay.
-constexpr double kBent = 1e-3;
+// Rows of nodes that left their places by less, in parts of the wall, stay, and nodes amid edges,
+// in parts of these.
+constexpr double kBent = 1e-4;
 // Straight rows are taken where this share of each figure is kept.
 constexpr double kForRows = 0.999;
-// Rounds of taking back what fell too low.
-constexpr int kTakeBacks = 8;
+// Rounds of taking back what fell too low; first by half, since the next cells come off worst where
+// a node goes back as a whole.
+constexpr int kHalvings = 8, kTakeBacks = 16;
 // Of the values of cells, -1 to 1.
 constexpr std::size_t kBins = 2048;
 // Below, a cell has no shape to start from.
@@ -78,6 +81,7 @@ bool is_measured(double value) { return !std::isnan(value); }
 struct Patch {
   std::vector<Index> nodes, cells;  ///< ascending
   std::vector<Index> followers;     ///< nodes amid these, as numbers of MidNodes
+  bool is_of_mid_nodes = false;     ///< the nodes themselves
 };
 
 class BestMesh {
@@ -90,7 +94,8 @@ class BestMesh {
         came_(came),
         orientation_(orientation),
         options_(options),
-        is_fixed_(std::move(is_fixed)) {
+        is_fixed_(std::move(is_fixed)),
+        is_flat_(is_fixed_.size(), 0) {
     result_.positions = at_.positions = came.points;
     result_.quality = at_.quality = options.volumes ? measure(came.points) : came.quality;
     result_.report.is_by_faces = options.volumes;
@@ -102,8 +107,9 @@ class BestMesh {
   }
 
   BestMeshResult run() {
+    if (kept() < kLost) straighten_edges();
     straighten_rows();
-    if (kept() < kLost && compare_with_stretch()) {
+    if (kept() < kLostAny && compare_with_stretch()) {
       prepare();
       lost_much_ = has_lost_much();
       if (!lost_much_) hold_rows();
@@ -248,10 +254,60 @@ class BestMesh {
 
   // What moving any node needs, once.
   void prepare() {
-    if (incidence_) return;
+    if (!incidence_) {
+      incidence_.emplace(mesh_);
+      mid_nodes_ = MidNodes(mesh_, came_.points);
+    }
+    if (!std::exchange(holds_flat_cells_, true)) hold_flat_cells();
+  }
+
+  // A field moves all nodes alike and so bends edges which their corners would leave straight.
+  void straighten_edges() {
     incidence_.emplace(mesh_);
-    hold_flat_cells();
     mid_nodes_ = MidNodes(mesh_, came_.points);
+    if (mid_nodes_.count() == 0) return;
+    const MidNodes from_reference(mesh_, reference_.points);
+    State next = at_;
+    Patch around;
+    around.is_of_mid_nodes = true;
+    std::vector<char> has_cell(mesh_.cell_count(), 0);
+    for (Index i = 0; i < mid_nodes_.count(); ++i) {
+      const Index node = mid_nodes_.node(i);
+      if (is_fixed_[node]) continue;
+      from_reference.follow({i}, nullptr, next.positions, next.slides);
+      const auto corners = mid_nodes_.corners(i);
+      const double length =
+          (came_.points.row(corners.front()) - came_.points.row(corners.back())).norm();
+      if ((next.positions.row(node) - came_.points.row(node)).norm() <= kBent * length) {
+        next.positions.row(node) = came_.points.row(node);
+        continue;
+      }
+      around.nodes.push_back(node);
+      for (const Index c : incidence_->cells(node))
+        if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1))
+          around.cells.push_back(c);
+    }
+    if (around.nodes.empty()) return;
+    std::ranges::sort(around.nodes);
+    std::ranges::sort(around.cells);
+    was_invalid_.assign(mesh_.cell_count(), 0);
+    for (const Index c : all_invalid_cells()) was_invalid_[c] = 1;
+    try_at_once(RaiseBy::MidNodes, std::move(next), around);
+    was_invalid_.clear();
+    mid_nodes_ = MidNodes(mesh_, result_.positions);
+  }
+
+  // An attempt that takes no search. The next one starts from the result.
+  void try_at_once(RaiseBy by, State next, const Patch& around) {
+    RaiseAttempt attempt;
+    attempt.by = by;
+    attempt.cells = std::ssize(around.cells);
+    attempt.passes = double(attempt.cells) / double(result_.quality.cells);
+    judge(std::move(next), around, 0, attempt);
+    result_.report.attempts.push_back(attempt);
+    at_ = {result_.positions, result_.quality, slides_};
+    is_at_result_ = true;
+    spoilt_.reset();
   }
 
   // A smooth warp bends rows of nodes through a wall that changes shape and thickness at once.
@@ -281,21 +337,15 @@ class BestMesh {
     std::ranges::sort(around.nodes);
     add_followers(around, has_node);
     carry_followers(around, next);
-    RaiseAttempt attempt;
-    attempt.by = RaiseBy::WallRows;
-    attempt.cells = std::ssize(around.cells);
-    attempt.passes = double(attempt.cells) / double(result_.quality.cells);
-    judge(std::move(next), around, 0, attempt);
-    result_.report.attempts.push_back(attempt);
-    at_ = {result_.positions, result_.quality, {}};
-    is_at_result_ = true;
-    spoilt_.reset();
+    try_at_once(RaiseBy::WallRows, std::move(next), around);
   }
 
   // Straight rows are given up, as the surface nodes' places are, where little is kept.
   void hold_rows() {
-    const std::vector<RaiseAttempt>& tried = result_.report.attempts;
-    if (!tried.empty() && !tried.front().is_taken) return;
+    const auto is_lost = [](const RaiseAttempt& tried) {
+      return tried.by == RaiseBy::WallRows && !tried.is_taken;
+    };
+    if (std::ranges::any_of(result_.report.attempts, is_lost)) return;
     for (const NodeRow& row : options_.wall_rows)
       for (const Index node : row) is_fixed_[node] = 1;
   }
@@ -346,9 +396,8 @@ class BestMesh {
 
   // Nodes of solid cells without a shape to start from, that no move here is to make worse.
   void hold_flat_cells() {
-    is_flat_.assign(is_fixed_.size(), 0);
     for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (came_.quality.values[c] <= kFlat)
+      if (result_.quality.values[c] <= kFlat)
         for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
     for (const Index c : all_invalid_cells())
       for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
@@ -410,13 +459,12 @@ class BestMesh {
   }
 
   void raise(RaiseBy by, int doublings) {
-    if (by == RaiseBy::InnerNodes ? kept() >= kLost : kept() >= kKeptEnough) return;
+    const bool is_first = std::ranges::all_of(
+        result_.report.attempts, [](const RaiseAttempt& tried) { return tried.power == 0; });
+    if (kept() >= (by == RaiseBy::SlidingNodes ? kKeptEnough : is_first ? kLostAny : kLost)) return;
     if (spoilt_ == std::pair(by, doublings)) return;
     const std::vector<char> was_fixed = is_fixed_;
     for (int trial = 0; trial < kTrials && work_left() > 0; ++trial) {
-      const bool is_first = std::ranges::all_of(
-          result_.report.attempts,
-          [](const RaiseAttempt& attempt) { return attempt.by == RaiseBy::WallRows; });
       const Patch around = patch(is_first);
       if (around.nodes.empty()) break;
       // What raises shapes raises faces, too, and costs less: it begins.
@@ -512,7 +560,7 @@ class BestMesh {
   void take_back_far(const Patch& around, State& state) const {
     bool has_any = false;
     for (const Index n : around.nodes)
-      if (!is_slider(n) && moved(state.positions, n) > reach_) has_any |= take_back(n, state);
+      if (!is_slider(n) && moved(state.positions, n) > reach_) has_any |= take_back(n, state, 0);
     if (has_any) carry_followers(around, state);
   }
 
@@ -523,17 +571,20 @@ class BestMesh {
     const double least = result_.report.plain.min;
     std::vector<Index> to_check = around.cells;
     for (int round = 0; round <= kTakeBacks; ++round) {
-      // Cells that were not valid have no node that moves.
+      // Cells that were not valid have no node that moves, but one amid an edge.
       std::vector<Index> bad = invalid_cells(state.positions, to_check);
+      if (!was_invalid_.empty()) std::erase_if(bad, [&](Index c) { return was_invalid_[c]; });
       if (state.quality.min < least)
         for (Index c = 0; c < mesh_.cell_count(); ++c)
           if (state.quality.values[c] < least) bad.push_back(c);
       if (bad.empty()) return true;
       if (round == kTakeBacks) break;
+      const double kept = round < kHalvings ? 0.5 : 0;
       std::vector<Index> changed;
       for (const Index c : bad)
         for (const Index node : mesh_.cell(c))
-          if (!is_fixed_[node] && !mid_nodes_.contains(node) && take_back(node, state)) {
+          if (!is_fixed_[node] && mid_nodes_.contains(node) == around.is_of_mid_nodes &&
+              take_back(node, state, kept)) {
             const auto cells = incidence_->cells(node);
             changed.insert(changed.end(), cells.begin(), cells.end());
           }
@@ -547,14 +598,16 @@ class BestMesh {
     return false;
   }
 
-  // Returns whether the node had moved.
-  bool take_back(Index node, State& state) const {
-    if (state.positions.row(node) == result_.positions.row(node)) return false;
-    state.positions.row(node) = result_.positions.row(node);
-    if (is_slider(node)) {
-      const Index i = std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
-      state.slides.row(i) = slides_.row(i);
-    }
+  // Leaves the node that share of its move; returns whether it had moved.
+  bool take_back(Index node, State& state, double kept) const {
+    const Eigen::RowVector3d home = result_.positions.row(node);
+    const Eigen::RowVector3d move = state.positions.row(node) - home;
+    if (move.isZero(0)) return false;
+    state.positions.row(node) = home + kept * move;
+    if (!is_slider(node)) return true;
+    const Index i = std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
+    state.slides.row(i) = slides_.row(i) + kept * (state.slides.row(i) - slides_.row(i));
+    if (kept > 0) state.positions.row(node) = sliding_->at(i, state.slides.row(i)).point;
     return true;
   }
 
@@ -568,9 +621,11 @@ class BestMesh {
   const Orientation& orientation_;
   const BestMeshOptions& options_;
   std::vector<char> is_fixed_, is_flat_;
+  std::vector<char> was_invalid_;  ///< of all cells, where some that are may stay so
   std::optional<NodeCells> incidence_;
   MidNodes mid_nodes_;
   const SlidingNodes* sliding_ = nullptr;
+  bool holds_flat_cells_ = false;
   bool lost_much_ = false;  ///< by the motion that came
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole
   State at_;                ///< where the last attempt ended

@@ -28,11 +28,11 @@ struct MeasuredShape {
 };
 
 /// What moves in an attempt to raise cells.
-enum class RaiseBy { WallRows, InnerNodes, SlidingNodes };
+enum class RaiseBy { MidNodes, WallRows, InnerNodes, SlidingNodes };
 
 struct RaiseAttempt {
   RaiseBy by = RaiseBy::InnerNodes;
-  int power = 0;          ///< see ShapeEnergy; of wall rows none
+  int power = 0;          ///< see ShapeEnergy; 0: what needed no search
   Index cells = 0;        ///< whose shape it looked at
   double passes = 0;      ///< evaluations of a cell, over the number of the mesh's cells
   WorstCells after;       ///< what it came to
@@ -73,20 +73,22 @@ struct BestMeshResult {
   BestMeshReport report;
 };
 
-/// Makes rows of nodes through walls as straight and evenly spaced as they are in the reference,
-/// where that costs next to nothing, then raises the cells of a moved mesh whose shape suffered
-/// most. Where the smallest scaled Jacobian or the mean of the worst twentieth fell below 98 % of
-/// the reference's (the mesh file's shape, also after many morphs), the nodes of the worst cells
-/// minimise ShapeEnergy with growing powers: the inner ones (not `is_fixed`, N; of shells those
-/// that slide within faces) first, then, where less than three quarters are kept of what the affine
-/// map nearest to the motion leaves, all those that slide, too. A motion that is an affine map is
-/// left as it is. An attempt is taken when neither figure is below that of `moved` (of rows, by
-/// more than a thousandth) and their sum, each as a share of the reference's, is the largest so
-/// far; no more cells are invalid then. Cells that are not valid in `moved` stay as they are. No
-/// inner node moves farther from the reference than kMostOvershoot times the farthest fixed
-/// one, or than the farthest of those that came. At most 20 passes over the mesh's cells, 80 where
-/// less than three quarters were kept (more where the mesh is small): a count, no time, so that the
-/// result is the same on every machine and for any number of threads.
+/// Has nodes amid the edges of second-order cells go as these edges' corners did from the reference
+/// on, where little is kept and that helps, makes rows of nodes through walls as straight and
+/// evenly spaced as they are in the reference, where that costs next to nothing, then raises the
+/// cells of a moved mesh whose shape suffered most. Where the smallest scaled Jacobian or the mean
+/// of the worst twentieth fell below 98 % of the reference's (the mesh file's shape, also after
+/// many morphs; below 99.9 % for one attempt), the nodes of the worst cells minimise ShapeEnergy
+/// with growing powers: the inner ones (not `is_fixed`, N; of shells those that slide within faces)
+/// first, then, where less than three quarters are kept of what the affine map nearest to the
+/// motion leaves, all those that slide, too. A motion that is an affine map is left as it is. An
+/// attempt is taken when neither figure is below that of `moved` (of rows, by more than a
+/// thousandth) and their sum, each as a share of the reference's, is the largest so far; no more
+/// cells are invalid then. Cells that are not valid in `moved` stay as they are. No inner node
+/// moves farther from the reference than kMostOvershoot times the farthest fixed one, or than the
+/// farthest of those that came. At most 20 passes over the mesh's cells, 80 where less than three
+/// quarters were kept (more where the mesh is small): a count, no time, so that the result is the
+/// same on every machine and for any number of threads.
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
                               const MeasuredShape& moved, const std::vector<char>& is_fixed,
                               const Orientation& orientation, const BestMeshOptions& options = {});

@@ -81,6 +81,13 @@ void FreeNodes::set_slope(Index i, const Eigen::Vector3d& slope, VectorXd& gradi
     gradient.segment<2>(nodes_[i].first) = tangents_[i].transpose() * slope;
 }
 
+void FreeNodes::add_slope(Index i, const Eigen::Vector3d& slope, VectorXd& gradient) const {
+  if (nodes_[i].slide < 0)
+    gradient.segment<3>(nodes_[i].first) += slope;
+  else
+    gradient.segment<2>(nodes_[i].first) += tangents_[i].transpose() * slope;
+}
+
 Eigen::Matrix3d FreeNodes::by_unknowns(Index i, const Eigen::Matrix3d& hessian) const {
   if (nodes_[i].slide < 0) return hessian;
   Eigen::Matrix3d result = Eigen::Matrix3d::Zero();

@@ -30,6 +30,9 @@ class FreeNodes {
   /// i of node(i).
   Index place_of(Index node) const { return local_[node]; }
 
+  /// What slides; null where nothing does.
+  const SlidingNodes* sliding() const { return sliding_; }
+
   /// The unknowns at `positions` (N x 3) and `slides` (a row for each of SlidingNodes::nodes).
   Eigen::VectorXd start(const Points& positions, const RowMatrix& slides) const;
 
@@ -42,6 +45,9 @@ class FreeNodes {
   /// Sets the derivative by the unknowns of node(i), of that by its position, where it was last
   /// moved to.
   void set_slope(Index i, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
+
+  /// Adds to it.
+  void add_slope(Index i, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
 
   /// Second derivatives by the position of node(i), where it was last moved to, as those by its
   /// unknowns_of(i) unknowns, the first of which is first_unknown(i): in the first rows and

@@ -211,6 +211,10 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
     cells_.push_back({c, samples_of(c), is_shell ? 1.0 : double(orientation[type]),
                       has_followers ? &mid_nodes_[type] : nullptr});
   }
+  if (const SlidingNodes* sliding = free_.sliding()) {
+    spacing_.emplace(sliding->segments, free_);
+    if (spacing_->is_empty()) spacing_.reset();
+  }
   number_nodes();
   make_chunks();
   std::vector<Index> first_cell;
@@ -439,11 +443,13 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   });
   sum_ = 0;
   for (const double energy : energies) sum_ += energy;
+  if (spacing_) sum_ += spacing_->evaluate(positions_, squarings_ + 1);
   if (!std::isfinite(sum_)) {
     gradient.setZero(x.size());
     return kInfinite;
   }
   sums_->gather_slopes(free_, 1 / sum_, gradient);
+  if (spacing_) spacing_->add_slopes(free_, 1 / sum_, gradient);
   return std::log(sum_) / (2 << squarings_);
 }
 
@@ -510,7 +516,9 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
       }
     }
   });
-  hessian_.emplace(free_, sums_->gather_blocks(free_));
+  std::vector<NodeBlocks::Block> blocks = sums_->gather_blocks(free_);
+  if (spacing_) spacing_->add_blocks(free_, sum_, blocks);
+  hessian_.emplace(free_, blocks);
   return *hessian_;
 }
 

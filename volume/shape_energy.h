@@ -9,6 +9,7 @@
 #include "core/cell_topology.h"
 #include "core/quality.h"
 #include "volume/chunk_sums.h"
+#include "volume/edge_spacing.h"
 #include "volume/face_energy.h"
 #include "volume/free_nodes.h"
 #include "volume/sample_energy.h"
@@ -22,6 +23,7 @@ namespace cadmorph {
 ///
 /// J0 that of the same sample in a mesh of reference. The first term goes to -log min q for large
 /// p; the second keeps each cell near its shape of reference, a thin layer above all its height.
+/// The sum has EdgeSpacing with the power p of nodes that slide along edges, too.
 /// For finite volumes FaceEnergy with the power 4 p is added, q is divided by its value in the mesh
 /// of reference, and p/2 takes the place of p/4. Infinite where a sample is not positive.
 class ShapeEnergy {
@@ -124,6 +126,7 @@ class ShapeEnergy {
   std::vector<Chunk> chunks_;
   std::vector<SampleReference> references_;
   std::optional<FaceEnergy> faces_;
+  std::optional<EdgeSpacing> spacing_;
   std::optional<ChunkSums> sums_;  ///< of the energy's slopes
   std::optional<NodeBlocks> hessian_;
   Eigen::VectorXd evaluated_;  ///< where the slopes are those of

@@ -6,9 +6,11 @@
 #include <utility>
 
 #include "apps/pipeline/refusal.h"
+#include "core/cell_topology.h"
 #include "core/plane_mesh.h"
 #include "surface/node_slide.h"
 #include "volume/loose_nodes.h"
+#include "volume/mid_nodes.h"
 
 namespace cadmorph {
 namespace {
@@ -93,11 +95,15 @@ void settle_slid_nodes(const BaseSide& base, MorphResult& result) {
 class Sliding {
  public:
   explicit Sliding(const MorphResult& result)
-      : base_(*result.base), variant_(*result.variant), surface_(result.surface) {}
+      : base_(*result.base), variant_(*result.variant), result_(result) {}
 
   const SlidingNodes* nodes() {
-    if (!nodes_) nodes_ = slide_on_cad(variant_, base_.association(), base_.boundary, surface_);
-    return &*nodes_;
+    if (nodes_) return &*nodes_;
+    const Mesh& mesh = base_.mesh();
+    // Those of a plane mesh within faces need no surface to stay in the plane.
+    const bool is_in_plane = !plane_normal(mesh, mesh.points, result_.positions).isZero(0);
+    return &nodes_.emplace(
+        slide_on_cad(variant_, base_.association(), base_.boundary, result_.surface, is_in_plane));
   }
 
   void move_to(RowMatrix slides) { nodes_->slides = std::move(slides); }
@@ -111,7 +117,7 @@ class Sliding {
  private:
   const BaseSide& base_;
   const CadModel& variant_;
-  const SurfaceMorphResult& surface_;
+  const MorphResult& result_;
   std::optional<SlidingNodes> nodes_;
 };
 
@@ -218,6 +224,36 @@ bool is_for_finite_volumes(const BaseSide& base) {
          (use == MeshUse::OfFormat && base.mesh_file->is_of_finite_volumes());
 }
 
+// Second-order cells of plane meshes and shells that the curve of an edge turned over: those with
+// straight edges are raised first, which makes room for it. Returns whether fewer are left.
+bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& reference,
+                         const std::vector<char>& is_fixed, BestMeshOptions how,
+                         MorphResult& result) {
+  const Mesh& mesh = base.mesh();
+  if (dimension(mesh) != 2 || result.quality.inverted <= base.quality.inverted) return false;
+  const MidNodes mid_nodes(mesh, result.positions);
+  if (mid_nodes.count() == 0) return false;
+  const Mesh straight = corners_alone(mesh);
+  how.validity = nullptr;
+  const QualityReport before = measure_quality(straight, reference, base.orientation),
+                      came = measure_quality(straight, result.positions, base.orientation);
+  BestMeshResult best = find_best_mesh(straight, {reference, before}, {result.positions, came},
+                                       is_fixed, base.orientation, how);
+  if (best.slides.rows() == 0) best.slides = sliding.nodes()->slides;
+  for (Index i = 0; i < mid_nodes.count(); ++i)
+    if (const auto follower = mid_nodes.follower(i, sliding.nodes());
+        follower.slide >= 0 || !is_fixed[mid_nodes.node(i)])
+      mid_nodes.follow(follower, sliding.nodes(), best.positions, best.slides);
+  QualityReport quality = measure_quality(mesh, best.positions, base.orientation);
+  if (quality.inverted >= result.quality.inverted || sliding.is_folded(best.positions, best.slides))
+    return false;
+  result.positions = std::move(best.positions);
+  result.quality = std::move(quality);
+  sliding.move_to(std::move(best.slides));
+  settle_slid_nodes(base, result);
+  return true;
+}
+
 // Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
 void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   const PipelineOptions& options = base.options;
@@ -245,10 +281,12 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
     }
   how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
   how.validity = &result.validity;
-  if (!is_in_plane) how.sliding = [&] { return sliding.nodes(); };
+  how.sliding = [&] { return sliding.nodes(); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
     return sliding.is_folded(positions, slides);
   };
+  while (unfold_curved_cells(base, sliding, reference, is_fixed, how, result)) {
+  }
   BestMeshResult best =
       find_best_mesh(base.mesh(), {reference, of_file ? *of_file : base.quality},
                      {result.positions, result.quality}, is_fixed, base.orientation, how);

@@ -118,6 +118,8 @@ Json to_json(const WorstCells& worst, bool is_by_faces) {
 
 std::string to_string(RaiseBy by) {
   switch (by) {
+    case RaiseBy::MidNodes:
+      return "nodes amid edges";
     case RaiseBy::WallRows:
       return "rows through walls";
     case RaiseBy::InnerNodes:

@@ -172,7 +172,10 @@ std::string leg_text(const LegReport& leg) {
 std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
-  if (report.outcome != Outcome::Done || !report.can_repair || after >= kPoor) return "";
+  const bool has_lost = after < kLoss * before, is_poor = after < kPoor;
+  if (report.outcome != Outcome::Done || !report.can_repair || (report.improving && !is_poor))
+    return "";
+  if (!has_lost && !(is_poor && (report.improving || before < kPoor))) return "";
   const std::string worst = format("the worst element's scaled Jacobian is %.4f", after);
   const std::string of_input = format(", in the input %.4f", before);
   if (report.improving)
@@ -180,8 +183,9 @@ std::string quality_hint(const PipelineReport& report) {
            (before < kPoor
                 ? "the input mesh is poor there already: mesh anew with other sizes"
                 : "go by CAD models between (" + words_for(Remedy::Via) + "), or mesh finer there");
-  const bool has_lost = after < kLoss * before;
-  if (!has_lost && before >= kPoor) return "";
+  // Improving is for solid elements.
+  if (!is_poor || !report.has_solids)
+    return worst + of_input + ": mesh the variant anew where that is too little for the solver";
   return worst + of_input + (has_lost ? ": " : ", which is poor there already: ") +
          format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }

@@ -1,11 +1,20 @@
+#include <BRepBuilderAPI_MakeEdge.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakeWire.hxx>
+#include <GC_MakeArcOfCircle.hxx>
+#include <TopoDS_Face.hxx>
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <gp_Pln.hxx>
+#include <utility>
 
 #include "cad_variants.h"
 #include "core/mesh_file.h"
 #include "core/parallel.h"
 #include "family_steps.h"
+#include "surface/node_slide.h"
 
 namespace cadmorph {
 namespace {
@@ -24,6 +33,71 @@ WorstCells alone(const std::string& mesh, const VolumeMorphOptions& volume, doub
   CHECK_FALSE(result.report.best_mesh);
   return worst_cells(result.quality);
 }
+
+// A strip in the plane with a notch, an arc, in its upper side, `at` along it, and a mesh that has
+// 3 cells between the notch and the lower side.
+struct Strip {
+  static constexpr double kLength = 60, kHeight = 8, kHalf = 8, kDepth = 5;
+  double at;
+
+  gp_Pnt top(double t) const {  // t of the notch from -1 to 1
+    const double radius = (kHalf * kHalf + kDepth * kDepth) / (2 * kDepth);
+    const double angle = t * std::asin(kHalf / radius);
+    return {at + radius * std::sin(angle), kHeight + radius - kDepth - radius * std::cos(angle), 0};
+  }
+  CadModel cad() const {
+    const gp_Pnt corners[] = {{0, 0, 0}, {kLength, 0, 0}, {kLength, kHeight, 0},
+                              top(1),    top(-1),         {0, kHeight, 0}};
+    BRepBuilderAPI_MakeWire wire;
+    for (const auto& [a, b] : {std::pair(0, 1), {1, 2}, {2, 3}, {4, 5}, {5, 0}})
+      wire.Add(BRepBuilderAPI_MakeEdge(corners[a], corners[b]).Edge());
+    wire.Add(BRepBuilderAPI_MakeEdge(GC_MakeArcOfCircle(top(-1), top(0), top(1)).Value()).Edge());
+    return to_model(BRepBuilderAPI_MakeFace(gp_Pln(), wire.Wire()).Face());
+  }
+  Mesh mesh(bool is_second_order) const {
+    constexpr Index kSide = 22, kArc = 12, kUp = 3, kColumns = 2 * kSide + kArc;
+    const Index step = is_second_order ? 2 : 1, columns = step * kColumns, rows = step * kUp;
+    Mesh mesh;
+    mesh.points.resize((columns + 1) * (rows + 1), 3);
+    for (Index i = 0; i <= columns; ++i) {
+      const double column = double(i) / double(step), from_arc = column - kSide;
+      const double left = at - kHalf, right = at + kHalf;
+      gp_Pnt high, low;
+      if (from_arc < 0)
+        high = {left * column / kSide, kHeight, 0};
+      else if (from_arc <= kArc)
+        high = top(2 * from_arc / kArc - 1);
+      else
+        high = {right + (kLength - right) * (from_arc - kArc) / kSide, kHeight, 0};
+      low = {from_arc < 0 || from_arc > kArc ? high.X() : left + 2 * kHalf * from_arc / kArc, 0, 0};
+      for (Index k = 0; k <= rows; ++k) {
+        const double up = double(k) / double(rows);
+        mesh.points.row(i * (rows + 1) + k) << low.X() + up * (high.X() - low.X()), up * high.Y(),
+            0;
+      }
+    }
+    for (Index i = 0; i < columns; i += step)
+      for (Index k = 0; k < rows; k += step) {
+        const auto node = [&](Index right, Index up) { return (i + right) * (rows + 1) + k + up; };
+        if (is_second_order)
+          add_cell(mesh, CellType::BiquadraticQuad,
+                   std::array{node(0, 0), node(2, 0), node(2, 2), node(0, 2), node(1, 0),
+                              node(2, 1), node(1, 2), node(0, 1), node(1, 1)});
+        else
+          add_cell(mesh, CellType::Quad,
+                   std::array{node(0, 0), node(1, 0), node(1, 1), node(0, 1)});
+      }
+    return mesh;
+  }
+  static MorphResult morphed(double by, bool is_second_order, QualityMode quality) {
+    const Strip from{26}, to{26 + by};
+    PipelineOptions options;
+    options.quality = quality;
+    return MorphJob(std::make_shared<const CadModel>(from.cad()),
+                    std::make_shared<const MeshFile>(from.mesh(is_second_order), "strip"), options)
+        .morph(to.cad());
+  }
+};
 
 }  // namespace
 
@@ -116,6 +190,35 @@ TEST_CASE("Shells are raised by nodes that slide on the CAD", "[apps][families]"
   CHECK(raised.quality.min > 1.2 * plain.quality.min);
   CHECK(worst_cells(raised.quality).worst_twentieth > worst_cells(plain.quality).worst_twentieth);
   CHECK(raised.report.after.max_distance < 1e-9 * raised.variant->diagonal());
+}
+
+TEST_CASE("Nodes on edges of a plane mesh slide and stay evenly spaced", "[apps]") {
+  for (const double by : {4.0, 8.0})
+    for (const bool is_second_order : {false, true}) {
+      INFO("by " << by << ", order " << 1 + is_second_order);
+      const MorphResult fast = Strip::morphed(by, is_second_order, QualityMode::Fast),
+                        best = Strip::morphed(by, is_second_order, QualityMode::Best);
+      const double base = best.base->quality.min;
+      CHECK(fast.quality.min < 0.5 * base);
+      // The arc turns cells over that straight edges would not.
+      CHECK((fast.quality.inverted > 0) == (by == 8 && is_second_order));
+      CHECK(best.quality.inverted == 0);
+      CHECK(best.quality.min > 0.55 * base);
+      CHECK(best.report.best_mesh->slid_nodes > 0);
+      CHECK(best.report.after.max_distance < 1e-12 * best.variant->diagonal());
+      CHECK(best.positions.col(2).isZero(0));
+      const Boundary& boundary = best.base->boundary;
+      double least = 1, most = 1;
+      for (const EdgeSegment& segment :
+           slide_on_cad(*best.variant, best.base->association(), boundary, fast.surface).segments) {
+        const double length =
+            (best.positions.row(segment.a) - best.positions.row(segment.b)).norm();
+        least = std::min(least, length / segment.length);
+        most = std::max(most, length / segment.length);
+      }
+      CHECK(most > 1.01);
+      CHECK(most / least < 3);
+    }
 }
 
 TEST_CASE("Raised cells are the same alone, together and on any number of threads",

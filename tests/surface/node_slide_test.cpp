@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "cad/projector.h"
 #include "cad/topology_match.h"
@@ -73,6 +75,49 @@ TEST_CASE("Nodes slide on the CAD from where they are", "[surface][slide]") {
       const SlidePlace near = s.nodes.at(i, Vector2d(slide[0] + h, slide[1]));
       CHECK(((near.point - there.point) / h - there.tangents.col(0)).norm() < 1e-3);
     }
+  }
+}
+
+TEST_CASE("Neighbours along an edge are known", "[surface][slide]") {
+  for (const std::string& shape : all_shapes()) {
+    const Slide s(shape);
+    INFO(shape);
+    const Association& association = s.surface.association();
+    std::map<Index, int> of_node;
+    Index other_curves = 0;
+    for (const EdgeSegment& segment : s.nodes.segments) {
+      CHECK(segment.a < segment.b);
+      CHECK(segment.length ==
+            Approx((s.c.mesh.points.row(segment.a) - s.c.mesh.points.row(segment.b)).norm()));
+      ++of_node[segment.a];
+      ++of_node[segment.b];
+      const auto row_of = [&](Index node) {
+        return std::ranges::lower_bound(s.c.boundary.nodes, node) - s.c.boundary.nodes.begin();
+      };
+      const Index a = row_of(segment.a), b = row_of(segment.b);
+      if (association.dimension[a] == CadDimension::Edge &&
+          association.dimension[b] == CadDimension::Edge)
+        other_curves += association.entity[a] != association.entity[b];
+    }
+    CHECK(other_curves == 0);
+    // Of one that slides along its edge both nodes beside it.
+    std::set<Index> corners;
+    for (Index f = 0; f < s.c.boundary.facet_count(); ++f) {
+      const auto facet = s.c.boundary.facet(f);
+      corners.insert(facet.begin(),
+                     facet.begin() + corner_count(s.c.boundary.types[f], std::ssize(facet)));
+    }
+    Index count = 0;
+    for (const Index node : s.nodes.nodes) {
+      const Index row =
+          std::ranges::lower_bound(s.c.boundary.nodes, node) - s.c.boundary.nodes.begin();
+      if (association.dimension[row] != CadDimension::Edge) continue;
+      ++count;
+      CHECK(of_node[node] == (corners.contains(node) ? 2 : 0));
+    }
+    const SlidingNodes on_edges = slide_on_cad(*s.c.base, association, s.c.boundary, s.moved, true);
+    CHECK(std::ssize(on_edges.nodes) == count);
+    CHECK(on_edges.segments.size() == s.nodes.segments.size());
   }
 }
 

@@ -295,6 +295,75 @@ TEST_CASE("The slope of the energy counts the nodes that follow their corners", 
   }
 }
 
+TEST_CASE("The slope of the energy counts how nodes are spaced along edges", "[volume][best]") {
+  const FixedCube cube(testing::cube(CellType::Hexahedron, 3));
+  const Points start = shaken(cube.mesh.points, 0.02, 5);
+  // The nodes of four edges slide along them, over a curve.
+  SlidingNodes sliding;
+  for (Index n = 0; n < cube.mesh.node_count(); ++n) {
+    const auto x = cube.mesh.points.row(n);
+    if (x[1] * (1 - x[1]) == 0 && x[2] * (1 - x[2]) == 0 && x[0] > 0 && x[0] < 1)
+      sliding.nodes.push_back(n);
+  }
+  REQUIRE(sliding.nodes.size() == 8);
+  sliding.slides = RowMatrix::Zero(8, 2);
+  sliding.at = [&](Index i, const Eigen::Vector2d& s) {
+    SlidePlace place{start.row(sliding.nodes[i]).transpose(), {}};
+    place.point += Vector3d(s[0], 0.5 * s[0] * s[0], 0);
+    place.tangents << 1, 0, s[0], 0, 0, 0;
+    return place;
+  };
+  const auto energy_with = [&](const std::vector<EdgeSegment>& segments, double slide,
+                               VectorXd& slope) {
+    sliding.segments = segments;
+    FreeNodes free(cube.mesh.node_count(), all(cube.mesh.node_count()), &sliding);
+    VectorXd x = free.start(start, sliding.slides);
+    for (const Index node : sliding.nodes) x[free.first_unknown(free.place_of(node))] += slide;
+    ShapeEnergy energy(cube.mesh, cube.mesh.points, start, std::move(free),
+                       all(cube.mesh.cell_count()), cube.orientation);
+    energy.set_power(3);
+    const double value = energy(x, slope);
+    const VectorXd direction = VectorXd::Random(x.size());
+    const double h = 1e-6;
+    VectorXd unused;
+    const double ahead = energy(x + h * direction, unused);
+    const double behind = energy(x - h * direction, unused);
+    CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-5));
+    return value;
+  };
+  std::vector<EdgeSegment> segments;
+  for (const Index node : sliding.nodes)
+    for (Index n = 0; n < cube.mesh.node_count(); ++n)
+      if ((cube.mesh.points.row(n) - cube.mesh.points.row(node)).norm() < 0.34 &&
+          cube.mesh.points(n, 0) < cube.mesh.points(node, 0))
+        segments.push_back(
+            {std::min(n, node), std::max(n, node), (start.row(n) - start.row(node)).norm()});
+  REQUIRE(segments.size() == 8);
+  VectorXd slope;
+  const double without = energy_with({}, 0.05, slope);
+  const VectorXd slope_without = slope;
+  CHECK(energy_with(segments, 0.05, slope) > without);
+  CHECK((slope - slope_without).norm() > 1e-3 * slope.norm());
+}
+
+TEST_CASE("Edges that a motion bent are straightened first", "[volume][best]") {
+  for (const CellType type : {CellType::QuadraticTetra, CellType::QuadraticHexahedron}) {
+    const FixedCube cube(testing::cube(type, 4));
+    INFO(static_cast<int>(type));
+    Points positions = cube.mesh.points;
+    const Points noise = shaken(cube.mesh.points, 0.02, 3);
+    const MidNodes mid_nodes(cube.mesh, positions);
+    for (Index i = 0; i < mid_nodes.count(); ++i)
+      if (const Index n = mid_nodes.node(i); !cube.is_fixed[n]) positions.row(n) = noise.row(n);
+    REQUIRE(cube.least(positions) < 0.95 * cube.quality.min);
+    const BestMeshResult result = cube.raised(positions);
+    REQUIRE(result.report.attempts.size() == 1);
+    CHECK(result.report.attempts[0].by == RaiseBy::MidNodes);
+    CHECK(result.report.attempts[0].is_taken);
+    CHECK((result.positions - cube.mesh.points).cwiseAbs().maxCoeff() < 1e-15);
+  }
+}
+
 TEST_CASE("Edges of second-order cells stay as straight as they came", "[volume][best]") {
   for (const CellType type : {CellType::QuadraticTetra, CellType::QuadraticHexahedron}) {
     const FixedCube cube(testing::cube(type, 4));

@@ -119,15 +119,15 @@ TEST_CASE("The best mesh has straight rows through walls") {
     const BestMeshResult best = find_best_mesh(
         mesh, {mesh.points, measure_quality(mesh, mesh.points, orientation)},
         {moved, measure_quality(mesh, moved, orientation)}, is_fixed, orientation, options);
-    REQUIRE(!best.report.attempts.empty());
-    const RaiseAttempt& first = best.report.attempts.front();
-    CHECK(first.by == RaiseBy::WallRows);
-    CHECK(first.is_taken);
-    CHECK(first.cells > 0);
+    const auto& attempts = best.report.attempts;
+    const auto of_rows = std::ranges::find(attempts, RaiseBy::WallRows, &RaiseAttempt::by);
+    REQUIRE(of_rows != attempts.end());
+    CHECK(of_rows->is_taken);
+    CHECK(of_rows->cells > 0);
     CHECK(best.report.best.min >= best.report.plain.min);
     CHECK(best.report.best.worst_twentieth >= best.report.plain.worst_twentieth);
     for (const Index node : surface) CHECK(best.positions.row(node) == moved.row(node));
-    if (best.report.attempts.size() > 1) continue;
+    if (std::ranges::any_of(attempts, [](const RaiseAttempt& a) { return a.power > 0; })) continue;
     CHECK(largest_deviation(options.wall_rows, mesh.points, best.positions) < 1e-3);
   }
 }
