@@ -225,10 +225,11 @@ bool is_for_finite_volumes(const BaseSide& base) {
 }
 
 // Second-order cells of plane meshes and shells that the curve of an edge turned over: those with
-// straight edges are raised first, which makes room for it. Returns whether fewer are left.
+// straight edges are raised first, which makes room for it. Returns whether fewer are left; adds to
+// `tried`.
 bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& reference,
                          const std::vector<char>& is_fixed, BestMeshOptions how,
-                         MorphResult& result) {
+                         std::vector<RaiseAttempt>& tried, MorphResult& result) {
   const Mesh& mesh = base.mesh();
   if (dimension(mesh) != 2 || result.quality.inverted <= base.quality.inverted) return false;
   const MidNodes mid_nodes(mesh, result.positions);
@@ -239,6 +240,7 @@ bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& r
                       came = measure_quality(straight, result.positions, base.orientation);
   BestMeshResult best = find_best_mesh(straight, {reference, before}, {result.positions, came},
                                        is_fixed, base.orientation, how);
+  tried.insert(tried.end(), best.report.attempts.begin(), best.report.attempts.end());
   if (best.slides.rows() == 0) best.slides = sliding.nodes()->slides;
   for (Index i = 0; i < mid_nodes.count(); ++i)
     if (const auto follower = mid_nodes.follower(i, sliding.nodes());
@@ -285,11 +287,17 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
     return sliding.is_folded(positions, slides);
   };
-  while (unfold_curved_cells(base, sliding, reference, is_fixed, how, result)) {
+  const WorstCells plain = dimension(base.mesh()) == 2 ? worst_cells(result.quality) : WorstCells{};
+  std::vector<RaiseAttempt> tried;
+  while (unfold_curved_cells(base, sliding, reference, is_fixed, how, tried, result)) {
   }
   BestMeshResult best =
       find_best_mesh(base.mesh(), {reference, of_file ? *of_file : base.quality},
                      {result.positions, result.quality}, is_fixed, base.orientation, how);
+  if (!tried.empty()) {
+    if (!best.report.is_by_faces) best.report.plain = plain;
+    best.report.attempts.insert(best.report.attempts.begin(), tried.begin(), tried.end());
+  }
   result.report.best_mesh = std::move(best.report);
   result.positions = std::move(best.positions);
   result.quality = std::move(best.quality);

@@ -205,6 +205,7 @@ TEST_CASE("Nodes on edges of a plane mesh slide and stay evenly spaced", "[apps]
       CHECK(best.quality.inverted == 0);
       CHECK(best.quality.min > 0.55 * base);
       CHECK(best.report.best_mesh->slid_nodes > 0);
+      CHECK(best.report.best_mesh->plain.min == fast.quality.min);
       CHECK(best.report.after.max_distance < 1e-12 * best.variant->diagonal());
       CHECK(best.positions.col(2).isZero(0));
       const Boundary& boundary = best.base->boundary;
