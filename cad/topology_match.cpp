@@ -155,8 +155,8 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
   const bool has_solids = base.solid_count() == variant.solid_count();
   const bool are_solids = are_solid(base) && are_solid(variant);
   Eigen::Vector3d plane = normal_of_plane(base);
-  if (plane.cross(normal_of_plane(variant)).norm() > kInPlane || normal_of_plane(variant).isZero(0))
-    plane.setZero();
+  const Eigen::Vector3d of_variant = normal_of_plane(variant);
+  if (of_variant.isZero(0) || plane.cross(of_variant).norm() > kInPlane) plane.setZero();
   std::optional<TopologyMatch> best;
   for (const bool is_oriented : {true, false}) {
     const GraphOptions graph{

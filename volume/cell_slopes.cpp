@@ -31,13 +31,13 @@ CellSlopes::CellSlopes(const Mesh& mesh, const std::vector<Index>& cells, const 
 }
 
 void CellSlopes::gather(const FreeNodes& free, double factor, Eigen::VectorXd& gradient) const {
-  gradient.resize(free.unknowns());
+  gradient.setZero(free.unknowns());
   parallel_for(free.count(), 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
       for (Index k = node_first_[i]; k < node_first_[i + 1]; ++k)
         sum += rows_.row(rows_of_node_[k]);
-      free.set_slope(i, factor * sum.transpose(), gradient);
+      free.add_slope(i, factor * sum.transpose(), gradient);
     }
   });
 }

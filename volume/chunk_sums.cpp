@@ -86,7 +86,7 @@ void ChunkSums::gather_slopes(const FreeNodes& free, double factor,
   for_each_node([&](Index place, std::span<const std::uint32_t> rows) {
     Vector3d sum = Vector3d::Zero();
     for (const std::uint32_t row : rows) sum += slopes_[row];
-    free.set_slope(place, factor * sum, gradient);
+    free.add_slope(place, factor * sum, gradient);
   });
 }
 

@@ -74,13 +74,6 @@ void FreeNodes::read_slides(const VectorXd& x, RowMatrix& slides) const {
     if (follower.slide >= 0) slides.row(follower.slide) = slides_.row(follower.slide);
 }
 
-void FreeNodes::set_slope(Index i, const Eigen::Vector3d& slope, VectorXd& gradient) const {
-  if (nodes_[i].slide < 0)
-    gradient.segment<3>(nodes_[i].first) = slope;
-  else
-    gradient.segment<2>(nodes_[i].first) = tangents_[i].transpose() * slope;
-}
-
 void FreeNodes::add_slope(Index i, const Eigen::Vector3d& slope, VectorXd& gradient) const {
   if (nodes_[i].slide < 0)
     gradient.segment<3>(nodes_[i].first) += slope;

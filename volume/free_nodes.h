@@ -42,11 +42,8 @@ class FreeNodes {
   /// Reads the sliding nodes' coordinates from the unknowns.
   void read_slides(const Eigen::VectorXd& x, RowMatrix& slides) const;
 
-  /// Sets the derivative by the unknowns of node(i), of that by its position, where it was last
+  /// Adds to the derivative by the unknowns of node(i) that by its position, where it was last
   /// moved to.
-  void set_slope(Index i, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
-
-  /// Adds to it.
   void add_slope(Index i, const Eigen::Vector3d& slope, Eigen::VectorXd& gradient) const;
 
   /// Second derivatives by the position of node(i), where it was last moved to, as those by its
