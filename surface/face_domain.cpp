@@ -218,28 +218,36 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
   const Eigen::MatrixXd linear = fit_linear(values);
   if (is_within_tolerance(values - linear_basis(sample_uv_) * linear))
     return linear_basis(at) * linear;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());
-  }
   const RowMatrix lengths = in_lengths(values), points = embed(at);
-  RowMatrix moved = system_->solve(lengths).evaluate(points);
+  RowMatrix moved = interpolate_freely(lengths, points);
   if (overshoot(lengths, moved) > kMostOvershoot)
     moved = interpolate_bounded(embed(sample_uv_), lengths, Kernel::biharmonic_2d(), points);
   return in_parameters(moved);
 }
 
+// Of lengths at embedded points, however far it runs on.
+RowMatrix FaceDomain::interpolate_freely(const RowMatrix& lengths, const RowMatrix& points) const {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!system_) system_ = std::make_unique<RbfSystem>(embed(sample_uv_), Kernel::biharmonic_2d());
+  }
+  return system_->solve(lengths).evaluate(points);
+}
+
 // The linear part comes first, whole: half-way through a reversal the domain would be a point.
+// There is none in what would run on far beyond the wires.
 Parameters FaceDomain::interpolate_in_steps(const Parameters& values, const Parameters& at,
                                             int steps) const {
   if (values.rows() == 0) return interpolate(values, at);
-  const Eigen::MatrixXd linear = fit_linear(values);
+  Eigen::MatrixXd linear = fit_linear(values);
+  const RowMatrix lengths = in_lengths(values);
+  if (overshoot(lengths, interpolate_freely(lengths, embed(at))) > kMostOvershoot) linear.setZero();
   const Parameters carried = linear_basis(sample_uv_) * linear;
   Parameters samples = sample_uv_ + carried, moved = at + linear_basis(at) * linear;
   const Parameters step = (values - carried) / steps;
   for (int k = 0; k < steps; ++k) {
-    const RbfSystem system(embed(samples), Kernel::biharmonic_2d());
-    moved += in_parameters(system.solve(in_lengths(step)).evaluate(embed(moved)));
+    moved += in_parameters(interpolate_bounded(embed(samples), in_lengths(step),
+                                               Kernel::biharmonic_2d(), embed(moved)));
     samples += step;
   }
   return moved - at;

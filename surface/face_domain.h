@@ -54,6 +54,7 @@ class FaceDomain {
   bool is_within_tolerance(const Parameters& misfit) const;
   Eigen::MatrixXd linear_basis(const Parameters& uv) const;
   Eigen::MatrixXd fit_linear(const Parameters& values) const;
+  RowMatrix interpolate_freely(const RowMatrix& lengths, const RowMatrix& points) const;
   Parameters in_lengths(const Parameters& d) const;
   Parameters in_parameters(const Parameters& d) const;
   RowMatrix embed(const Parameters& uv) const;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 
 #include "cad/projector.h"
 #include "core/foldover.h"
@@ -57,15 +58,17 @@ std::vector<std::array<int, 3>> triangles_of(const SurfaceMesh& surface,
 // The distortion of a map of triangles into the plane of a face's parameters.
 class FaceDistortion : public HessianGuess {
  public:
+  // Of `rows`, those at the positions `free` move.
   FaceDistortion(const SurfaceMesh& surface, const std::vector<int>& facets,
-                 const std::vector<int>& rows, const FaceSide& mapped)
-      : surface_(surface), mapped_(mapped) {
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      if (surface.is_corner(rows[i])) add_place(rows[i], mapped.uv.row(Index(i)).transpose());
+                 const std::vector<int>& rows, const std::vector<Index>& free,
+                 const FaceSide& mapped)
+      : surface_(surface), rows_(rows), mapped_(mapped) {
+    for (const Index i : free)
+      if (surface.is_corner(rows[i])) add_place(rows[i], mapped.uv.row(i).transpose());
     free_ = std::ssize(places_);
-    for (const int row : rows)
-      if (const auto& ends = surface.between[row]; !surface.is_corner(row) && ends[2] < 0)
-        nodes_[row] = {node_of(ends[0]).a, node_of(ends[1]).a};
+    for (const Index i : free)
+      if (const auto& ends = surface.between[rows[i]]; !surface.is_corner(rows[i]) && ends[2] < 0)
+        nodes_[rows[i]] = {node_of(ends[0]).a, node_of(ends[1]).a};
     double area = 0;
     for (const auto& t : triangles_of(surface, facets)) area += add_triangle(t);
     for (Triangle& t : triangles_)
@@ -78,14 +81,17 @@ class FaceDistortion : public HessianGuess {
     return x;
   }
 
-  // Of the rows given: corners, and the means of those that others lie between.
-  Parameters parameters(const VectorXd& x, const std::vector<int>& rows) {
-    Parameters result = Parameters::Zero(std::ssize(rows), 2);
-    for (Index i = 0; i < result.rows(); ++i) {
-      const int row = rows[std::size_t(i)];
+  // Of the rows: corners, and the means of those that others lie between, at the positions `free`.
+  Parameters parameters(const VectorXd& x, const std::vector<Index>& free) {
+    Parameters result = mapped_.uv;
+    for (const Index i : free) {
+      const int row = rows_[i];
       const auto& around = surface_.between[row];
       const auto count = std::ranges::count_if(around, [](int end) { return end >= 0; });
-      if (count <= 2) result.row(i) = at(x, node_of(row)).transpose();
+      if (count <= 2)
+        result.row(i) = at(x, node_of(row)).transpose();
+      else
+        result.row(i).setZero();
       for (Index k = 0; count > 2 && k < count; ++k)
         result.row(i) += at(x, node_of(around[std::size_t(k)])).transpose() / double(count);
     }
@@ -193,6 +199,8 @@ class FaceDistortion : public HessianGuess {
   // A node that is new stays where it is.
   Node node_of(int row) {
     if (const auto found = nodes_.find(row); found != nodes_.end()) return found->second;
+    if (const auto own = std::ranges::lower_bound(rows_, row); own != rows_.end() && *own == row)
+      return add_place(row, mapped_.uv.row(own - rows_.begin()).transpose());
     const Vector2d near = places_.empty() ? Vector2d(0, 0) : places_[0];
     const Vector3d point = mapped_.points.row(row);
     return add_place(row, project_on_face(mapped_.model, mapped_.face, point, near).uv);
@@ -230,6 +238,7 @@ class FaceDistortion : public HessianGuess {
   }
 
   const SurfaceMesh& surface_;
+  const std::vector<int>& rows_;  ///< of the nodes within the face
   const FaceSide& mapped_;
   std::map<int, Node> nodes_;     ///< of rows
   std::vector<Vector2d> places_;  ///< parameters where they start
@@ -239,11 +248,39 @@ class FaceDistortion : public HessianGuess {
   double least_ = 0;
 };
 
-}  // namespace
+// The nodes within some rings of facets round the folded ones, as positions among `rows`, and all
+// facets that they are on.
+struct Rings {
+  Rings(const SurfaceMesh& surface, const std::vector<int>& all, const std::vector<int>& rows,
+        const std::vector<Index>& folded, int count) {
+    std::vector<char> is_near(std::size_t(surface.points.rows()), 0);
+    const auto take = [&](Index facet) {
+      for (const int row : surface.facets[facet]) is_near[row] = 1;
+    };
+    const auto find_touched = [&] {
+      facets.clear();
+      std::ranges::copy_if(all, std::back_inserter(facets), [&](int facet) {
+        return std::ranges::any_of(surface.facets[facet], [&](int row) { return is_near[row]; });
+      });
+    };
+    std::ranges::for_each(folded, take);
+    for (int ring = 1; ring < count; ++ring) {
+      find_touched();
+      std::ranges::for_each(facets, take);
+    }
+    find_touched();
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (is_near[rows[i]]) nodes.push_back(Index(i));
+  }
 
-Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
-                       const std::vector<int>& rows, const FaceSide& mapped) {
-  FaceDistortion distortion(surface, facets, rows, mapped);
+  std::vector<int> facets;
+  std::vector<Index> nodes;
+};
+
+Parameters unfold(const SurfaceMesh& surface, const std::vector<int>& facets,
+                  const std::vector<int>& rows, const std::vector<Index>& free,
+                  const FaceSide& mapped) {
+  FaceDistortion distortion(surface, facets, rows, free, mapped);
   VectorXd x = distortion.start(), gradient;
   double epsilon = 1;
   const auto guess = [&](const VectorXd& at) -> const HessianGuess& {
@@ -263,7 +300,23 @@ Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facet
     if (least > 0 && epsilon <= kLeastEpsilon && after > (1 - kSettled) * before) break;
     epsilon = next_epsilon(epsilon, least, before, after);
   }
-  return distortion.parameters(x, rows);
+  return distortion.parameters(x, free);
+}
+
+}  // namespace
+
+Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
+                       const std::vector<int>& rows, const FaceSide& mapped,
+                       const std::vector<Index>& folded, int rings) {
+  const Rings around(surface, facets, rows, folded, rings);
+  return unfold(surface, around.facets, rows, around.nodes, mapped);
+}
+
+Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
+                       const std::vector<int>& rows, const FaceSide& mapped) {
+  std::vector<Index> all(rows.size());
+  std::iota(all.begin(), all.end(), 0);
+  return unfold(surface, facets, rows, all, mapped);
 }
 
 }  // namespace cadmorph

@@ -5,10 +5,16 @@
 namespace cadmorph {
 
 /// Lays the facets of a face out anew where a map folded them: the nodes within the face, `rows`
-/// (ascending), move on it so that the map of the facets from `surface.points` has the least
-/// distortion without folds (core/foldover.h); all others stay at `mapped.points`. Returns the
-/// parameters of `rows`, from `mapped.uv` on. Facets are taken as flat, in the metric where they
-/// start. For faces without seam or pole among these nodes; O(facets) a step.
+/// (ascending), that lie within `rings` rings of facets round `folded` ones move on it so that the
+/// map of the facets from `surface.points` has the least distortion without folds
+/// (core/foldover.h); all others stay at `mapped.points`. Returns the parameters of `rows`, from
+/// `mapped.uv` on. Facets are taken as flat, in the metric where they start. For faces without seam
+/// or pole among these nodes; O(facets in the rings) a step.
+Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
+                       const std::vector<int>& rows, const FaceSide& mapped,
+                       const std::vector<Index>& folded, int rings);
+
+/// The same with all nodes.
 Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
                        const std::vector<int>& rows, const FaceSide& mapped);
 

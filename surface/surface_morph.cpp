@@ -37,6 +37,8 @@ using Eigen::VectorXd;
 
 constexpr double kRounding = 1e-13;  // of the largest coordinate, of some 1e-16 an operation
 constexpr int kMostSteps = 8;
+// Rings of facets round folded ones that are laid out anew, before the whole face is.
+constexpr int kLeastRings = 8, kMostRings = 32;
 constexpr int kRefinement = 4;
 
 // Orthonormal frame of a surface: tangent, bitangent, normal. Identity at a pole.
@@ -481,21 +483,25 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMa
           return map_face(fine, pair, motion, nodes.uv, nodes.points);
         },
         "wires sampled finer");
+  const auto lay_out = [&](int rings) {
+    const Parameters start = placed.uv(nodes.rows, Eigen::all);
+    const FaceSide folded{pair.variant, variant, start, placed.feet};
+    return FaceMapResult{
+        .uv = rings > 0 ? unfold_face(surface, nodes.facets, nodes.rows, folded, folds, rings)
+                        : unfold_face(surface, nodes.facets, nodes.rows, folded)};
+  };
+  const char* const laid_out = "facets of a folded map laid out anew";
   for (int steps = 2; !folds.empty() && steps <= kMostSteps && !nodes.domain->is_closed();
        steps *= 2)
     improve([&] { return map_face(*nodes.domain, pair, motion, nodes.uv, nodes.points, steps); },
             "motion of the wires split into steps");
+  for (int rings = kLeastRings; !folds.empty() && rings <= kMostRings && !nodes.domain->is_closed();
+       rings *= 2)
+    improve([&] { return lay_out(rings); }, laid_out);
   if (!folds.empty() && !mapped.is_projected)
     improve([&] { return project_face(*nodes.domain, pair, motion, nodes.points); },
             "parameter warp folded, predicted positions projected instead");
-  if (!folds.empty() && !nodes.domain->is_closed())
-    improve(
-        [&] {
-          const Parameters start = placed.uv(nodes.rows, Eigen::all);
-          const FaceSide folded{pair.variant, variant, start, placed.feet};
-          return FaceMapResult{.uv = unfold_face(surface, nodes.facets, nodes.rows, folded)};
-        },
-        "facets of a folded map laid out anew");
+  if (!folds.empty() && !nodes.domain->is_closed()) improve([&] { return lay_out(0); }, laid_out);
   const std::string name = name_of(pair.base, pair.match, face);
   result.folded_facets.insert(result.folded_facets.end(), folds.begin(), folds.end());
   if (!folds.empty())

@@ -59,6 +59,28 @@ TEST_CASE("The rim of a face with hundreds of holes keeps its samples", "[surfac
   CHECK((moved - 0.1 * at).rowwise().norm().maxCoeff() < 0.01 * 0.1 * kRim);
 }
 
+TEST_CASE("A hole that grows in a wide face moves nothing farther than itself, in steps or at once",
+          "[surface][face_domain]") {
+  BRepBuilderAPI_MakeFace face(gp_Pln(gp::XOY()), circle(0, 0, kRim));
+  face.Add(TopoDS::Wire(circle(0, 0, kHole).Reversed()));
+  const CadModel model = to_model(face.Face());
+  const FaceDomain domain(model, 0, 100);
+  Parameters values = Parameters::Zero(static_cast<Index>(domain.samples().size()), 2);
+  for (Index i = 0; i < values.rows(); ++i) {
+    const Eigen::Vector2d& uv = domain.samples()[static_cast<std::size_t>(i)].uv;
+    if (uv.norm() < 2 * kHole) values.row(i) = uv.transpose() / 2;
+  }
+  Parameters at(60, 2);
+  for (Index i = 0; i < at.rows(); ++i) at.row(i) << kHole + 1.6 * static_cast<double>(i), 0.1;
+  for (const int steps : {1, 4}) {
+    INFO(steps);
+    const Parameters moved =
+        steps > 1 ? domain.interpolate_in_steps(values, at, steps) : domain.interpolate(values, at);
+    CHECK(moved.rowwise().norm().maxCoeff() < 1.2 * kHole / 2);
+    CHECK(moved(0, 0) > 0.9 * kHole / 2);
+  }
+}
+
 TEST_CASE("A short edge that grows many times over carries only what is near along",
           "[surface][face_domain]") {
   // A square, the first hundredth of whose lower side is an edge of its own; nodes every millimetre

@@ -123,4 +123,36 @@ TEST_CASE("a facet that the wires hold folded leaves the others free to unfold",
   CHECK(side.folds(found) == 0);
 }
 
+TEST_CASE("Only nodes in the rings round folded facets move", "[surface][fold]") {
+  for (const CellType type : {CellType::Tetra, CellType::QuadraticHexahedron}) {
+    INFO(static_cast<int>(type));
+    const Side side(type, to_model(BRepPrimAPI_MakeBox(1, 1, 1).Shape()),
+                    [](const Vector3d& x) { return x; });
+    // The corner node nearest to a corner of the face goes over its neighbours.
+    Parameters folded = side.uv;
+    Index moved = 0;
+    for (Index i = 0; i < folded.rows(); ++i)
+      if (side.surface.is_corner(side.rows[i]) && folded.row(i).norm() < folded.row(moved).norm())
+        moved = i;
+    folded.row(moved) += Eigen::RowVector2d(0.25, 0.22);
+    const Points points = side.at(folded);
+    const FaceSide mapped{side.model, side.face, folded, points};
+    const FaceFolds folds(side.surface, side.facets, side.rows,
+                          {side.model, side.face, side.uv, side.surface.points});
+    const std::vector<Index> turned = folds.find(side.surface, mapped);
+    REQUIRE(!turned.empty());
+    const Parameters found = unfold_face(side.surface, side.facets, side.rows, mapped, turned, 1);
+    CHECK(side.folds(found) == 0);
+    int kept = 0, changed = 0;
+    for (Index i = 0; i < found.rows(); ++i) {
+      const bool is_far = folded.row(i).minCoeff() > 0.75;
+      if (is_far) CHECK(found.row(i) == folded.row(i));
+      kept += is_far;
+      changed += found.row(i) != folded.row(i);
+    }
+    CHECK(kept > 0);
+    CHECK(changed > 0);
+  }
+}
+
 }  // namespace cadmorph
