@@ -10,6 +10,7 @@
 #include "core/formats/gmsh_elements.h"
 #include "core/formats/number_input.h"
 #include "core/formats/number_table.h"
+#include "core/formats/periodic_links.h"
 
 namespace fs = std::filesystem;
 
@@ -186,7 +187,7 @@ class Reader {
       read_entities(name == "PartitionedEntities");
       return end_section(std::string(name));
     }
-    if (name == "Periodic") has_periodic_ = true;
+    if (name == "Periodic") return read_periodic(place);
     if (name == "Parametrizations") has_parametrizations_ = true;
     skip_section(name, place);
   }
@@ -249,6 +250,62 @@ class Reader {
     if (!has_parent) entity.physical.clear();
     if (dimension > 0) skip_integers("entities that bound an entity");
     entities_[{dimension, tag}] = std::move(entity);
+  }
+
+  /// Which curve or surface is the image of which other, and their nodes. What other programs write
+  /// otherwise is passed over.
+  void read_periodic(std::size_t place) {
+    has_periodic_ = true;
+    const std::size_t begin = in_.text().place();
+    try {
+      // Files of version 2 have text here, whatever the rest is.
+      NumberInput text(in_.text().text(), path_);
+      text.text().go_to(begin);
+      if (is_version_4()) in_.begin_numbers();
+      NumberInput& in = is_version_4() ? in_ : text;
+      const int size = is_version_4() ? kSizeSize : kIntSize;
+      std::vector<std::pair<Index, PeriodicLink>> links;
+      const Index count = in.count("the number of periodic entities", size, 24, 8);
+      for (Index i = 0; i < count; ++i) {
+        const Index dimension = in.integer("the dimension of a periodic entity", kIntSize);
+        in.integer("the tag of a periodic entity", kIntSize);
+        in.integer("the tag of the entity that it is the image of", kIntSize);
+        skip_affine_map(in);
+        links.emplace_back(dimension, read_link(in, size));
+      }
+      links_ = std::move(links);
+      in_.text().go_to(in.position());
+    } catch (const IoError&) {
+      in_.text().go_to(begin);
+    }
+    skip_section("Periodic", place);
+  }
+
+  void skip_affine_map(NumberInput& in) {
+    if (is_version_4()) {
+      const Index count = in.count("the size of an affine map", kSizeSize, 8, 2);
+      for (Index i = 0; i < count; ++i)
+        in.is_binary() ? in.bytes().skip("an affine map", sizeof(double))
+                       : void(in.text().number("an affine map"));
+      return;
+    }
+    const std::size_t place = in.place();
+    if (in.text().word("an affine map") == "Affine")
+      in.text().skip_line();
+    else
+      in.text().go_to(place);
+  }
+
+  PeriodicLink read_link(NumberInput& in, int size) {
+    PeriodicLink link;
+    const Index count = in.count("the number of a periodic entity's nodes", size, 16, 4);
+    for (Index i = 0; i < count; ++i) {
+      const Index node = node_numbers_.find(in.integer("the number of a node", size));
+      const Index image = node_numbers_.find(in.integer("the number of a node", size));
+      if (node < 0 || image < 0) in.fail("a periodic node is not among the nodes");
+      link.emplace_back(node, image);
+    }
+    return link;
   }
 
   void skip_integers(const std::string& what) {
@@ -547,6 +604,10 @@ class Reader {
       group.nodes.clear();
     }
     tidy_groups(mesh);
+    std::vector<PeriodicLink> sides;
+    for (auto& [link_dimension, link] : links_)
+      if (link_dimension == highest - 1) sides.push_back(std::move(link));
+    set_partners(sides, mesh);
   }
 
   void add_remarks() {
@@ -557,7 +618,11 @@ class Reader {
       result_.notes.push_back(
           "the points and boxes of entities in $Entities are those of the base");
     if (has_parametrizations_) remark("$Parametrizations are those of the base");
-    if (has_periodic_)
+    const bool has_pairs = std::ranges::any_of(
+        result_.mesh.groups, [](const NodeGroup& group) { return !group.partner.empty(); });
+    if (has_periodic_ && has_pairs)
+      result_.notes.push_back("the affine maps in $Periodic are those of the base");
+    else if (has_periodic_)
       remark(
           "the periodic maps in $Periodic are those of the base: check that periodic faces still "
           "match");
@@ -596,6 +661,7 @@ class Reader {
   std::map<EntityKey, Entity> entities_;
   std::map<EntityKey, Group> groups_;
   std::vector<EntityKey> group_order_;
+  std::vector<std::pair<Index, PeriodicLink>> links_;  ///< with their dimensions
   int named_volumes_ = 0;
   Group* last_group_ = nullptr;
   EntityKey last_key_;

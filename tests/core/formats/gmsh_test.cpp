@@ -232,6 +232,87 @@ TEST_CASE("Partitions of a gmsh mesh are no regions", "[core][formats]") {
   CHECK(file.mesh().groups.empty());
 }
 
+namespace {
+
+const std::string kBox =
+    "$PhysicalNames\n3\n2 1 \"low\"\n2 2 \"high\"\n3 3 \"air\"\n$EndPhysicalNames\n"
+    "$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1\n"
+    "$EndNodes\n"
+    "$Elements\n3\n1 3 2 1 1 1 2 3 4\n2 3 2 2 2 5 6 7 8\n3 5 2 3 1 1 2 3 4 5 6 7 8\n"
+    "$EndElements\n";
+const std::string kNodesOfBox = "4\n5 1\n6 2\n7 3\n8 4\n";
+
+/// The partner of each group of a file of version 2.2 with such a section.
+std::vector<std::string> partners(const FormatFolder& folder, const std::string& links) {
+  const MeshFile file(folder.put("mesh.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n" + kBox +
+                                                 "$Periodic\n" + links + "$EndPeriodic\n"));
+  std::vector<std::string> result;
+  for (const NodeGroup& group : file.mesh().groups) result.push_back(group.partner);
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("Periodic surfaces of a gmsh file are pairs of its physical groups", "[core][formats]") {
+  using Names = std::vector<std::string>;
+  const FormatFolder folder;
+  CHECK(partners(folder, "1\n2 2 1\n" + kNodesOfBox) == Names{"", "low"});
+  CHECK(partners(folder, "2\n1 6 5\n2\n5 1\n6 2\n2 2 1\nAffine 1 0 0 0 0 1 0 0 0 0 1 1 0 0 0 1\n" +
+                             kNodesOfBox) == Names{"", "low"});
+  // Two surfaces make up the side.
+  CHECK(partners(folder, "2\n2 2 1\n3\n5 1\n6 2\n7 3\n2 9 8\n3\n7 3\n8 4\n5 1\n") ==
+        Names{"", "low"});
+  const Names none = {"", ""};
+  CHECK(partners(folder, "0\n") == none);
+  CHECK(partners(folder, "1\n1 2 1\n" + kNodesOfBox) == none);            // curves
+  CHECK(partners(folder, "1\n2 2 1\n3\n5 1\n6 2\n7 3\n") == none);        // not all of it
+  CHECK(partners(folder, "1\n2 2 1\n4\n5 1\n6 2\n7 3\n8 5\n") == none);   // of no group
+  CHECK(partners(folder, "1\n2 2 1\n4\n5 1\n6 2\n7 3\n8 99\n") == none);  // damaged
+  CHECK(partners(folder, "7\n2 2 1\n" + kNodesOfBox) == none);            // cut off
+}
+
+TEST_CASE("Periodic surfaces of gmsh's version 4 and of binary files", "[core][formats]") {
+  const FormatFolder folder;
+  const std::string entities =
+      "$Entities\n0 0 2 1\n1 0 0 0 1 1 0 1 1 0 \n2 0 0 1 1 1 1 1 2 0 \n1 0 0 0 1 1 1 1 3 0 \n"
+      "$EndEntities\n";
+  const std::string nodes =
+      "$Nodes\n1 8 1 8\n3 1 0 8\n1\n2\n3\n4\n5\n6\n7\n8\n"
+      "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n$EndNodes\n";
+  const std::string elements =
+      "$Elements\n3 3 1 3\n2 1 3 1\n1 1 2 3 4\n2 2 3 1\n2 5 6 7 8\n3 1 5 1\n3 1 2 3 4 5 6 7 8\n"
+      "$EndElements\n";
+  const std::string names = kBox.substr(0, kBox.find("$Nodes"));
+  for (const char* map : {"0", "16 1 0 0 0 0 1 0 0 0 0 1 1 0 0 0 1"}) {
+    const MeshFile file(folder.put(
+        "text.msh", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n" + names + entities + nodes + elements +
+                        "$Periodic\n1\n2 2 1\n" + map + "\n" + kNodesOfBox + "$EndPeriodic\n"));
+    REQUIRE(file.mesh().groups.size() == 2);
+    CHECK(file.mesh().groups[1].partner == "low");
+    CHECK(file.mesh().groups[0].partner.empty());
+  }
+  for (const bool is_big_endian : {false, true}) {
+    INFO(is_big_endian);
+    BinaryText text(is_big_endian);
+    text.text("$MeshFormat\n4.1 1 8\n").int32({1}).text("\n$EndMeshFormat\n" + names);
+    text.text("$Entities\n").int64({0, 0, 2, 1});
+    for (int tag = 1; tag <= 2; ++tag)
+      text.int32({tag}).float64({0, 0, 0, 1, 1, 1}).int64({1}).int32({tag}).int64({0});
+    text.int32({1}).float64({0, 0, 0, 1, 1, 1}).int64({1}).int32({3}).int64({0});
+    text.text("\n$EndEntities\n$Nodes\n").int64({1, 8, 1, 8}).int32({3, 1, 0}).int64({8});
+    text.int64({1, 2, 3, 4, 5, 6, 7, 8});
+    for (const double z : {0.0, 1.0}) text.float64({0, 0, z, 1, 0, z, 1, 1, z, 0, 1, z});
+    text.text("\n$EndNodes\n$Elements\n").int64({3, 3, 1, 3});
+    text.int32({2, 1, 3}).int64({1, 1, 1, 2, 3, 4}).int32({2, 2, 3}).int64({1, 2, 5, 6, 7, 8});
+    text.int32({3, 1, 5}).int64({1, 3, 1, 2, 3, 4, 5, 6, 7, 8});
+    text.text("\n$EndElements\n$Periodic\n").int64({1}).int32({2, 2, 1});
+    text.int64({2}).float64({1, 1}).int64({4, 5, 1, 6, 2, 7, 3, 8, 4}).text("\n$EndPeriodic\n");
+    const MeshFile file(folder.put("binary.msh", text.bytes()));
+    REQUIRE(file.mesh().groups.size() == 2);
+    CHECK(file.mesh().groups[1].partner == "low");
+  }
+}
+
 TEST_CASE("Physical groups part a gmsh mesh whose entities are all alike", "[core][formats]") {
   const FormatFolder folder;
   std::string text = kVersion2;
