@@ -177,6 +177,22 @@ std::string name_of(const CadModel& base, const TopologyMatch& match, int face) 
          ", variant face " + std::to_string(match.faces[face] + 1) + ")";
 }
 
+// A node that is held where the CAD has a face.
+struct HeldNode {
+  int row, face;
+  Vector2d uv;
+};
+
+std::vector<HeldNode> held_on_faces(const std::vector<GroupConstraint>& constraints,
+                                    const Association& association) {
+  std::vector<HeldNode> result;
+  for (std::size_t n = 0; n < constraints.size(); ++n)
+    if (constraints[n] == GroupConstraint::Hold && association.dimension[n] == CadDimension::Face)
+      result.push_back(
+          {static_cast<int>(n), association.entity[n], association.uv.row(static_cast<Index>(n))});
+  return result;
+}
+
 }  // namespace
 
 struct SurfaceMorph::Impl {
@@ -187,6 +203,7 @@ struct SurfaceMorph::Impl {
   double tolerance = 0;  // of planes and images, millimetres
   Association association;
   std::vector<GroupConstraint> constraints;  // of the nodes, by their groups
+  std::vector<HeldNode> held;                // on CAD faces
   std::vector<FreePatch> patches;
   std::vector<RigidGroup> rigid;
   std::vector<PeriodicSides> periodic;  // those that have names
@@ -233,6 +250,7 @@ struct SurfaceMorph::Impl {
   std::vector<ImagePair> slide(Points& moved) const;
   Index dragged_patches(const Points& moved) const;
   std::string describe_patches(Index dragged) const;
+  std::string describe_held(const ModelPair& pair) const;
 };
 
 void SurfaceMorph::Impl::find_feet() {
@@ -691,6 +709,29 @@ std::string SurfaceMorph::Impl::describe_patches(Index dragged) const {
   return text;
 }
 
+// Held nodes that the variant's CAD leaves behind; empty where there are none.
+std::string SurfaceMorph::Impl::describe_held(const ModelPair& pair) const {
+  Index count = 0;
+  double most = 0;
+  for (const HeldNode& node : held) {
+    const int face = pair.match.faces[node.face];
+    const Vector3d x = surface.points.row(node.row);
+    const double allowed = (base->evaluate(node.face, node.uv).point - x).norm() +
+                           pair.variant.faces()[face].tolerance +
+                           kOnEntity * surface.local_length[node.row];
+    double after = project_on_face(pair.variant, face, x, node.uv).distance;
+    if (after > allowed) after = project_globally(pair.variant, face, x).distance;
+    if (after <= allowed) continue;
+    ++count;
+    most = std::max(most, after);
+  }
+  if (count == 0) return {};
+  std::ostringstream text;
+  text << count << " held nodes lie off the variant's CAD, by up to " << most
+       << " mm: where they were held, it changed";
+  return text.str();
+}
+
 SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
                            const Boundary& boundary, SurfaceMorphOptions options)
     : SurfaceMorph(base, mesh, boundary,
@@ -707,6 +748,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   require_groups_on_boundary(mesh, boundary, impl_->options.groups);
   impl_->constraints = find_constraints(mesh, boundary, impl_->options.groups);
   refuse_rigid_on_cad(mesh, boundary, impl_->options.groups, impl_->association);
+  impl_->held = held_on_faces(impl_->constraints, impl_->association);
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
@@ -805,6 +847,8 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
   result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
   if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);
+  if (std::string text = self.describe_held(pair); !text.empty())
+    result.warnings.push_back(std::move(text));
   result.warnings.insert(result.warnings.end(), self.idle.begin(), self.idle.end());
   auto slid = self.slide(moved);
   const Points before = moved;
