@@ -130,7 +130,8 @@ void take_from_cad(std::size_t row, Association& association) {
   association.distance[static_cast<Index>(row)] = 0;
 }
 
-std::string describe(const RigidGroup& group, const Isometry& motion, const SurfaceMesh& surface) {
+std::string describe(const RigidGroup& group, const Isometry& motion, const SurfaceMesh& surface,
+                     const Points& moved) {
   const Eigen::IOFormat inline_format(6, Eigen::DontAlignCols, " ", " ");
   const Vector3d centre = surface.points(group.nodes, Eigen::all).colwise().mean();
   std::ostringstream text;
@@ -139,6 +140,11 @@ std::string describe(const RigidGroup& group, const Isometry& motion, const Surf
        << surface.points.row(group.nearest).format(inline_format) << " mm does: turned by "
        << Eigen::AngleAxisd(motion.linear).angle() * 180 / std::numbers::pi
        << " degrees, its centre shifted by " << (motion(centre) - centre).norm() << " mm";
+  double most = 0;
+  for (const int n : group.part)
+    most = std::max(most,
+                    (moved.row(n).transpose() - motion(surface.points.row(n).transpose())).norm());
+  text << "; the part itself leaves that motion by up to " << most << " mm";
   return text.str();
 }
 
@@ -237,19 +243,29 @@ void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
                               "a surface or a zone; these nodes follow the volume without it");
 }
 
-void refuse_rigid_on_cad(const Mesh& mesh, const Boundary& boundary,
-                         const GroupConstraints& constraints, const Association& association) {
-  for (const std::string& name : constraints.rigid) {
+BodiesInGroups find_bodies_in_rigid_groups(const Mesh& mesh, const Boundary& boundary,
+                                           const SurfaceMesh& surface,
+                                           const std::vector<std::string>& names,
+                                           const Association& association) {
+  BodiesInGroups result;
+  if (names.empty()) return result;
+  const std::vector<std::vector<int>> parts = parts_on_cad(surface, association);
+  for (const std::string& name : names) {
     const std::vector<int> rows = rows_of_group(mesh, boundary, name);
+    std::vector<int>& bodies = result[name];
+    for (const std::vector<int>& part : parts)
+      if (std::ranges::includes(rows, part)) bodies.insert(bodies.end(), part.begin(), part.end());
+    std::ranges::sort(bodies);
     const auto on_cad = std::ranges::count_if(
         rows, [&](int row) { return association.dimension[row] != CadDimension::None; });
-    if (2 * on_cad > std::ssize(rows))
+    if (bodies.size() == rows.size() || (bodies.empty() && 2 * on_cad > std::ssize(rows)))
       throw InvalidInputError("the group '" + name +
                               "' lies on the CAD, which moves it: only what the CAD does not tell "
                               "of, as the interface round a rotor, can move with the part nearest "
                               "to it. Leave it out: a part that only turns or shifts keeps its "
                               "shape");
   }
+  return result;
 }
 
 std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& boundary,
@@ -327,7 +343,8 @@ PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
 std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boundary,
                                           const SurfaceMesh& surface,
                                           const Association& association,
-                                          const std::vector<std::string>& names) {
+                                          const std::vector<std::string>& names,
+                                          const BodiesInGroups& bodies) {
   if (names.empty()) return {};
   const std::vector<std::vector<int>> parts = parts_on_cad(surface, association);
   if (parts.empty())
@@ -343,9 +360,15 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
   const KdTree tree(surface.points(nodes, Eigen::all));
   std::vector<RigidGroup> result;
   for (const std::string& name : names) {
-    RigidGroup group{.name = name, .nodes = {}, .part = {}};
+    RigidGroup group{.name = name, .nodes = rows_of_group(mesh, boundary, name), .part = {}};
+    if (const std::vector<int>& inside = bodies.at(name); !inside.empty()) {
+      std::erase_if(group.nodes, [&](int row) { return std::ranges::binary_search(inside, row); });
+      group.part = inside;
+      group.nearest = inside.front();
+      result.push_back(std::move(group));
+      continue;
+    }
     Neighbour nearest{0, std::numeric_limits<double>::infinity()};
-    group.nodes = rows_of_group(mesh, boundary, name);
     for (const int row : group.nodes) {
       const Vector3d x = surface.points.row(row);
       const Neighbour near = tree.nearest(x.data(), 1).front();
@@ -365,7 +388,7 @@ std::vector<std::string> move_rigid_groups(const SurfaceMesh& surface,
     const Isometry motion =
         fit_motion(surface.points(group.part, Eigen::all), moved(group.part, Eigen::all));
     for (const int n : group.nodes) moved.row(n) = motion(surface.points.row(n));
-    lines.push_back(describe(group, motion, surface));
+    lines.push_back(describe(group, motion, surface, moved));
   }
   return lines;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -69,10 +70,16 @@ std::vector<char> mark_parts_inside(const Mesh& mesh, const Boundary& boundary,
 void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
                                 const GroupConstraints& constraints);
 
-/// Throws InvalidInputError for a group that is to move as one piece with another part but lies on
-/// the CAD for the most part: the CAD moves it. `association`: without the constraints.
-void refuse_rigid_on_cad(const Mesh& mesh, const Boundary& boundary,
-                         const GroupConstraints& constraints, const Association& association);
+/// The nodes (rows of Boundary::nodes, ascending) of bodies within each group that is to move as
+/// one piece: of the pieces of the mesh's surface that lie on the CAD and hang together, those that
+/// lie in the group whole, as a propeller does in its zone. The CAD moves these, and the rest of
+/// the group with them. Throws InvalidInputError for a group that lies on the CAD for the most part
+/// else: the CAD moves it. `association`: without the constraints.
+using BodiesInGroups = std::map<std::string, std::vector<int>>;
+BodiesInGroups find_bodies_in_rigid_groups(const Mesh& mesh, const Boundary& boundary,
+                                           const SurfaceMesh& surface,
+                                           const std::vector<std::string>& names,
+                                           const Association& association);
 
 /// A line for each group that does not do what it is to, or not with all of its nodes: they lie on
 /// the CAD, which moves them, or nothing touches it, or some lie inside on no face of the group.
@@ -95,16 +102,17 @@ struct RigidGroup {
   int nearest = -1;  ///< the part's node that is nearest to the group
 };
 
-/// A group's part: of the pieces of the mesh's surface that lie on the CAD and hang together, the
-/// one with the node nearest to one of the group's.
+/// A group's part: the bodies in it, or of the pieces of the mesh's surface that lie on the CAD and
+/// hang together the one with the node nearest to one of the group's.
 std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boundary,
                                           const SurfaceMesh& surface,
                                           const Association& association,
-                                          const std::vector<std::string>& names);
+                                          const std::vector<std::string>& names,
+                                          const BodiesInGroups& bodies);
 
 /// Moves rigid groups by the turn and shift that fit their parts' motion best (least squares);
-/// `moved`: all surface nodes, millimetres. Returns a line for each group: what it goes with, and
-/// how.
+/// `moved`: all surface nodes, millimetres. Returns a line for each group: what it goes with, how,
+/// and how far the part's own nodes leave that motion.
 std::vector<std::string> move_rigid_groups(const SurfaceMesh& surface,
                                            const std::vector<RigidGroup>& groups, Points& moved);
 

@@ -747,17 +747,22 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->start = mesh.points(boundary.nodes, Eigen::all);
   require_groups_on_boundary(mesh, boundary, impl_->options.groups);
   impl_->constraints = find_constraints(mesh, boundary, impl_->options.groups);
-  refuse_rigid_on_cad(mesh, boundary, impl_->options.groups, impl_->association);
+  impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
+  const BodiesInGroups bodies = find_bodies_in_rigid_groups(
+      mesh, boundary, impl_->surface, impl_->options.groups.rigid, impl_->association);
+  for (const auto& [group, rows] : bodies)
+    for (const int row : rows)
+      if (impl_->constraints[row] == GroupConstraint::Rigid)
+        impl_->constraints[row] = GroupConstraint::None;
   impl_->held = held_on_faces(impl_->constraints, impl_->association);
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
-  impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
   impl_->tolerance = plane_tolerance(impl_->surface);
   impl_->patches =
       find_free_patches(impl_->surface, boundary, impl_->association,
                         mark_patches(mesh, boundary, impl_->options.groups, impl_->constraints));
   impl_->rigid = find_rigid_groups(mesh, boundary, impl_->surface, impl_->association,
-                                   impl_->options.groups.rigid);
+                                   impl_->options.groups.rigid, bodies);
   std::vector<char> held(impl_->constraints.size());
   std::ranges::transform(impl_->constraints, held.begin(), is_taken_from_cad);
   impl_->periodic = find_periodic_sides(mesh, boundary, impl_->surface, impl_->association, held,

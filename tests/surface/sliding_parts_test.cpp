@@ -252,6 +252,21 @@ TEST_CASE("named parts inside of a region stay, slide and move as one piece",
   CHECK_THAT(rigid.surface.notes.front(), Catch::Contains("'tube' moves as the part") &&
                                               Catch::Contains("turned by 8.59437 degrees"));
 
+  // A zone goes with the body in it, which is the CAD's.
+  c.mesh.groups.push_back({"zone", "zone", {}});
+  for (Index node = 0; node < c.mesh.node_count(); ++node)
+    if (c.mesh.points.row(node).tail<2>().norm() < 1.75 + 1e-9)
+      c.mesh.groups.back().nodes.push_back(node);
+  const std::vector<Index> zone = c.mesh.groups.back().nodes;
+  REQUIRE(zone.size() > 2 * tube.size());
+  options.groups.rigid = {"zone"};
+  const Morphed with_zone = with_parts(options, kTurn);
+  for (const Index node : zone)
+    REQUIRE(
+        (with_zone.points.row(node).transpose() - turned(c.mesh.points.row(node), kTurn)).norm() <
+        1e-9);
+  c.mesh.groups.pop_back();
+
   options.groups = {};
   options.groups.sliding = {"hub", "casing", "plane"};
   // Nodes that it has in common with hub and casing stay.
