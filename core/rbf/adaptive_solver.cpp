@@ -65,12 +65,6 @@ bool is_enough(const VectorXd& missed, Index centres) {
   return most <= kEnoughOfFew && static_cast<double>(over) <= kFew * static_cast<double>(centres);
 }
 
-MatrixXd select(const MatrixXd& from, const std::vector<Index>& rows) {
-  MatrixXd result(static_cast<Index>(rows.size()), from.cols());
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = from.row(rows[i]);
-  return result;
-}
-
 VectorXd spacings(const Points& points, const KdTree& tree) {
   VectorXd result(points.rows());
   parallel_for(points.rows(), 1024, [&](Index begin, Index end) {
@@ -87,15 +81,15 @@ struct AdaptiveSolver::Impl {
   Impl(const MatrixXd& points, const VectorXd& local_length, AdaptiveOptions given_options)
       : options(std::move(given_options)),
         order(farthest_point_order(points)),
-        ordered(select(points, order.rows)),
+        ordered(points(order.rows, Eigen::all)),
         tree(ordered),
-        length(select(local_length, order.rows)),
+        length(local_length(order.rows, Eigen::all)),
         spacing(spacings(ordered, tree)) {}
 
   Impl(const MatrixXd& points, AdaptiveOptions given_options, InputArchive& archive)
       : options(std::move(given_options)),
         order(take<PointOrder>(archive)),
-        ordered(select(points, order.rows)),
+        ordered(points(order.rows, Eigen::all)),
         tree(ordered) {
     archive(length, spacing);
   }
@@ -177,7 +171,8 @@ MatrixXd AdaptiveSolver::Impl::residual(const UnitField& field, const MatrixXd& 
 
 std::optional<AdaptiveSolver::Impl::Attempt> AdaptiveSolver::Impl::attempt(
     const std::vector<Index>& centres, const MatrixXd& values) const {
-  std::optional<UnitField> field = interpolate(select(ordered, centres), select(values, centres));
+  std::optional<UnitField> field =
+      interpolate(ordered(centres, Eigen::all), values(centres, Eigen::all));
   if (!field) return {};
   MatrixXd left = residual(*field, values);
   const VectorXd norms = left.rowwise().norm();
@@ -197,7 +192,7 @@ std::vector<Index> AdaptiveSolver::Impl::worst(const VectorXd& missed,
   std::sort(candidates.begin(), candidates.end(), [&](Index a, Index b) {
     return missed(a) != missed(b) ? missed(a) > missed(b) : a < b;
   });
-  const KdTree old(Points(select(ordered, centres)));
+  const KdTree old(Points(ordered(centres, Eigen::all)));
   const double least = least_separation();
   std::vector<char> is_near(missed.size(), 0);
   std::vector<Index> result;
@@ -269,7 +264,7 @@ double AdaptiveSolver::correction_from() const { return impl_->widest(); }
 
 AdaptiveSolution AdaptiveSolver::solve(const MatrixXd& values) const {
   const Impl& s = *impl_;
-  const MatrixXd targets = select(values, s.order.rows);
+  const MatrixXd targets = values(s.order.rows, Eigen::all);
   std::vector<Index> centres = s.first_centres();
   std::optional<Impl::Attempt> best = s.attempt(centres, targets);
   for (int round = 1; best && !is_enough(best->missed, std::ssize(centres)); ++round) {
@@ -293,7 +288,7 @@ AdaptiveSolution AdaptiveSolver::solve(const MatrixXd& values,
   for (std::size_t i = 0; i < place.size(); ++i) place[s.order.rows[i]] = static_cast<Index>(i);
   std::vector<Index> ordered;
   for (const Index centre : centres) ordered.push_back(place[centre]);
-  const MatrixXd targets = select(values, s.order.rows);
+  const MatrixXd targets = values(s.order.rows, Eigen::all);
   return s.finish(s.attempt(ordered, targets), ordered, targets);
 }
 

@@ -57,10 +57,6 @@ constexpr double kMoves = 0.1;
 // that rounding favours on this processor.
 constexpr double kGrain = 1e-3;
 
-RowMatrix select(const RowMatrix& from, const std::vector<Index>& rows) {
-  return from(rows, Eigen::all);
-}
-
 RowMatrix stack(const RowMatrix& above, const RowMatrix& below) {
   RowMatrix result(above.rows() + below.rows(), above.cols());
   result << above, below;
@@ -155,13 +151,13 @@ class Means {
 RowMatrix interpolate(const RowMatrix& points, const RowMatrix& values, const Kernel& kernel,
                       const RowMatrix& targets) {
   const std::vector<Index> distinct = distinct_rows(points).rows;
-  const RowMatrix rows = select(points, distinct);
+  const RowMatrix rows = points(distinct, Eigen::all);
   const CentreFrame frame(rows);
   const KernelSum sum(in_units(kernel, frame.unit()), log_scale(kernel, frame.unit()));
   const MatrixXd centres = frame.to_unit(rows), at = frame.to_unit(targets);
   const SaddleSolution solution = make_dense_solver(Factorisation::Cholesky, sum.matrix(centres),
                                                     frame.polynomials(centres), kernel.cpd_sign())
-                                      ->solve(select(values, distinct));
+                                      ->solve(values(distinct, Eigen::all));
   return sum(at, centres, solution.weights) + frame.polynomials(at) * solution.coefficients;
 }
 
@@ -173,7 +169,7 @@ std::vector<Index> farthest_moved(const VectorXd& moved, const RowMatrix& candid
   for (Index i = 0; i < moved.size(); ++i)
     if (moved(i) > least) order.push_back(i);
   std::ranges::stable_sort(order, [&](Index a, Index b) { return moved(a) > moved(b); });
-  const KdTree old(centres), tree(select(candidates, order));
+  const KdTree old(centres), tree(candidates(order, Eigen::all));
   std::vector<char> is_near(order.size(), 0);
   std::vector<Index> result;
   for (std::size_t k = 0; k < order.size(); ++k) {
@@ -202,10 +198,10 @@ class Search {
         values_(values),
         means_(centres),
         largest_(values.rowwise().norm().maxCoeff()),
-        points_(select(centres, carriers)),
-        prescribed_(select(values, carriers)),
+        points_(centres(carriers, Eigen::all)),
+        prescribed_(values(carriers, Eigen::all)),
         chosen_(graded(targets, distances(KdTree(points_), targets))),
-        candidates_(select(targets, chosen_)) {
+        candidates_(targets(chosen_, Eigen::all)) {
     anchors_.values.resize(0, values.cols());
   }
 
@@ -217,7 +213,7 @@ class Search {
   void add(const std::vector<Index>& added, const RowMatrix& values) {
     anchors_.targets.insert(anchors_.targets.end(), added.begin(), added.end());
     anchors_.values = stack(anchors_.values, values);
-    points_ = stack(points_, select(targets_, added));
+    points_ = stack(points_, targets_(added, Eigen::all));
     prescribed_ = stack(prescribed_, values);
   }
 
@@ -230,7 +226,7 @@ class Search {
     std::vector<Index> added = rows;
     if (among)
       for (Index& target : added) target = (*among)[static_cast<std::size_t>(target)];
-    RowMatrix held = means_.at(select(targets_, added), values_);
+    RowMatrix held = means_.at(targets_(added, Eigen::all), values_);
     VectorXd parts(held.rows());
     for (Index i = 0; i < held.rows(); ++i) {
       const double least = held.row(i).norm() / largest_, most = moved(rows[i]);
@@ -285,7 +281,7 @@ Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
 
 OvershootCheck::OvershootCheck(RowMatrix centres, const Kernel& kernel, const RowMatrix& targets)
     : centres_(std::move(centres)),
-      candidates_(select(targets, graded(targets, distances(KdTree(centres_), targets)))),
+      candidates_(targets(graded(targets, distances(KdTree(centres_), targets)), Eigen::all)),
       order_(farthest_point_order(Points(centres_)).rows),
       kernel_(kernel) {}
 
@@ -303,7 +299,7 @@ bool OvershootCheck::may_overshoot(const RowMatrix& values) const {
     }
   try {
     const RowMatrix field =
-        interpolate(select(centres_, probes), select(values, probes), kernel_, candidates_);
+        interpolate(centres_(probes, Eigen::all), values(probes, Eigen::all), kernel_, candidates_);
     return motions(field, largest).maxCoeff() > kEnough;
   } catch (const SolverError&) {
     return true;
@@ -328,7 +324,7 @@ AnchorDerivative::AnchorDerivative(const RowMatrix& centres, const std::vector<I
     step.end = end;
     step.parts = round.parts;
     const std::vector<Index> at = range(step.begin, end);
-    const RowMatrix points = select(targets, at);
+    const RowMatrix points = targets(at, Eigen::all);
     step.means = means.weights(points);
     if (round.is_field) {
       step.inputs = all;
@@ -336,7 +332,7 @@ AnchorDerivative::AnchorDerivative(const RowMatrix& centres, const std::vector<I
     } else {
       step.inputs = carriers;
       const RbfSystem system(
-          stack(select(centres, carriers), select(targets, range(0, step.begin))), kernel,
+          stack(centres(carriers, Eigen::all), targets(range(0, step.begin), Eigen::all)), kernel,
           {.solver = SolverKind::Cholesky});
       step.field = system.derivative(points);
     }
@@ -412,8 +408,9 @@ BoundedField bounded_field(const RowMatrix& centres, const RowMatrix& values, co
       field.anchors =
           find_anchors(centres, values, field.all, kernel, targets, {field.anchors, held});
       const Anchors& anchors = field.anchors;
-      field.holds.emplace_back(static_cast<Index>(anchors.targets.size()),
-                               RbfSystem(stack(centres, select(targets, anchors.targets)), kernel));
+      field.holds.emplace_back(
+          static_cast<Index>(anchors.targets.size()),
+          RbfSystem(stack(centres, targets(anchors.targets, Eigen::all)), kernel));
       held = field.holds.back().second.solve(stack(values, anchors.values)).evaluate(targets);
       if (overshoot(values, held) < overshoot(values, field.displacements)) {
         field.displacements = held;
@@ -444,7 +441,7 @@ FieldMap bounded_derivative(const RowMatrix& centres, const RowMatrix& values, c
   const auto field_of = [&](Index anchors, const std::vector<Index>& rows) {
     const auto before =
         std::ranges::find(bounded.holds, anchors, &std::pair<Index, RbfSystem>::first);
-    return before->second.derivative(select(targets, rows));
+    return before->second.derivative(targets(rows, Eigen::all));
   };
   map.field = system.derivative(targets);
   map.anchors.emplace(centres, bounded.all, kernel, targets, bounded.anchors, count, field_of);

@@ -61,16 +61,6 @@ constexpr double kRounding = 1e-9;
 constexpr double kSumRounding = 2 * std::numeric_limits<double>::epsilon();
 constexpr double kWorstRounding = 1e-6;
 
-MatrixXd select(const MatrixXd& from, const std::vector<Index>& rows) {
-  MatrixXd result(static_cast<Index>(rows.size()), from.cols());
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = from.row(rows[i]);
-  return result;
-}
-
-VectorXd select(const VectorXd& from, const std::vector<Index>& rows) {
-  return select(MatrixXd(from), rows);
-}
-
 double diagonal(const MatrixXd& points) {
   return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
 }
@@ -157,16 +147,16 @@ FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
                        FastOptions given_options)
     : options(std::move(given_options)),
       order(farthest_point_order(given)),
-      ordered(select(given, order.rows)),
+      ordered(given(order.rows, Eigen::all)),
       thinning_distance(kThinning * diagonal(given)),
       rows(kept_rows(order, ordered, thinning_distance)),
-      points(std::make_shared<const MatrixXd>(select(given, rows))),
+      points(std::make_shared<const MatrixXd>(given(rows, Eigen::all))),
       point_rows(*points),
       frame(point_rows),
       P(frame.polynomials(frame.to_unit(point_rows))) {
   const VectorXd nearest = nearest_distances(given);
   const VectorXd lengths = local_length.size() == 0 ? nearest : local_length;
-  ordered_length = select(lengths, order.rows);
+  ordered_length = lengths(order.rows, Eigen::all);
   length = nearest_distances(point_rows);
   for (Index i = 0; i < length.size(); ++i)
     length(i) *= std::min(1.0, lengths(rows[i]) / nearest(rows[i]));
@@ -184,10 +174,10 @@ FastSolver::Impl::Impl(const MatrixXd& given, const VectorXd& local_length,
 FastSolver::Impl::Impl(const MatrixXd& given, FastOptions given_options, InputArchive& archive)
     : options(std::move(given_options)),
       order(take<PointOrder>(archive)),
-      ordered(select(given, order.rows)),
+      ordered(given(order.rows, Eigen::all)),
       thinning_distance(kThinning * diagonal(given)),
       rows(take<std::vector<Index>>(archive)),
-      points(std::make_shared<const MatrixXd>(select(given, rows))),
+      points(std::make_shared<const MatrixXd>(given(rows, Eigen::all))),
       point_rows(*points),
       frame(point_rows),
       P(frame.polynomials(frame.to_unit(point_rows))) {
@@ -240,9 +230,9 @@ double FastSolver::Impl::sampled_error(const Progression& solution) const {
   std::vector<Index> sample(std::min(kSample, points->rows()));
   for (std::size_t s = 0; s < sample.size(); ++s)
     sample[s] = static_cast<Index>(s) * points->rows() / static_cast<Index>(sample.size());
-  const MatrixXd exact = sum(select(*points, sample), *points, solution.weights);
-  return relative_residual(exact - select(solution.image, sample),
-                           select(solution.allowed, sample));
+  const MatrixXd exact = sum((*points)(sample, Eigen::all), *points, solution.weights);
+  return relative_residual(exact - solution.image(sample, Eigen::all),
+                           solution.allowed(sample, Eigen::all));
 }
 
 VectorXd FastSolver::Impl::allowance(const VectorXd& lengths, const MatrixXd& values) const {
@@ -260,7 +250,7 @@ double FastSolver::Impl::in_local_lengths(const MatrixXd& residual,
 
 Progression FastSolver::Impl::start(const MatrixXd& values) const {
   Progression result;
-  result.values = select(values, rows);
+  result.values = values(rows, Eigen::all);
   result.allowed = allowance(length, values);
   result.weights = MatrixXd::Zero(result.values.rows(), result.values.cols());
   result.image = result.weights;
@@ -392,7 +382,7 @@ void FastSolver::Impl::correct(const std::vector<MatrixXd>& value_sets,
     solution.report.thinned = ordered.rows() - points->rows();
     try {
       const MatrixXd missed =
-          select(value_sets[s], order.rows) - all.evaluate({&*solution.field}).front();
+          value_sets[s](order.rows, Eigen::all) - all.evaluate({&*solution.field}).front();
       auto correction = std::make_shared<const MultiscaleCorrection>(
           ordered, order.separation, missed, allowance(ordered_length, value_sets[s]),
           thinning_distance);

@@ -30,12 +30,6 @@ constexpr int kRefinements = 2;
 // Sources that a thread sums over at a time where the targets are few.
 constexpr Index kSourceChunk = 8192, kMostChunks = 64;
 
-MatrixXd select(const MatrixXd& from, const std::vector<Index>& rows) {
-  MatrixXd result(static_cast<Index>(rows.size()), from.cols());
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = from.row(rows[i]);
-  return result;
-}
-
 void add_rows(MatrixXd& to, const std::vector<Index>& rows, const MatrixXd& values) {
   for (Index i = 0; i < values.rows(); ++i) to.row(rows[i]) += values.row(i);
 }
@@ -117,7 +111,7 @@ MatrixXd Level::solve(const MatrixXd& values) const {
 // Points in space in an order in which sums at them are quick.
 struct Ordered {
   explicit Ordered(const MatrixXd& given)
-      : order(spatial_order(given)), points(select(given, order)) {}
+      : order(spatial_order(given)), points(given(order, Eigen::all)) {}
 
   std::vector<Index> order;
   MatrixXd points;
@@ -154,7 +148,8 @@ struct FieldDerivative::Impl {
 
 FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targets)
     : frame(field.frame),
-      own(RowMatrix(field.centres.empty() ? *field.points : select(*field.points, field.centres))),
+      own(RowMatrix(field.centres.empty() ? *field.points
+                                          : (*field.points)(field.centres, Eigen::all))),
       sum(field.kernel, field.log_scale),
       points(*field.points),
       targets(given_targets),
@@ -166,7 +161,7 @@ FieldDerivative::Impl::Impl(const FrozenField& field, const MatrixXd& given_targ
     rows.resize(static_cast<std::size_t>(count));
     std::iota(rows.begin(), rows.end(), Index{0});
   }
-  centres = select(points, rows);
+  centres = points(rows, Eigen::all);
   const auto polynomials = [&](const MatrixXd& x) {
     return own.polynomials(own.to_unit(RowMatrix(x)));
   };
@@ -271,7 +266,7 @@ MatrixXd FieldDerivative::forward(const MatrixXd& values) const {
   const MatrixXd fit = s.P.transpose() * values / static_cast<double>(s.P.rows());
   MatrixXd left = values - s.P * fit;
   Extended coefficients;
-  const MatrixPair weights = s.weights(MatrixPair(select(left, s.rows)), coefficients);
+  const MatrixPair weights = s.weights(MatrixPair(left(s.rows, Eigen::all)), coefficients);
   const auto field = [&](const MatrixXd& at, const MatrixXd& Q) {
     MatrixPair sums = s.sum.pairs(at, s.centres, weights);
     sums += pair_of(product(Q, coefficients));
@@ -281,7 +276,7 @@ MatrixXd FieldDerivative::forward(const MatrixXd& values) const {
   if (s.levels.empty()) return result;
   left -= field(s.points, s.Q_points);
   for (const auto& level : s.levels) {
-    const MatrixXd part = level->solve(select(left, level->rows));
+    const MatrixXd part = level->solve(left(level->rows, Eigen::all));
     add_sums(level->system.sum(), *s.ordered_points, part, -1, left);
     if (s.ordered_targets) add_sums(level->system.sum(), *s.ordered_targets, part, 1, result);
   }
@@ -293,7 +288,7 @@ MatrixXd FieldDerivative::adjoint(const MatrixXd& slopes) const {
   MatrixXd by_left = MatrixXd::Zero(s.points.rows(), slopes.cols());
   for (auto at = s.levels.rbegin(); at != s.levels.rend(); ++at) {
     const Level& level = **at;
-    const Ordered centres(select(s.points, level.rows));
+    const Ordered centres(s.points(level.rows, Eigen::all));
     MatrixXd by_part = MatrixXd::Zero(centres.points.rows(), slopes.cols());
     add_sums(s.over_points->with_support(level.system.sum().support()), centres, by_left, -1,
              by_part);

@@ -24,12 +24,6 @@ constexpr double kSolved = 0.3;
 // functions put there, which calls for a further sweep.
 constexpr double kMostly = 1.0 / 3;
 
-Points select(const Eigen::Ref<const MatrixXd>& points, const std::vector<Index>& rows) {
-  Points result(static_cast<Index>(rows.size()), 3);
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = points.row(rows[i]);
-  return result;
-}
-
 bool is_active(const MatrixXd& residual, const Eigen::VectorXd& allowed, Index i) {
   return residual.row(i).norm() > kActive * allowed(i);
 }
@@ -41,7 +35,7 @@ std::vector<Index> level_rows(const Points& points, Index count, const MatrixXd&
   for (Index i = 0; i < count; ++i)
     if (is_active(residual, allowed, i)) active.push_back(i);
   if (active.empty() || static_cast<Index>(active.size()) == count) return active;
-  const KdTree tree(select(points, active));
+  const KdTree tree(points(active, Eigen::all));
   std::vector<char> is_near(count);
   parallel_for(count, 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
@@ -81,14 +75,14 @@ void MultiscaleCorrection::add_levels(const Points& points, const std::vector<do
                                       double spacing) {
   const Index n = points.rows();
   const std::vector<Index> near_order = spatial_order(points);
-  const MatrixXd targets = select(points, near_order);
+  const MatrixXd targets = points(near_order, Eigen::all);
   Index count = 0;
   for (int level = 0; level < kMostLevels && count < n; ++level, spacing /= 2) {
     while (count < n && separation[count] >= spacing) ++count;
     const double support = kSupport * spacing;
     const std::vector<Index> rows = level_rows(points, count, residual, allowed, support);
     if (rows.empty()) continue;
-    const Points centres = select(points, rows);
+    const Points centres = points(rows, Eigen::all);
     const CompactSystem system(centres, support);
     MatrixXd values(centres.rows(), residual.cols());
     Eigen::VectorXd goal(centres.rows());
@@ -122,7 +116,7 @@ std::vector<CorrectionLevel> MultiscaleCorrection::levels() const {
 MatrixXd MultiscaleCorrection::evaluate(const Eigen::Ref<const MatrixXd>& targets) const {
   if (is_empty()) return MatrixXd::Zero(targets.rows(), 0);
   const std::vector<Index> near_order = spatial_order(targets);
-  const MatrixXd near_targets = select(targets, near_order);
+  const MatrixXd near_targets = targets(near_order, Eigen::all);
   MatrixXd sums = MatrixXd::Zero(targets.rows(), levels_.front().terms.coefficients.cols());
   for (const Level& level : levels_) sums += level.sum(near_targets, level.terms.coefficients);
   MatrixXd result(sums.rows(), sums.cols());

@@ -14,12 +14,6 @@ using Eigen::MatrixXd;
 // Points that walk the tree together.
 constexpr Index kBlock = 512;
 
-MatrixXd select(const MatrixXd& from, const std::vector<Index>& rows) {
-  MatrixXd result(static_cast<Index>(rows.size()), from.cols());
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = from.row(rows[i]);
-  return result;
-}
-
 // Adds the sum over the centres at a block of points in unit coordinates.
 class TreeSum {
  public:
@@ -58,7 +52,7 @@ class TreeSum {
            Index begin, Index end) {
     if (rows.empty() || begin == end) return;
     MatrixXd values = MatrixXd::Zero(static_cast<Index>(rows.size()), out_.cols());
-    sum_.add(select(points_, rows), sources.middleRows(begin, end - begin),
+    sum_.add(points_(rows, Eigen::all), sources.middleRows(begin, end - begin),
              weights.middleRows(begin, end - begin), values);
     for (std::size_t i = 0; i < rows.size(); ++i)
       out_.row(rows[i]) += values.row(static_cast<Index>(i));
@@ -90,7 +84,7 @@ RowMatrix PointwiseField::evaluate(const Points& points) const {
     for (Index first = begin; first < end; first += kBlock) {
       const Index last = std::min(first + kBlock, end);
       const std::vector<Index> rows(order.begin() + first, order.begin() + last);
-      const MatrixXd block = select(unit, rows);
+      const MatrixXd block = unit(rows, Eigen::all);
       MatrixXd values = exact_linear(terms_.linear, block);
       TreeSum(terms_, block, values).run();
       for (std::size_t i = 0; i < rows.size(); ++i)
