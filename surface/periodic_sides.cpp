@@ -129,7 +129,7 @@ Matrix3d frame(const Vector3d& a, const Vector3d& b) {
 class PeriodSearch {
  public:
   PeriodSearch(const SurfaceMesh& surface, const Side& from, const Side& to, const Vector3d& normal)
-      : surface_(surface), from_(from), to_(to), normal_(normal), tree_(to.points) {
+      : from_(from), to_(to), normal_(normal), tree_(to.points) {
     const double least = plane_tolerance(surface);
     for (const Side* side : {&from, &to})
       for (const int n : side->rows)
@@ -150,7 +150,6 @@ class PeriodSearch {
   std::optional<std::vector<std::size_t>> images(const Isometry& map, double times) const;
   [[noreturn]] void refuse(const std::vector<Isometry>& guesses) const;
 
-  const SurfaceMesh& surface_;
   const Side &from_, &to_;
   Vector3d normal_;
   KdTree tree_;

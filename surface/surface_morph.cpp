@@ -732,8 +732,8 @@ std::string SurfaceMorph::Impl::describe_held(const ModelPair& pair) const {
   return text.str();
 }
 
-SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh,
-                           const Boundary& boundary, SurfaceMorphOptions options)
+SurfaceMorph::SurfaceMorph(const std::shared_ptr<const CadModel>& base, const Mesh& mesh,
+                           const Boundary& boundary, const SurfaceMorphOptions& options)
     : SurfaceMorph(base, mesh, boundary,
                    associate(*base, mesh, boundary, for_association(mesh, options)), options) {}
 

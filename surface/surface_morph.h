@@ -67,8 +67,8 @@ class SurfaceMorph {
  public:
   /// Associates the mesh's surface with the base CAD. Throws AssociationError when it does not lie
   /// on it.
-  SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh, const Boundary& boundary,
-               SurfaceMorphOptions options = {});
+  SurfaceMorph(const std::shared_ptr<const CadModel>& base, const Mesh& mesh,
+               const Boundary& boundary, const SurfaceMorphOptions& options = {});
 
   /// With the association known: that of the same CAD, mesh and boundary.
   SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mesh, const Boundary& boundary,

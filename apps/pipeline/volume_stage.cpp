@@ -59,7 +59,7 @@ bool is_free(const BaseSide& base) {
 }
 
 // Moves what step_and_untangle made.
-void take_volume(MorphResult& result, MorphResult&& from) {
+void take_volume(MorphResult& result, MorphResult& from) {
   result.positions = std::move(from.positions);
   result.validity = std::move(from.validity);
   result.report.solver = std::move(from.report.solver);
@@ -79,7 +79,7 @@ void morph_volume(const BaseSide& base, PhaseClock& clock, MorphResult& result,
   how.few = 0;
   MorphResult more;
   step_and_untangle(base, result.surface_positions, how, clock, more, nullptr);
-  if (more.validity.invalid < result.validity.invalid) take_volume(result, std::move(more));
+  if (more.validity.invalid < result.validity.invalid) take_volume(result, more);
 }
 
 // Nodes that slid lie within the wires of their faces.
@@ -160,14 +160,13 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
       result.report.stepping.attempts.back().steps == 1)
     return;
   MorphResult stepped;
-  take_volume(stepped, std::move(result));
+  take_volume(stepped, result);
   SteppingOptions how = stepping(base);
   how.steps = 1;
   result.report.untangling.reset();
   step_and_untangle(base, result.surface_positions, how, clock, result, nullptr);
   slide_surface(base, sliding, result);
-  if (result.validity.invalid >= stepped.validity.invalid)
-    return take_volume(result, std::move(stepped));
+  if (result.validity.invalid >= stepped.validity.invalid) return take_volume(result, stepped);
   std::vector<SteppingAttempt>& attempts = result.report.stepping.attempts;
   attempts.insert(attempts.begin(), stepped.report.stepping.attempts.begin(),
                   stepped.report.stepping.attempts.end());

@@ -20,7 +20,7 @@ int thread_count();
 /// program whose other threads use OpenBLAS calls it before they do.
 void use_fitting_blas_kernel();
 
-/// The library's version: "0.1.0".
+/// The library's version: "0.2.0".
 std::string version();
 
 }  // namespace cadmorph::CADMORPH_V1
