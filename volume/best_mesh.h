@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "core/face_quality.h"
-#include "core/progress.h"
 #include "core/quality.h"
 #include "core/sliding_nodes.h"
 #include "core/validity.h"
@@ -63,7 +62,6 @@ struct BestMeshOptions {
   std::vector<NodeRow> wall_rows = {};
   /// Of the moved mesh's solid cells, where known; must outlive the call.
   const ValidityReport* validity = nullptr;
-  Progress progress = {};
 };
 
 struct BestMeshResult {
