@@ -6,10 +6,14 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
 #include <new>
 
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
+#include "apps/pipeline/output_file.h"
 #include "apps/summary/json_report.h"
 #include "apps/version.h"
 #include "core/blas.h"
@@ -65,11 +69,27 @@ void name_remedies() {
        {Remedy::AllFigures, "--json"}});
 }
 
+// An older report would tell of success. What is none may be an input, and stays; where the outputs
+// are what is wrong, none is made.
+void replace_report(const std::string& file, ExitCode code, const std::string& report) {
+  try {
+    std::error_code error;
+    const bool is_there = std::filesystem::exists(file, error);
+    const bool is_of_outputs = code == ExitCode::Usage || code == ExitCode::Resources;
+    if (is_there ? !is_json_report(read_bytes(file)) : is_of_outputs) return;
+    write_text(file, report);
+  } catch (const std::exception&) {  // it may be the reason
+  }
+}
+
 int fail(const std::string& message, ExitCode code, const std::string& json) {
   std::fprintf(stderr, "cadmorph: error: %s\n", message.c_str());
   if (code != ExitCode::Usage) std::fputs(troubleshooting_line(code).c_str(), stderr);
   const int number = static_cast<int>(code);
-  if (json == "-") std::fputs(error_json(message, number).c_str(), stdout);
+  if (json == "-")
+    std::fputs(error_json(message, number).c_str(), stdout);
+  else if (!json.empty())
+    replace_report(json, code, error_json(message, number));
   return number;
 }
 
@@ -121,9 +141,18 @@ void parse(int argc, char** argv, Action& action) {
   }
 }
 
+// OpenCASCADE has exceptions of its own, and threads that can't start end the program.
+[[noreturn]] void end_without_memory() {
+  std::fputs(
+      "cadmorph: error: out of memory, or of threads: a limit of the system ended it (ulimit -a)\n",
+      stderr);
+  std::_Exit(static_cast<int>(ExitCode::Resources));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::set_terminate(end_without_memory);
   use_fitting_blas_kernel();
   keep_freed_memory();
   name_remedies();

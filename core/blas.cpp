@@ -1,12 +1,17 @@
 #include "core/blas.h"
 
 #include <dlfcn.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <mutex>
+#include <new>
 #include <string_view>
+
+#include "core/parallel.h"
 
 namespace cadmorph {
 namespace {
@@ -45,6 +50,18 @@ std::string better_kernel(const std::string& kernel) {
   return {};
 }
 
+// OpenBLAS asks the system for a buffer for each thread when it is first used, and again without an
+// end where it gets none, as under a limit of the address space (ulimit -v, a queue's h_vmem).
+void require_memory_of_blas() {
+  constexpr std::size_t kBuffer = std::size_t{132} << 20;
+  rlimit limit{};
+  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return;
+  const std::size_t size = kBuffer * std::size_t(std::max(1, thread_count()));
+  void* const block = mmap(nullptr, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (block == MAP_FAILED) throw std::bad_alloc();
+  munmap(block, size);
+}
+
 }  // namespace
 
 void set_blas_threads(int count) {
@@ -54,6 +71,8 @@ void set_blas_threads(int count) {
 }
 
 SerialBlas::SerialBlas() {
+  static std::once_flag has_memory;
+  std::call_once(has_memory, require_memory_of_blas);
   const std::lock_guard lock(threads_mutex);
   if (serial_users++ > 0) return;
   const auto get = find_symbol<int (*)()>("openblas_get_num_threads");

@@ -37,8 +37,9 @@ using Eigen::VectorXd;
 
 constexpr double kRounding = 1e-13;  // of the largest coordinate, of some 1e-16 an operation
 constexpr int kMostSteps = 8;
-// Rings of facets round folded ones that are laid out anew, before the whole face is.
-constexpr int kLeastRings = 8, kMostRings = 32;
+// Rings of facets round folded ones that are laid out anew, before the whole face is. With 8, cells
+// behind facets that are no longer folded were (bore hex at 150 %).
+constexpr int kLeastRings = 16, kMostRings = 32;
 constexpr int kRefinement = 4;
 
 // Orthonormal frame of a surface: tangent, bitangent, normal. Identity at a pole.

@@ -128,7 +128,7 @@ void Distortion::add_polyhedron_samples(Index id, const MatrixXd& base, int sign
   }
 }
 
-double Distortion::size() const { return double(gradients_.size() / 3); }
+double Distortion::size() const { return double(gradients_.size()) / 3; }
 
 const HessianGuess& Distortion::guess_hessian(const VectorXd& x, double epsilon) {
   free_.move(x, positions_);

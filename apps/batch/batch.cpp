@@ -66,16 +66,6 @@ BatchIdentity identity_of(const BatchOptions& options) {
           .options = options.options_text};
 }
 
-/// Bytes of a file, or of all files in a folder.
-std::uintmax_t size_of(const fs::path& path) {
-  std::error_code error;
-  if (!fs::is_directory(path, error)) return fs::file_size(path, error);
-  std::uintmax_t size = 0;
-  for (const auto& entry : fs::recursive_directory_iterator(path, error))
-    if (entry.is_regular_file(error)) size += entry.file_size(error);
-  return size;
-}
-
 fs::path failed_out(const fs::path& out) { return failed_path(out).lexically_normal(); }
 
 std::string joined(const std::vector<std::string>& lines) {
@@ -100,9 +90,8 @@ bool is_finished(const Variant& variant, const ResultRow& row, const BatchFolder
   if (!fs::is_regular_file(variant.step, error) || file_hash(variant.step) != row.step_hash)
     return false;
   if (row.out.empty()) return true;
-  const fs::path expected = row.exit_code == 0 ? variant.out : failed_out(variant.out);
-  const fs::path out = folder.path_of(row.out);
-  return row.out == expected && fs::exists(out, error) && size_of(out) == row.out_bytes;
+  return row.out == (row.exit_code == 0 ? variant.out : failed_out(variant.out)) &&
+         folder.holds_mesh(row);
 }
 
 // Stands for a variant until it is done again, so that no older row does, nor its mesh.

@@ -247,6 +247,15 @@ std::vector<std::string> whole_lines(const fs::path& path) {
 
 }  // namespace
 
+std::uintmax_t size_of(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return fs::file_size(path, error);
+  std::uintmax_t size = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(path, error))
+    if (entry.is_regular_file(error)) size += entry.file_size(error);
+  return size;
+}
+
 bool is_results_name(const std::string& id) {
   return id == "results" || id.starts_with("results.") || id == "batch" || id == "pictures";
 }
@@ -302,7 +311,8 @@ struct BatchFolder::Impl {
       return plan;
     } catch (const Json::exception& error) {
       throw InvalidInputError(path.string() + ": damaged (" + error.what() +
-                              "). Delete it and start the batch again with --resume.");
+                              "). Nothing else tells of what the results in that folder are: "
+                              "start the batch anew in another one.");
     }
   }
 
@@ -342,6 +352,10 @@ void BatchFolder::begin(const BatchIdentity& identity, const VariantList& list, 
                        ". Give them, too (what is finished is kept), or name another folder with "
                        "-o.");
     if (old == plan) return;
+  } else if (fs::exists(impl_->json_lines()) || fs::exists(impl_->csv())) {
+    throw UsageError(folder + " holds " + impl_->csv().filename().string() +
+                     " but no batch.json, which would tell what its results are of. Move them "
+                     "away, or name another folder with -o.");
   }
   impl_->replace(impl_->folder / kPlan, dump(plan, 1));
 }
@@ -399,6 +413,12 @@ void BatchFolder::append(const Variant& variant, const ResultRow& row) {
 }
 
 fs::path BatchFolder::path_of(const fs::path& out) const { return impl_->folder / out; }
+
+bool BatchFolder::holds_mesh(const ResultRow& row) const {
+  std::error_code error;
+  const fs::path out = path_of(row.out);
+  return fs::exists(out, error) && size_of(out) == row.out_bytes;
+}
 
 const fs::path& BatchFolder::staging() const { return impl_->staging; }
 

@@ -46,6 +46,9 @@ struct BatchIdentity {
 bool is_results_name(const std::string& id);
 bool is_results_column(const std::string& column);
 
+/// Bytes of a file, or of all files in a folder.
+std::uintmax_t size_of(const std::filesystem::path& path);
+
 /// The folder of a batch: batch.json (identity and variants), and results.jsonl and results.csv, or
 /// those of one shard: results.<i>-of-<n>.jsonl and .csv.
 class BatchFolder {
@@ -78,6 +81,9 @@ class BatchFolder {
 
   /// Where the mesh of a variant goes.
   std::filesystem::path path_of(const std::filesystem::path& out) const;
+
+  /// Whether the mesh of a row is there, of as many bytes as were written.
+  bool holds_mesh(const ResultRow& row) const;
 
   /// A hidden folder beside, for files that are being written; emptied when this object begins and
   /// gone when it ends, so that nothing half-written outlives a killed process for long.

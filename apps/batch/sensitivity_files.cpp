@@ -82,6 +82,7 @@ RowMatrix read_table(const fs::path& file, const Mesh& mesh) {
   }
   const double size = (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).norm();
   RowMatrix result = RowMatrix::Zero(mesh.node_count(), 3);
+  std::vector<char> is_given(static_cast<std::size_t>(mesh.node_count()), 0);
   for (const CsvRecord& row : table.rows()) {
     const auto node = table.number<Index>(row, id);
     if (node < 0 || node >= mesh.node_count())
@@ -94,8 +95,13 @@ RowMatrix read_table(const fs::path& file, const Mesh& mesh) {
         table.fail(row.line, "PointID " + std::to_string(node) + " lies at " + std::to_string(x) +
                                  ", the mesh's node at " + std::to_string(mesh.points(node, axis)) +
                                  ": the table is of another mesh, or not of the base");
-      result(node, axis) = table.number<double>(row, slopes[d]);
+      const double slope = table.number<double>(row, slopes[d]);
+      if (is_given[node] && slope != result(node, axis))
+        table.fail(row.line,
+                   "PointID " + std::to_string(node) + " stands twice, with other values");
+      result(node, axis) = slope;
     }
+    is_given[node] = 1;
   }
   return result;
 }

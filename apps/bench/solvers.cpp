@@ -16,8 +16,6 @@
 #include "core/errors.h"
 #include "volume/volume_morph.h"
 
-extern char** environ;
-
 namespace cadmorph::bench {
 namespace {
 

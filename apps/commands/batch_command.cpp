@@ -12,8 +12,8 @@
 #include "apps/batch/variant_pictures.h"
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
+#include "apps/commands/number_checks.h"
 #include "apps/commands/options.h"
-#include "apps/commands/positive_number.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/report/overview_page.h"
 #include "apps/summary/progress_bar.h"
@@ -264,7 +264,8 @@ ExitCode collect(const BatchCommand& command) {
   Index missing_count = 0, failed_count = 0;
   for (const Variant& variant : list.variants) {
     const auto row = rows.find(variant.id);
-    if (row == rows.end()) {
+    const bool is_done = row != rows.end() && row->second.exit_code == 0;
+    if (row == rows.end() || (is_done && !folder.holds_mesh(row->second))) {
       if (++missing_count <= kListed) missing += "  " + variant.id + "\n";
     } else if (row->second.exit_code != 0 && ++failed_count <= kListed) {
       failed += line_of(row->second);

@@ -4,6 +4,7 @@
 
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
+#include "apps/commands/number_checks.h"
 #include "apps/commands/options.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/summary/json_text.h"
@@ -146,12 +147,12 @@ void add_compare_command(CLI::App& app, Action& action) {
       parser
           ->add_option("--tolerance", command->options.tolerance,
                        "of positions, in a node's shortest edge; of arrays, in their largest value")
-          ->check(CLI::NonNegativeNumber)
+          ->check(number_from_zero())
           ->capture_default_str();
   parser
       ->add_option("--absolute", command->options.absolute,
                    "tolerance of positions in the mesh's unit instead")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->excludes(tolerance);
   parser->add_option("--ignore", command->options.ignored, "array to leave out; may be repeated")
       ->type_name("NAME");

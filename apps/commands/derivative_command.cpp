@@ -9,7 +9,7 @@
 namespace cadmorph {
 
 void finish_derivative_command(
-    CLI::App& parser, Action& action, std::shared_ptr<DerivativeCommand> command,
+    CLI::App& parser, Action& action, const std::shared_ptr<DerivativeCommand>& command,
     std::function<void()> check,
     std::function<DerivativeOutcome(const PipelineOptions& options)> work) {
   add_json_option(parser, command->json);

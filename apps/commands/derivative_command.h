@@ -27,7 +27,7 @@ struct DerivativeOutcome {
 /// Adds the common options to `parser`, and has `action` run `work`, with a progress bar, and print
 /// what that came to; `check` is called before.
 void finish_derivative_command(
-    CLI::App& parser, Action& action, std::shared_ptr<DerivativeCommand> command,
+    CLI::App& parser, Action& action, const std::shared_ptr<DerivativeCommand>& command,
     std::function<void()> check,
     std::function<DerivativeOutcome(const PipelineOptions& options)> work);
 

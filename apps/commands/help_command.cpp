@@ -32,7 +32,7 @@ void add_help_command(CLI::App& app, Action& action) {
   parser->footer(help_end({"help exit-codes", "help exit-codes 4"}, {0, 1}));
   parser->add_option("TOPIC", command->topic, std::string("the topic: ") + kTopic);
   parser->add_option("CODE", command->code, "one of the exit codes (default: all)");
-  parser->callback([&app, &action, command] {
+  parser->callback([&action, command] {
     if (command->topic.empty()) throw CLI::CallForHelp();
     if (command->topic != kTopic)
       throw UsageError("there is no help on '" + command->topic + "'" +

@@ -8,7 +8,7 @@
 
 #include "apps/batch/step_worker.h"
 #include "apps/commands/choice.h"
-#include "apps/commands/positive_number.h"
+#include "apps/commands/number_checks.h"
 #include "apps/pipeline/exit_code.h"
 
 namespace cadmorph {
@@ -159,11 +159,11 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
       ->group(group);
   app.add_option("--improve", raw.pipeline.improve_below,
                  "raise elements with a scaled Jacobian below by optimisation")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(number_between(0, 1))
       ->group(group);
   app.add_option("--min-scaled-jacobian", raw.pipeline.min_scaled_jacobian,
                  "refuse a result with an element below")
-      ->check(CLI::Range(-1.0, 1.0))
+      ->check(number_between(-1, 1))
       ->group(group);
 }
 

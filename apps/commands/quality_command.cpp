@@ -4,6 +4,7 @@
 
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
+#include "apps/commands/number_checks.h"
 #include "apps/commands/options.h"
 #include "apps/picture/picture_process.h"
 #include "apps/pipeline/output_file.h"
@@ -71,7 +72,7 @@ void add_quality_command(CLI::App& app, Action& action) {
   parser
       ->add_option("--min-scaled-jacobian", command->min_scaled_jacobian,
                    "exit 5 when an element is below")
-      ->check(CLI::Range(-1.0, 1.0));
+      ->check(number_between(-1, 1));
   parser
       ->add_option("--picture", command->picture,
                    "write a picture: scaled Jacobian, and the worst elements in a cut")

@@ -3,7 +3,7 @@
 
 #include "apps/commands/derivative_command.h"
 #include "apps/commands/help_format.h"
-#include "apps/commands/positive_number.h"
+#include "apps/commands/number_checks.h"
 #include "apps/pipeline/design_velocity.h"
 #include "apps/summary/derivative_summary.h"
 #include "core/formats/mesh_format.h"

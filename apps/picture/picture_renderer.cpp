@@ -306,8 +306,8 @@ class Canvas {
     const vtkNew<vtkCamera> camera =
         make_camera(aim, width * picture.width / (height * picture.height), has_texts);
     for (int i = 0; i < count; ++i) {
-      const double left = (i % picture.columns) * width;
-      const double top = 1 - (i / picture.columns) * height;
+      const int row = i / picture.columns;
+      const double left = (i % picture.columns) * width, top = 1 - row * height;
       add_panel(picture, picture.panels[i], drawables, camera,
                 {left, top - height, left + width, top});
     }

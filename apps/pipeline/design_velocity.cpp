@@ -232,7 +232,7 @@ VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions&
   return report;
 }
 
-GradientReport gradient_files(const fs::path& base_cad, std::shared_ptr<const MeshFile> mesh,
+GradientReport gradient_files(const fs::path& base_cad, const std::shared_ptr<const MeshFile>& mesh,
                               const RowMatrix& sensitivity,
                               const std::vector<DesignParameter>& parameters,
                               const PipelineOptions& options) {

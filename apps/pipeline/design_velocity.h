@@ -135,7 +135,8 @@ struct GradientReport {
 /// each parameter the velocity of the surface alone; the next CAD model is read meanwhile. Throws
 /// InvalidInputError on a wrong size of the sensitivity, and as morph_files does.
 GradientReport gradient_files(const std::filesystem::path& base_cad,
-                              std::shared_ptr<const MeshFile> mesh, const RowMatrix& sensitivity,
+                              const std::shared_ptr<const MeshFile>& mesh,
+                              const RowMatrix& sensitivity,
                               const std::vector<DesignParameter>& parameters,
                               const PipelineOptions& options = {});
 

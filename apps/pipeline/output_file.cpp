@@ -49,8 +49,15 @@ void check_output(const fs::path& output, const std::vector<fs::path>& inputs) {
   if (!fs::is_directory(folder, error)) refuse(output, folder.string() + " is no folder");
   if (access(folder.c_str(), W_OK | X_OK) != 0)
     refuse(output, "no permission to write in the folder " + folder.string());
-  if (fs::exists(output, error) && !fs::is_regular_file(output, error) && !is_mesh_folder(output))
+  // A stream that leads to a file would have this replaced.
+  const std::string place = fs::absolute(output, error).lexically_normal().string();
+  const bool is_stream = place == "/dev/stdout" || place == "/dev/stderr" ||
+                         place.starts_with("/dev/fd/") || place.starts_with("/proc/");
+  if (is_stream ||
+      (fs::exists(output, error) && !fs::is_regular_file(output, error) && !is_mesh_folder(output)))
     refuse(output, "it exists and is no regular file");
+  if (fs::is_regular_file(output, error) && access(output.c_str(), W_OK) != 0)
+    refuse(output, "it is write-protected");
 }
 
 void check_mesh_output(const fs::path& output, const std::vector<fs::path>& inputs) {

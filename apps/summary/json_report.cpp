@@ -338,6 +338,11 @@ std::string match_json(const CadModel& base, const CadModel& variant, const Topo
   return json_text(json);
 }
 
+bool is_json_report(const std::string& text) {
+  const std::string header = json_text(json_header(0));
+  return text.starts_with(header.substr(0, header.find(',')));
+}
+
 std::string error_json(const std::string& message, int exit_code) {
   Json json = json_header(exit_code);
   json["outcome"] = "error";

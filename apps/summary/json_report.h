@@ -14,6 +14,9 @@ std::string quality_json(const std::filesystem::path& mesh, Index nodes,
                          const QualityChecks& checks, int exit_code);
 std::string match_json(const CadModel& base, const CadModel& variant, const TopologyMatch& match);
 
+/// Whether a text is a report of this program, of whatever command and version.
+bool is_json_report(const std::string& text);
+
 /// What stands in a report's place after an error.
 std::string error_json(const std::string& message, int exit_code);
 

@@ -39,6 +39,8 @@ FileStart start_of(const fs::path& path) {
   std::error_code error;
   const auto status = fs::status(path, error);
   if (!fs::exists(status)) fail_reading(path, "there is no such file");
+  if (fs::is_fifo(status) || fs::is_socket(status))
+    fail_reading(path, "it is a pipe, which can be read but once; write it into a file first");
   start.is_folder = fs::is_directory(status);
   if (start.is_folder) return start;
   start.bytes = read_start(path, kStartBytes);

@@ -56,6 +56,22 @@ TEST_CASE("Only --resume goes on in a folder, and only with the same batch", "[a
   CHECK_THAT(more.out, Contains("2 of 2") && Contains("1 kept"));
 }
 
+TEST_CASE("Results without a plan are not taken for this batch's, nor replaced", "[apps][batch]") {
+  const Workplace place;
+  const std::string command = "batch box.step box.vtu box_moved.step -o out";
+  REQUIRE(place.run(command).exit_code == 0);
+  const auto meshes = meshes_of(place, "out");
+  const std::string rows = place.read("out/results.csv");
+  std::filesystem::remove(place.folder() / "out/batch.json");
+  for (const std::string& again : {command, command + " --resume --kernel biharmonic"}) {
+    const RunResult result = place.run(again);
+    CHECK(result.exit_code == 1);
+    CHECK_THAT(result.err, Contains("results.csv but no batch.json"));
+    CHECK(meshes_of(place, "out") == meshes);
+    CHECK(place.read("out/results.csv") == rows);
+  }
+}
+
 TEST_CASE("A resumed batch does what has changed again", "[apps][batch]") {
   const Workplace place;
   const std::string command = "batch box.step box.vtu " + place.make_boxes(4);

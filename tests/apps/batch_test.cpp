@@ -308,6 +308,12 @@ TEST_CASE("Shards cover a batch, and --collect merges them", "[apps][batch]") {
   CHECK(place.run("batch --collect out").exit_code == 0);
   CHECK(rows_of(place, "out") == rows_of(place, "whole"));
   CHECK(meshes_of(place, "out") == meshes_of(place, "whole"));
+  std::filesystem::remove(place.folder() / "out/v1.vtu");
+  place.write("out/v3.vtu", "cut off");
+  const RunResult gone = place.run("batch --collect out");
+  CHECK(gone.exit_code == 8);
+  CHECK_THAT(gone.out, Contains("3 of 5"));
+  CHECK_THAT(gone.err, Contains("2 missing") && Contains("  v1\n") && Contains("  v3\n"));
   const RunResult pbs = place.run(command + " -o pbs", "PBS_ARRAY_INDEX=2");
   CHECK(pbs.exit_code == 1);
   CHECK_THAT(pbs.err, Contains("--shards"));

@@ -367,6 +367,17 @@ TEST_CASE("SU2's surface sensitivity gives the gradient of the surface alone",
   CHECK(json["gradient"][0]["value"].get<double>() == Approx(count).epsilon(1e-7));
   CHECK(std::abs(json["gradient"][1]["value"].get<double>()) < 1e-5);
 
+  // A node may stand twice, as in tables of several markers, but with the same values.
+  const std::string last = table.substr(table.rfind('\n', table.size() - 2) + 1);
+  given.place.write("sens.csv", table + last);
+  const RunResult doubled = given.place.run(command + " --json -");
+  REQUIRE(doubled.exit_code == 0);
+  CHECK(Json::parse(doubled.out)["gradient"] == json["gradient"]);
+  given.place.write("sens.csv", table + last.substr(0, last.rfind("1.0")) + "2.0, 0.0, 0.0\n");
+  const RunResult twice = given.place.run(command);
+  CHECK(twice.exit_code == 2);
+  CHECK_THAT(twice.err, Contains("stands twice, with other values"));
+
   given.place.write("sens.csv",
                     "PointID,x,y,z,Sensitivity_x,Sensitivity_y,Sensitivity_z\n"
                     "0,1,2,3,0,0,0\n");

@@ -1,3 +1,5 @@
+#include <sys/stat.h>
+
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -481,6 +483,51 @@ TEST_CASE("quality ends with 5 on an inverted or a poor element", "[apps][main]"
   const RunResult poor = place.run("quality sheared.vtu --min-scaled-jacobian 0.9");
   CHECK(poor.exit_code == 5);
   CHECK_THAT(poor.err, Catch::Matchers::Contains("below the 0.9 asked for"));
+}
+
+TEST_CASE("A report of success does not outlive a failure", "[apps][main]") {
+  const Workplace place;
+  REQUIRE(place.run("box.step box_moved.step box.vtu -o out.vtu --json r.json").exit_code == 0);
+  const std::string failing = "box.step none.step box.vtu -o out.vtu --json ";
+  CHECK(place.run(failing + "r.json").exit_code == 2);
+  const Json report = Json::parse(place.read("r.json"));
+  CHECK(report["exit_code"] == 2);
+  CHECK_THAT(report["error"].get<std::string>(), Catch::Contains("none.step"));
+  CHECK(place.run(failing + "new.json").exit_code == 2);
+  CHECK(Json::parse(place.read("new.json"))["outcome"] == "error");
+  // What is no report of this program stays.
+  place.write("other.json", "{\"exit_code\": 0}");
+  const std::string mesh = place.read("box.vtu");
+  CHECK(place.run(failing + "other.json").exit_code == 2);
+  CHECK(place.run(failing + "box.vtu").exit_code != 0);
+  CHECK(place.read("other.json") == "{\"exit_code\": 0}");
+  CHECK(place.read("box.vtu") == mesh);
+}
+
+TEST_CASE("No limit of quality or of a comparison is no number", "[apps][main]") {
+  const Workplace place;
+  const std::string morph = "box.step box_moved.step box.vtu -o out.vtu ";
+  for (const std::string& command :
+       {morph + "--min-scaled-jacobian nan", morph + "--min-scaled-jacobian=-nan",
+        morph + "--improve nan", std::string("quality box.vtu --min-scaled-jacobian nan"),
+        std::string("compare box.vtu box.vtu --tolerance nan"),
+        std::string("compare box.vtu box.vtu --absolute nan"),
+        std::string("compare box.vtu box.vtu --tolerance inf")}) {
+    INFO(command);
+    CHECK(place.run(command).exit_code == 1);
+  }
+  CHECK(!place.has("out.vtu"));
+}
+
+TEST_CASE("A pipe is no mesh, and a stream no output", "[apps][main]") {
+  const Workplace place;
+  REQUIRE(mkfifo((place.folder() / "pipe.vtu").c_str(), 0600) == 0);
+  for (const std::string command : {"quality pipe.vtu", "box.step box_moved.step pipe.vtu"}) {
+    const RunResult result = place.run(command);
+    CHECK(result.exit_code == 2);
+    CHECK_THAT(result.err, Catch::Contains("it is a pipe"));
+  }
+  CHECK(place.run("box.step box_moved.step box.vtu -o /dev/stdout").exit_code == 6);
 }
 
 TEST_CASE("Help and version are on stdout with 0", "[apps][main]") {
