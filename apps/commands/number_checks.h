@@ -23,7 +23,7 @@ inline CLI::Validator positive_number() {
 /// The check of an option that takes numbers of [least, most]. CLI11's own lets NaN through.
 inline CLI::Validator number_between(double least, double most) {
   const std::string range =
-      "in [" + CLI::detail::to_string(least) + " - " + CLI::detail::to_string(most) + "]";
+      "from " + CLI::detail::to_string(least) + " to " + CLI::detail::to_string(most);
   return CLI::Validator(
       [least, most, range](const std::string& text) -> std::string {
         double value = 0;

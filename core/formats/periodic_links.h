@@ -7,8 +7,8 @@
 
 namespace cadmorph {
 
-/// What a mesh file says of a curve or surface that is the image of another: its nodes, each once
-/// (ascending), and theirs.
+/// What a mesh file says of a curve or surface that is the image of another: its nodes, and the
+/// other's.
 using PeriodicLink = std::vector<std::pair<Index, Index>>;
 
 /// Sets the partner of each group whose corner nodes are those of some of the links, where their
