@@ -29,13 +29,14 @@ foreach(library libocct-data-exchange libvtk9 libopenblas0 libtbb12)
   endif()
 endforeach()
 
-file(GLOB library ${FOLDER}/libcadmorph0.1_*.deb)
+# With the number of the shared library's interface.
+file(GLOB library ${FOLDER}/libcadmorph[0-9].[0-9]*_*.deb)
 file(GLOB development ${FOLDER}/libcadmorph-dev_*.deb)
 if(NOT library OR NOT development)
   message(FATAL_ERROR "the library and its headers have no packages")
 endif()
 execute_process(COMMAND dpkg-deb -f ${development} Depends OUTPUT_VARIABLE depends)
-if(NOT depends MATCHES "libcadmorph0.1 \\(= " OR depends MATCHES "libocct|libvtk")
+if(NOT depends MATCHES "libcadmorph[0-9]+\\.[0-9]+ \\(= " OR depends MATCHES "libocct|libvtk")
   message(FATAL_ERROR "libcadmorph-dev depends on ${depends}")
 endif()
 
