@@ -141,10 +141,12 @@ void parse(int argc, char** argv, Action& action) {
   }
 }
 
-// OpenCASCADE has exceptions of its own, and threads that can't start end the program.
-[[noreturn]] void end_without_memory() {
+// OpenCASCADE's own exceptions and threads that can't start come to this.
+[[noreturn]] void end_unexpectedly() {
   std::fputs(
-      "cadmorph: error: out of memory, or of threads: a limit of the system ended it (ulimit -a)\n",
+      "cadmorph: error: it ended unexpectedly; mostly a limit of the system (ulimit -a) leaves it "
+      "no "
+      "memory or no threads\n",
       stderr);
   std::_Exit(static_cast<int>(ExitCode::Resources));
 }
@@ -152,7 +154,7 @@ void parse(int argc, char** argv, Action& action) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::set_terminate(end_without_memory);
+  std::set_terminate(end_unexpectedly);
   use_fitting_blas_kernel();
   keep_freed_memory();
   name_remedies();

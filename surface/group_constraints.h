@@ -70,7 +70,10 @@ std::vector<char> mark_parts_inside(const Mesh& mesh, const Boundary& boundary,
 void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
                                 const GroupConstraints& constraints);
 
-/// The nodes (rows of Boundary::nodes, ascending) of bodies within each group that is to move as
+/// Rows of Boundary::nodes, ascending, by the name of the group.
+using BodiesInGroups = std::map<std::string, std::vector<int>>;
+
+/// The nodes of bodies within each group that is to move as
 /// one piece: of the pieces of the mesh's surface that lie on the CAD and hang together, those that
 /// lie in the group whole, as a propeller does in its zone. The CAD moves these, and the rest of
 /// the group with them. Throws InvalidInputError for a group that lies on the CAD for the most part
