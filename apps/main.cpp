@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
+#include <iostream>
 #include <new>
 
 #include "apps/commands/command.h"
@@ -82,7 +83,9 @@ void replace_report(const std::string& file, ExitCode code, const std::string& r
   }
 }
 
-int fail(const std::string& message, ExitCode code, const std::string& json) {
+// Ends at once: without memory a thread of OpenBLAS asks for its buffer for ever, and exit waits
+// for it.
+[[noreturn]] void fail(const std::string& message, ExitCode code, const std::string& json) {
   std::fprintf(stderr, "cadmorph: error: %s\n", message.c_str());
   if (code != ExitCode::Usage) std::fputs(troubleshooting_line(code).c_str(), stderr);
   const int number = static_cast<int>(code);
@@ -90,7 +93,9 @@ int fail(const std::string& message, ExitCode code, const std::string& json) {
     std::fputs(error_json(message, number).c_str(), stdout);
   else if (!json.empty())
     replace_report(json, code, error_json(message, number));
-  return number;
+  std::cout.flush();
+  std::fflush(nullptr);
+  std::_Exit(number);
 }
 
 // For the first option that is none: one that is spelled nearly so.
@@ -167,9 +172,8 @@ int main(int argc, char** argv) {
     if (!action.run) return 0;
     return static_cast<int>(action.run());
   } catch (const std::bad_alloc&) {
-    return fail("out of memory; free some, or use a smaller mesh", ExitCode::Resources,
-                action.json);
+    fail("out of memory; free some, or use a smaller mesh", ExitCode::Resources, action.json);
   } catch (const std::exception& error) {
-    return fail(error.what(), exit_code_of(error), action.json);
+    fail(error.what(), exit_code_of(error), action.json);
   }
 }

@@ -2,16 +2,15 @@
 
 #include <Geom_Curve.hxx>
 #include <Geom_Surface.hxx>
-#include <Standard_Failure.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
 #include <TopoDS_Shape.hxx>
 #include <string>
 #include <vector>
 
 #include "cad/brep.h"
+#include "cad/fault_guard.h"
 #include "cad/pcurve.h"
 #include "cad/trim_loops.h"
-#include "core/errors.h"
 
 namespace cadmorph {
 
@@ -43,15 +42,13 @@ struct CadModel::Impl {
 /// The faces of a shape that have a surface, in the order of CadModel::faces.
 TopTools_IndexedMapOfShape usable_faces(const TopoDS_Shape& shape);
 
-/// Calls `use` and returns what it returns. OCCT's failures are no std::exception, which nobody
-/// above would catch: they become a CadError that names the file.
+/// Calls `use` and returns what it returns; OCCT's failures become errors that name the file.
 template <class Use>
 decltype(auto) guarded(const std::string& file_name, const Use& use) {
   try {
     return use();
   } catch (const Standard_Failure& failure) {
-    throw CadError(file_name + ": OCCT fails on its geometry (" + failure.GetMessageString() +
-                   "). Export the part again.");
+    throw_as_error(failure, file_name + ": its geometry fails", "Export the part again.");
   }
 }
 

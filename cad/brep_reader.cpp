@@ -23,9 +23,11 @@ namespace {
 constexpr std::string_view kText = "CASCADE Topology V", kBinary = "Open CASCADE Topology V";
 constexpr std::size_t kStartSearch = 256;  // a comment may stand before
 
-[[noreturn]] void fail_damaged(const std::string& name, const std::string& why) {
-  throw CadError(name + ": the BREP data are damaged or cut short" + why +
-                 ". Hand over all bytes of the export.");
+constexpr const char *kDamaged = ": the BREP data are damaged or cut short",
+                     *kHandOver = "Hand over all bytes of the export.";
+
+[[noreturn]] void fail_damaged(const std::string& name) {
+  throw CadError(name + kDamaged + ". " + kHandOver);
 }
 
 TopoDS_Shape read_shape(std::string_view bytes, const std::string& name) {
@@ -43,7 +45,7 @@ TopoDS_Shape read_shape(std::string_view bytes, const std::string& name) {
     BinTools::Read(shape, in);
   else
     BRepTools::Read(shape, in, BRep_Builder());
-  if (shape.IsNull()) fail_damaged(name, "");
+  if (shape.IsNull()) fail_damaged(name);
   return shape;
 }
 
@@ -56,9 +58,9 @@ CadModel read_brep(std::string_view bytes, const std::string& name) {
     OCC_CATCH_SIGNALS
     return unpack_model(pack_shape(read_shape(bytes, name), {name, "millimetre", {}}));
   } catch (const std::ios::failure&) {
-    fail_damaged(name, "");
+    fail_damaged(name);
   } catch (const Standard_Failure& failure) {
-    fail_damaged(name, std::string(" (OCCT: ") + failure.GetMessageString() + ")");
+    throw_as_error(failure, name + kDamaged, kHandOver);
   }
 }
 

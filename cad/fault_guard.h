@@ -1,7 +1,9 @@
 #pragma once
 
+#include <Standard_Failure.hxx>
 #include <array>
 #include <csignal>
+#include <string>
 
 namespace cadmorph {
 
@@ -24,5 +26,10 @@ class FaultGuard {
 
   std::array<struct sigaction, kSignals.size()> before_;
 };
+
+/// OCCT's failure as an error of ours: std::bad_alloc where it had no memory, else a CadError of
+/// what fails, OCCT's words and what to do. OCCT's own are no std::exception.
+[[noreturn]] void throw_as_error(const Standard_Failure& failure, const std::string& what,
+                                 const std::string& remedy);
 
 }  // namespace cadmorph

@@ -14,6 +14,7 @@
 
 #include "cad/brep_builder.h"
 #include "cad/brep_impl.h"
+#include "cad/fault_guard.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -49,8 +50,7 @@ std::string write_shape(const std::string& name, const TopoDS_Shape& shape) {
     constexpr bool has_triangles = false, has_normals = false;
     BinTools::Write(shape, out, has_triangles, has_normals, BinTools_FormatVersion_CURRENT);
   } catch (const Standard_Failure& failure) {
-    throw CadError(name + ": OCCT can't pack its geometry (" + failure.GetMessageString() +
-                   "). Export the part again.");
+    throw_as_error(failure, name + ": its geometry can't be packed", "Export the part again.");
   }
   return out.str();
 }
@@ -61,7 +61,7 @@ TopoDS_Shape read_shape(const std::string& name, std::string_view bytes) {
   try {
     BinTools::Read(shape, in);
   } catch (const Standard_Failure& failure) {
-    throw CadError(name + ": the packed CAD model is damaged (" + failure.GetMessageString() + ")");
+    throw_as_error(failure, name + ": the packed CAD model is damaged", "Make it again.");
   }
   if (shape.IsNull()) throw CadError(name + ": the packed CAD model is damaged");
   return shape;

@@ -225,8 +225,7 @@ std::string pack_step(const StepSource& source) {
     const FaceNames names(reader->WS()->TransferReader()->TransientProcess());
     return pack_shape(shape, {name, length_units(*reader), std::cref(names)});
   } catch (const Standard_Failure& failure) {
-    throw CadError(name + ": OCCT fails to read it (" + failure.GetMessageString() +
-                   "). Export the part again.");
+    throw_as_error(failure, name + ": it can't be read", "Export the part again.");
   }
 }
 
