@@ -10,6 +10,7 @@
 #include <exception>
 #include <filesystem>
 #include <iostream>
+#include <limits>
 #include <new>
 
 #include "apps/commands/command.h"
@@ -44,10 +45,10 @@ constexpr const char* kDescription =
     "result has the same elements, each surface node on the new CAD.";
 
 // Large arrays come and go: what one leaves serves the next, without the kernel clearing its pages
-// again: a sixth to a third of all page faults, and some percent of the time.
+// again: a third of all page faults, and some percent of the time.
 void keep_freed_memory() {
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that glibc takes
-  mallopt(M_TRIM_THRESHOLD, 256 << 20);
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
   mallopt(M_TOP_PAD, 64 << 20);
 }
 

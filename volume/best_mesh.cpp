@@ -77,6 +77,14 @@ double sum_of_shares(const WorstCells& after, const WorstCells& base) {
 
 bool is_measured(double value) { return !std::isnan(value); }
 
+// Ascending.
+std::vector<Index> marked(const std::vector<char>& marks) {
+  std::vector<Index> result;
+  for (Index i = 0; i < std::ssize(marks); ++i)
+    if (marks[i]) result.push_back(i);
+  return result;
+}
+
 // The nodes that move, and all cells that these change.
 struct Patch {
   std::vector<Index> nodes, cells;  ///< ascending
@@ -263,9 +271,9 @@ class BestMesh {
 
   // A field moves all nodes alike and so bends edges which their corners would leave straight.
   void straighten_edges() {
-    incidence_.emplace(mesh_);
     mid_nodes_ = MidNodes(mesh_, came_.points);
     if (mid_nodes_.count() == 0) return;
+    incidence_.emplace(mesh_);
     const MidNodes from_reference(mesh_, reference_.points);
     State next = at_;
     Patch around;
@@ -428,19 +436,18 @@ class BestMesh {
     const double share = is_first && !lost_much_ ? kMostNeighboursFirst : kMostNeighbours;
     const double most = share * double(result_.quality.cells);
     Patch result;
+    Index cells = 0;
     for (const Index seed : seeds()) {
-      if (double(result.cells.size()) >= most) break;
+      if (double(cells) >= most) break;
       for (const Index node : mesh_.cell(seed)) {
         if (is_fixed_[node] || mid_nodes_.contains(node) || std::exchange(has_node[node], 1))
           continue;
-        result.nodes.push_back(node);
         for (const Index c : incidence_->cells(node))
-          if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1))
-            result.cells.push_back(c);
+          if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1)) ++cells;
       }
     }
-    std::ranges::sort(result.nodes);
-    std::ranges::sort(result.cells);
+    result.nodes = marked(has_node);
+    result.cells = marked(has_cell);
     add_followers(result, has_node);
     return result;
   }

@@ -233,6 +233,10 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
 // Numbers the nodes as the cells come, so that those of a few cells lie near to each other.
 void ShapeEnergy::number_nodes() {
   std::vector<Index> number(mesh_.node_count(), -1);
+  Index nodes = 0;
+  for (const Cell& cell : cells_) nodes += std::ssize(mesh_.cell(cell.id));
+  nodes_.reserve(nodes);
+  first_node_.reserve(cells_.size() + 1);
   first_node_.push_back(0);
   for (const Cell& cell : cells_) {
     for (const Index node : mesh_.cell(cell.id)) {
@@ -284,7 +288,7 @@ void ShapeEnergy::make_chunks() {
     references += (samples + kSampleLanes - 1) / kSampleLanes;
     first = chunk.last;
   }
-  references_.resize(references);
+  references_ = std::make_unique_for_overwrite<SampleReference[]>(references);
 }
 
 // Calls visit(group, lanes, edges) for the samples of a chunk, as many at a time as there are
@@ -312,7 +316,7 @@ void ShapeEnergy::for_each_group(const Chunk& chunk, const Points& points, Visit
 
 void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
   for_each_group(chunk, points, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
-    SampleReference& reference = references_[group];
+    SampleReference& reference = references_[group] = {};
     for (std::size_t l = 0; l < lanes.size(); ++l) {
       const Cell& cell = cells_[lanes[l].cell];
       reference.unit[l] = cell.sign * lanes[l].sample->unit;

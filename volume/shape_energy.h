@@ -124,7 +124,7 @@ class ShapeEnergy {
   std::vector<std::vector<LocalMidNode>> mid_nodes_;  ///< of a cell type
   std::vector<Cell> cells_;
   std::vector<Chunk> chunks_;
-  std::vector<SampleReference> references_;
+  std::unique_ptr<SampleReference[]> references_;  ///< of all lanes of all chunks
   std::optional<FaceEnergy> faces_;
   std::optional<EdgeSpacing> spacing_;
   std::optional<ChunkSums> sums_;  ///< of the energy's slopes
