@@ -139,6 +139,7 @@ void parse(int argc, char** argv, Action& action) {
     app.parse(argc, argv);
   } catch (const CLI::Success& request) {
     app.exit(request);
+    if (!std::cout.flush()) throw OutputError("can't write to the standard output");
   } catch (const CLI::ExtrasError& error) {
     throw UsageError(std::string(error.what()) + suggestion(app, argc, argv) +
                      " (see cadmorph --help)");

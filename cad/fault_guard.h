@@ -1,9 +1,10 @@
 #pragma once
 
-#include <Standard_Failure.hxx>
 #include <array>
 #include <csignal>
 #include <string>
+
+class Standard_Failure;
 
 namespace cadmorph {
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <span>
 #include <string>
 #include <utility>
@@ -116,12 +117,16 @@ class Shells {
   void drop(const std::vector<Kept>& outer) {
     if (on_solids_.empty()) return;
     std::vector<char> is_outer(on_solids_.size(), 0);
-    for (const Kept& face : outer) {
-      if (face.neighbour >= 0) continue;
-      const Facet facet = cell_facets(mesh_, face.cell)[static_cast<std::size_t>(face.local)];
-      for (const Key& same : std::ranges::equal_range(on_solids_, key_of(facet.type, facet.nodes)))
-        is_outer[static_cast<std::size_t>(&same - on_solids_.data())] = 1;
-    }
+    parallel_for(std::ssize(outer), kGrain / 16, [&](Index begin, Index end) {
+      for (const Kept& face :
+           std::span(outer).subspan(std::size_t(begin), std::size_t(end - begin))) {
+        if (face.neighbour >= 0) continue;
+        const Facet facet = cell_facets(mesh_, face.cell)[static_cast<std::size_t>(face.local)];
+        for (const Key& same :
+             std::ranges::equal_range(on_solids_, key_of(facet.type, facet.nodes)))
+          std::atomic_ref<char>{is_outer[static_cast<std::size_t>(&same - on_solids_.data())]} = 1;
+      }
+    });
     std::vector<Key> inside;
     for (std::size_t i = 0; i < on_solids_.size(); ++i)
       if (!is_outer[i]) inside.push_back(on_solids_[i]);

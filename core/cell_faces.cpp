@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -237,7 +238,7 @@ class Matcher {
           }
         reader.for_each_face(c, [&](Index local, std::span<const Index> corners) {
           if (corners.size() < 3)
-            neighbour(CellFace(c, local)) = c;
+            neighbour(CellFace(c, local)) = static_cast<std::int32_t>(c);
           else
             records_[take(corners[0], 1)] = {key_of(corners), CellFace(c, local)};
         });
@@ -283,8 +284,8 @@ class Matcher {
       neighbour(faces[0].face) = -1;
       return;
     }
-    neighbour(faces[0].face) = faces[1].face.cell();
-    neighbour(faces[1].face) = faces[0].face.cell();
+    neighbour(faces[0].face) = static_cast<std::int32_t>(faces[1].face.cell());
+    neighbour(faces[1].face) = static_cast<std::int32_t>(faces[0].face.cell());
     if (faces.size() == 2) return;
     for (const Record& other : faces.subspan(2)) neighbour(other.face) = -1;
     const std::lock_guard lock(overlap_mutex_);
@@ -293,7 +294,7 @@ class Matcher {
     for (const Record& record : faces) overlap_.push_back(record.face);
   }
 
-  Index& neighbour(CellFace face) {
+  std::int32_t& neighbour(CellFace face) {
     return result_.neighbour[result_.offsets[face.cell()] + face.local()];
   }
 
@@ -314,6 +315,11 @@ class Matcher {
 
 }  // namespace
 
-CellNeighbours find_cell_neighbours(const Mesh& mesh) { return Matcher(mesh).match(); }
+CellNeighbours find_cell_neighbours(const Mesh& mesh) {
+  if (mesh.cell_count() > std::numeric_limits<std::int32_t>::max())
+    throw InvalidInputError("a mesh of " + std::to_string(mesh.cell_count()) +
+                            " cells; at most 2^31 - 1 can be morphed at once");
+  return Matcher(mesh).match();
+}
 
 }  // namespace cadmorph

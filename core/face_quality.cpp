@@ -62,11 +62,10 @@ void measure(const FiniteVolumes& volumes, const Points& points, const std::vect
 
 // The cells and all that share a face with one.
 std::vector<Index> with_neighbours(const FiniteVolumes& volumes, const std::vector<Index>& cells) {
-  const CellNeighbours& neighbours = volumes.neighbours();
   std::vector<Index> result = cells;
   for (const Index c : cells)
-    for (Index f = neighbours.offsets[c]; f < neighbours.offsets[c + 1]; ++f)
-      if (neighbours.neighbour[f] >= 0) result.push_back(neighbours.neighbour[f]);
+    for (const Index other : volumes.neighbours().of(c))
+      if (other >= 0) result.push_back(other);
   std::ranges::sort(result);
   result.erase(std::ranges::unique(result).begin(), result.end());
   return result;

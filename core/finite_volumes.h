@@ -129,14 +129,12 @@ class PlacedCells {
   bool is_solid(Index c) const { return dimension(mesh_.types[c]) == 3; }
   double sign(Index c) const { return orientation_.at(static_cast<std::size_t>(mesh_.types[c])); }
   Vector3d node(Index n) const { return points_.row(n).transpose(); }
-  const Index* others(Index c) const {
-    return neighbours_.neighbour.data() + neighbours_.offsets[c];
-  }
+  std::span<const std::int32_t> others(Index c) const { return neighbours_.of(c); }
 
   /// Calls visit(face) for each face of solid cell c that has three corners.
   template <class Visit>
   void for_each_face(Index c, Visit&& visit) {
-    const Index* other = others(c);
+    auto other = others(c).begin();
     if (mesh_.types[c] == CellType::Polyhedron) {
       for_each_polyhedron_face(mesh_, c, [&](std::span<const Index> nodes) {
         corners_.clear();
@@ -191,7 +189,7 @@ struct Tetra {
 /// closed.
 inline bool is_proper_tetra(const PlacedCells& cells, Index c) {
   if (cells.mesh().types[c] != CellType::Tetra) return false;
-  const Index* other = cells.others(c);
+  auto other = cells.others(c).begin();
   return other[0] != c && other[1] != c && other[2] != c && other[3] != c;
 }
 

@@ -100,10 +100,7 @@ bool moves(const Storey& one, const Points& before, const Points& after) {
 // it, if any.
 Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index cell,
                     const std::vector<char>& is_surface, const auto& counts) {
-  const auto own = std::span(neighbours.neighbour)
-                       .subspan(static_cast<std::size_t>(neighbours.offsets[cell]),
-                                static_cast<std::size_t>(neighbours.offsets[cell + 1] -
-                                                         neighbours.offsets[cell]));
+  const auto own = neighbours.of(cell);
   if (std::ranges::find(own, -1) == own.end()) return {};
   const std::vector<Facet> facets = cell_facets(mesh, cell);
   Storey found;

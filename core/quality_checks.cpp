@@ -183,7 +183,7 @@ void check_tetra_faces(const PlacedCells& cells, std::span<const Index> tetras,
     Vector3d* other_centre = others.data();
     for (const Index c : block)
       for (int f = 0; f < 4; ++f, ++other_centre)
-        *other_centre = centres[std::max(cells.others(c)[f], c)];
+        *other_centre = centres[std::max<Index>(cells.others(c)[f], c)];
     other_centre = others.data();
     for (const Index c : block) {
       const Tetra tetra(cells, c);

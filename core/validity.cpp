@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-enum class Sign { Positive, NotPositive, Undecided };
+enum class Sign : char { Positive, NotPositive, Undecided };
 
 // Cutting 12 times leaves parts of 2^-12 of the cell: what is undecided then touches zero.
 constexpr int kMaxDepth = 12;
@@ -295,9 +295,7 @@ std::vector<Index> cells_that_miss_faces(const Mesh& mesh, const CellNeighbours&
         result.push_back(c);
   };
   for (Index c = 0; c < mesh.cell_count(); ++c) {
-    const auto open =
-        std::span(neighbours.neighbour)
-            .subspan(neighbours.offsets[c], neighbours.offsets[c + 1] - neighbours.offsets[c]);
+    const auto open = neighbours.of(c);
     if (std::ranges::find(open, -1) == open.end() || std::ranges::binary_search(invalid_cells, c))
       continue;
     const auto facets = cell_facets(mesh, c);

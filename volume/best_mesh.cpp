@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <iterator>
 #include <numeric>
@@ -12,6 +13,7 @@
 #include <utility>
 
 #include "core/lbfgs.h"
+#include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "core/rbf/anchors.h"
 #include "core/stopwatch.h"
@@ -647,21 +649,34 @@ class BestMesh {
 
 WorstCells worst_cells(const QualityReport& quality) {
   // Few values need an order: those of the bins that hold the least.
-  std::array<std::size_t, kBins> sizes{};
   const auto bin = [](double value) {
     return std::size_t(std::clamp((value + 1) / 2, 0.0, 1.0) * (kBins - 1));
   };
-  std::size_t measured = 0;
-  for (const double value : quality.values)
-    if (is_measured(value)) ++sizes[bin(value)], ++measured;
+  constexpr Index kGrain = 1 << 16;
+  const Index cells = std::ssize(quality.values);
+  const auto chunk = [&](Index begin, Index end) {
+    return std::span(quality.values).subspan(std::size_t(begin), std::size_t(end - begin));
+  };
+  std::array<std::atomic<std::size_t>, kBins> sizes{};
+  parallel_for(cells, kGrain, [&](Index begin, Index end) {
+    std::array<std::size_t, kBins> some{};
+    for (const double value : chunk(begin, end))
+      if (is_measured(value)) ++some[bin(value)];
+    for (std::size_t i = 0; i < kBins; ++i) sizes[i] += some[i];
+  });
+  const std::size_t measured = std::accumulate(sizes.begin(), sizes.end(), std::size_t{0});
   if (measured == 0) return {};
   const std::size_t count = std::max<std::size_t>(measured / 20, 1);
   std::size_t last = 0, held = sizes[0];
   while (held < count) held += sizes[++last];
-  std::vector<double> values;
-  values.reserve(held);
-  std::ranges::copy_if(quality.values, std::back_inserter(values),
-                       [&](double value) { return is_measured(value) && bin(value) <= last; });
+  std::vector<double> values(held);
+  std::atomic<std::size_t> next = 0;
+  parallel_for(cells, kGrain, [&](Index begin, Index end) {
+    std::vector<double> least;
+    std::ranges::copy_if(chunk(begin, end), std::back_inserter(least),
+                         [&](double value) { return is_measured(value) && bin(value) <= last; });
+    std::ranges::copy(least, values.begin() + std::ptrdiff_t(next.fetch_add(least.size())));
+  });
   std::ranges::nth_element(values, values.begin() + std::ptrdiff_t(count - 1));
   values.resize(count);
   std::ranges::sort(values);  // the sum in one order

@@ -217,7 +217,7 @@ void FaceEnergy::read_faces(Index c, Work& work) const {
   const auto cell = mesh_.cell(c);
   work.faces.clear();
   work.corners.clear();
-  const Index* other = volumes_.neighbours().neighbour.data() + volumes_.neighbours().offsets[c];
+  auto other = volumes_.neighbours().of(c).begin();
   const auto add_face = [&](int count) {
     if (const int first = int(work.corners.size()) - count; *other != c)
       work.faces.push_back({first, count, *other, face_shape(place_corners(first, count, work)),
@@ -263,7 +263,7 @@ FaceEnergy::FaceSlopes FaceEnergy::measure(Index c, Index other, std::span<const
 }
 
 double FaceEnergy::measure_tetra(Index c, int doublings, Work& work) const {
-  const Index* other = volumes_.neighbours().neighbour.data() + volumes_.neighbours().offsets[c];
+  auto other = volumes_.neighbours().of(c).begin();
   double energy = 0;
   Vector3d by_centre = Vector3d::Zero();
   for (const auto& face : Tetra::kFaces) {

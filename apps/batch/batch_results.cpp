@@ -309,10 +309,11 @@ struct BatchFolder::Impl {
       identity_of(plan.at("identity"));
       list_of(plan);
       return plan;
-    } catch (const Json::exception& error) {
-      throw InvalidInputError(path.string() + ": damaged (" + error.what() +
-                              "). Nothing else tells of what the results in that folder are: "
-                              "start the batch anew in another one.");
+    } catch (const Json::exception&) {
+      throw InvalidInputError(
+          path.string() +
+          ": damaged, or cut short. Nothing else tells of what the results in that folder are: "
+          "start the batch anew in another one.");
     }
   }
 

@@ -70,7 +70,7 @@ class Table {
   std::vector<CsvRecord> records_;
 };
 
-RowMatrix read_table(const fs::path& file, const Mesh& mesh) {
+Sensitivity read_table(const fs::path& file, const Mesh& mesh) {
   const Table table(file);
   if (table.rows().empty()) table.fail(1, "no node stands below the columns");
   const std::size_t id = table.column("PointID");
@@ -103,7 +103,7 @@ RowMatrix read_table(const fs::path& file, const Mesh& mesh) {
     }
     is_given[node] = 1;
   }
-  return result;
+  return {std::move(result), std::move(is_given)};
 }
 
 RowMatrix read_array(const fs::path& file, const std::string& name, const MeshFile& mesh) {
@@ -150,9 +150,11 @@ std::vector<DesignParameter> read_parameters(const fs::path& path) {
   return result;
 }
 
-RowMatrix read_sensitivity(const fs::path& file, const std::string& array, const MeshFile& mesh) {
-  RowMatrix result =
-      file.extension() == ".csv" ? read_table(file, mesh.mesh()) : read_array(file, array, mesh);
+Sensitivity read_sensitivity(const fs::path& file, const std::string& array, const MeshFile& mesh) {
+  Sensitivity sensitivity = file.extension() == ".csv"
+                                ? read_table(file, mesh.mesh())
+                                : Sensitivity{read_array(file, array, mesh), {}};
+  const RowMatrix& result = sensitivity.values;
   if (result.rows() != mesh.mesh().node_count())
     throw InvalidInputError(file.string() + " has " + std::to_string(result.rows()) +
                             " nodes, the mesh " + mesh.path().string() + " " +
@@ -161,7 +163,7 @@ RowMatrix read_sensitivity(const fs::path& file, const std::string& array, const
     if (!result.row(i).allFinite())
       throw InvalidInputError(file.string() + ": the sensitivity of node " + std::to_string(i) +
                               " is not finite");
-  return result;
+  return sensitivity;
 }
 
 }  // namespace cadmorph

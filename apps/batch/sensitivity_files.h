@@ -14,11 +14,11 @@ namespace cadmorph {
 /// number is not positive, or a name stands twice.
 std::vector<DesignParameter> read_parameters(const std::filesystem::path& table);
 
-/// Reads dJ/dX of the nodes of a mesh, N x 3: of a .csv the columns Sensitivity_x, _y, _z of the
+/// Reads dJ/dX of the nodes of a mesh: of a .csv the columns Sensitivity_x, _y, _z of the
 /// nodes PointID (0-based; 0 for the others; without _z 0), whose x, y, z must be the mesh's; else
 /// the point array with that name, or the only one of three components, of a mesh file with as many
 /// nodes. Throws IoError, InvalidInputError.
-RowMatrix read_sensitivity(const std::filesystem::path& file, const std::string& array,
-                           const MeshFile& mesh);
+Sensitivity read_sensitivity(const std::filesystem::path& file, const std::string& array,
+                             const MeshFile& mesh);
 
 }  // namespace cadmorph

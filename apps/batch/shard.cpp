@@ -48,6 +48,9 @@ Shard parse_shard(const std::string& text) {
 }
 
 Shard shard_of_environment(int pbs_count) {
+  if (const char* text = std::getenv("SLURM_ARRAY_TASK_ID"); text && !to_int(text))
+    throw UsageError(std::string("SLURM_ARRAY_TASK_ID is \"") + text +
+                     "\", no number: give --shard i/n (1/1 for all)");
   if (const auto id = variable("SLURM_ARRAY_TASK_ID"))
     return of_range(*id, variable("SLURM_ARRAY_TASK_MIN").value_or(1),
                     variable("SLURM_ARRAY_TASK_STEP").value_or(1),

@@ -329,6 +329,8 @@ void add_batch_command(CLI::App& app, Action& action) {
     check_extension("--report", command->report, {".html", ".htm"});
     check_outputs({{"--report", command->report}}, {command->base, command->mesh});
     if (!command->collected.empty()) {
+      if (!command->base.empty() || !command->folder.empty() || !command->manifest.empty())
+        throw UsageError("--collect takes the folder of a batch alone, and --report");
       action.run = [command] { return collect(*command); };
       return;
     }

@@ -32,7 +32,7 @@ void check(const GradientCommand& command) {
 DerivativeOutcome run_gradient(const GradientCommand& command, const PipelineOptions& options) {
   const std::vector<DesignParameter> parameters = read_parameters(command.parameters);
   const auto mesh = std::make_shared<const MeshFile>(command.mesh);
-  const RowMatrix sensitivity = read_sensitivity(command.sensitivity, command.array, *mesh);
+  const Sensitivity sensitivity = read_sensitivity(command.sensitivity, command.array, *mesh);
   const GradientReport report =
       gradient_files(command.base, mesh, sensitivity, parameters, options);
   if (!command.output.empty()) write_text(command.output, gradient_csv(report));

@@ -15,8 +15,7 @@ void add_facet(VisibleSurface& surface, CellType type, std::span<const Index> no
 
 void add_solid_cell(VisibleSurface& surface, const Mesh& mesh, const CellNeighbours& neighbours,
                     const std::vector<char>& is_shown, Index c) {
-  const std::span<const Index> others(neighbours.neighbour.data() + neighbours.offsets[c],
-                                      neighbours.neighbour.data() + neighbours.offsets[c + 1]);
+  const auto others = neighbours.of(c);
   const auto is_open = [&](Index other) { return other < 0 || !is_shown[other]; };
   if (std::ranges::none_of(others, is_open)) return;
   const std::vector<Facet> facets = cell_facets(mesh, c);

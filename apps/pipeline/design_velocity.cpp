@@ -25,6 +25,9 @@ constexpr double kUneven = 0.1;
 // The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size.
 constexpr double kSmallMotion = 1e-6;
 
+// Of the largest velocity: below, a node rests.
+constexpr double kRests = 1e-9;
+
 // Of the surface nodes, where `present` is not empty there.
 Points positions(const MorphJob& job, const Points& present) {
   if (present.rows() > 0) return present;
@@ -105,6 +108,22 @@ void add_new(std::vector<std::string>& to, const std::vector<std::string>& lines
     if (std::ranges::find(to, line) == to.end()) to.push_back(line);
 }
 
+// A table of some markers is right where dJ/dX of the rest is zero. `moves`: of each surface node,
+// whether a parameter moves it.
+std::vector<std::string> warn_of_missing(const MorphJob& job, const std::vector<char>& moves,
+                                         const std::vector<char>& is_given) {
+  if (is_given.empty()) return {};
+  const std::vector<Index>& nodes = job.base().volume->surface_nodes();
+  Index moved = 0, missing = 0;
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    moved += moves[i];
+    missing += moves[i] && !is_given[nodes[i]];
+  }
+  if (missing == 0) return {};
+  return {"the parameters move " + std::to_string(moved) + " surface nodes, of which " +
+          std::to_string(missing) + " are not in the table of dJ/dX: that of these counts as zero"};
+}
+
 }  // namespace
 
 ParameterModels next_models(StepQueue& queue, double step) {
@@ -125,6 +144,9 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
       plus.surface_positions + minus.surface_positions - 2 * positions(job, present);
   SurfaceVelocity result;
   result.velocity = apart / (2 * models.step);
+  if (!result.velocity.allFinite())
+    throw InvalidInputError("the step " + text_of(models.step) +
+                            " of a parameter is too small to divide by");
   result.present = present;
   result.step = models.step;
   result.motion = 0.5 * unit * largest(apart);
@@ -233,7 +255,7 @@ VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions&
 }
 
 GradientReport gradient_files(const fs::path& base_cad, const std::shared_ptr<const MeshFile>& mesh,
-                              const RowMatrix& sensitivity,
+                              const Sensitivity& sensitivity,
                               const std::vector<DesignParameter>& parameters,
                               const PipelineOptions& options) {
   PhaseClock clock(options.progress);
@@ -244,9 +266,10 @@ GradientReport gradient_files(const fs::path& base_cad, const std::shared_ptr<co
   StepQueue queue(std::move(models));
   const MorphJob job(std::make_shared<const CadModel>(queue.next()), mesh, options);
   clock.start("adjoint");
-  const Gradient gradient(job, sensitivity);
+  const Gradient gradient(job, sensitivity.values);
   clock.start("parameters");
   GradientReport report;
+  std::vector<char> moves(job.base().volume->surface_nodes().size(), 0);
   for (const DesignParameter& parameter : parameters) {
     if (options.progress)
       options.progress("parameters", static_cast<double>(report.entries.size()) /
@@ -254,18 +277,22 @@ GradientReport gradient_files(const fs::path& base_cad, const std::shared_ptr<co
     const SurfaceVelocity velocity = surface_velocity(job, next_models(queue, parameter.step));
     for (const std::string& line : velocity.warnings)
       add_new(report.warnings, {parameter.name + ": " + line});
+    const double rests = kRests * largest(velocity.velocity);
+    for (Index i = 0; i < velocity.velocity.rows(); ++i)
+      moves[i] |= velocity.velocity.row(i).norm() > rests;
     report.entries.push_back({.name = parameter.name,
                               .gradient = gradient(velocity),
                               .step = velocity.step,
                               .max_speed = largest(velocity.velocity),
                               .motion = velocity.motion});
   }
+  add_new(report.warnings, warn_of_missing(job, moves, sensitivity.is_given));
   report.base_cad = base_cad;
   report.mesh = mesh->path();
   report.nodes = job.base().mesh().node_count();
   report.surface_nodes = gradient.surface().rows();
   report.mesh_unit_mm = job.base().association().mesh_unit_mm;
-  report.sensitivity_norm = sensitivity.norm();
+  report.sensitivity_norm = sensitivity.values.norm();
   report.surface_norm = gradient.surface().norm();
   for (const PhaseTime& phase : clock.phases()) {
     report.seconds += phase.seconds;

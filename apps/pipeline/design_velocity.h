@@ -131,12 +131,18 @@ struct GradientReport {
   double adjoint_seconds = 0, seconds = 0;
 };
 
-/// dJ/dp of parameters from dJ/dX (N x 3, per the mesh's unit): one adjoint of the volume, and for
+/// dJ/dX by nodes.
+struct Sensitivity {
+  RowMatrix values;            ///< N x 3, per the mesh's unit
+  std::vector<char> is_given;  ///< of each node; the others' is zero. Empty: all are
+};
+
+/// dJ/dp of parameters from dJ/dX: one adjoint of the volume, and for
 /// each parameter the velocity of the surface alone; the next CAD model is read meanwhile. Throws
 /// InvalidInputError on a wrong size of the sensitivity, and as morph_files does.
 GradientReport gradient_files(const std::filesystem::path& base_cad,
                               const std::shared_ptr<const MeshFile>& mesh,
-                              const RowMatrix& sensitivity,
+                              const Sensitivity& sensitivity,
                               const std::vector<DesignParameter>& parameters,
                               const PipelineOptions& options = {});
 

@@ -319,6 +319,8 @@ TEST_CASE("Shards cover a batch, and --collect merges them", "[apps][batch]") {
   CHECK_THAT(pbs.err, Contains("--shards"));
   CHECK(place.run(command + " -o pbs --shards 4", "PBS_ARRAY_INDEX=2").exit_code == 0);
   CHECK(rows_of(place, "pbs", "results.2-of-4").size() == 1);
+  CHECK(place.run(command + " -o slurm", "SLURM_ARRAY_TASK_ID=x").exit_code == 1);
+  CHECK(place.run("batch --collect out box.step").exit_code == 1);
   CHECK(place.run(command + " -o all --shard 1/1", "PBS_ARRAY_INDEX=2").exit_code == 0);
   CHECK(rows_of(place, "all").size() == 5);
 }

@@ -366,6 +366,9 @@ TEST_CASE("SU2's surface sensitivity gives the gradient of the surface alone",
   const Json json = Json::parse(run.out);
   CHECK(json["gradient"][0]["value"].get<double>() == Approx(count).epsilon(1e-7));
   CHECK(std::abs(json["gradient"][1]["value"].get<double>()) < 1e-5);
+  // Nodes of the faces round the bore's ends move, too.
+  REQUIRE(json["warnings"].size() == 1);
+  CHECK_THAT(json["warnings"][0].get<std::string>(), Contains("of which 192 are not in the table"));
 
   // A node may stand twice, as in tables of several markers, but with the same values.
   const std::string last = table.substr(table.rfind('\n', table.size() - 2) + 1);
@@ -426,6 +429,8 @@ TEST_CASE("What can't be differentiated is refused with its reason", "[apps][der
   expect(gradient + "s.vtu --array a", 2, "no column \"step\"");
   place.write("bad.csv", "name,plus,minus,step\nx,x_plus.step,x_minus.step,-1\n");
   expect(gradient + "s.vtu --array a", 2, "not positive");
+  place.write("bad.csv", "name,plus,minus,step\nx,x_plus.step,x_minus.step,1e-310\n");
+  expect(gradient + "s.vtu --array a", 2, "too small to divide by");
   place.write("bad.csv", "name,plus,minus,step\n");
   expect(gradient + "s.vtu --array a", 2, "no parameter");
   expect("gradient base.step block.vtu parameters.csv --sensitivity s.vtu", 2, "a, b");

@@ -186,7 +186,8 @@ class FastZlib : public vtkZLibDataCompressor {
 
   void compress_from(Bytes block) {
     first_ = block;
-    ahead_.resize(std::clamp<std::size_t>(known_from(block) / std::max<std::size_t>(block.size(), 1), 1, kAhead));
+    ahead_.resize(std::clamp<std::size_t>(
+        known_from(block) / std::max<std::size_t>(block.size(), 1), 1, kAhead));
     parallel_for(std::ssize(ahead_), 4, [&](Index begin, Index end) {
       const std::unique_ptr<libdeflate_compressor, FreeCompressor> compressor(
           libdeflate_alloc_compressor(kLevel));
