@@ -195,7 +195,8 @@ Mesh mesh_of_gmsh(const py::object& node_tags, const py::object& coordinates,
 }
 
 Mesh mesh_of_meshio(const py::object& mesh) {
-  return make_mesh(mesh.attr("points"), mesh.attr("cells"), py::none(), py::none(), py::none(),
+  const py::object groups = py::module_::import("cadmorph._meshio").attr("groups_of")(mesh);
+  return make_mesh(mesh.attr("points"), mesh.attr("cells"), py::none(), py::none(), groups,
                    "mesh of meshio");
 }
 
@@ -268,7 +269,8 @@ void add_mesh(py::module_& module) {
                   "Takes what gmsh.model.mesh.getNodes() (the first two) and getElements() (the "
                   "first and the last) return; nodes keep their order. Raises InvalidInputError.")
       .def_static("from_meshio", &mesh_of_meshio, "mesh"_a,
-                  "Takes a meshio.Mesh: its points and cells. Raises InvalidInputError.")
+                  "Takes a meshio.Mesh: its points and cells, and as groups its point sets, cell sets "
+                  "and named physical groups of gmsh. Raises InvalidInputError.")
       .def_static("from_pyvista", &mesh_of_pyvista, "grid"_a,
                   "Takes a pyvista.UnstructuredGrid: its points, which must be of double "
                   "precision, and cells. Raises InvalidInputError.")

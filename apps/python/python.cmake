@@ -29,7 +29,8 @@ set_target_properties(cadmorph_python PROPERTIES
   OUTPUT_NAME _native LIBRARY_OUTPUT_DIRECTORY ${python_dir})
 cadmorph_warnings(cadmorph_python)
 
-set(python_files __init__.py _native.pyi _parameters.py _picture.py idwarp.py openmdao.py py.typed)
+set(python_files __init__.py _meshio.py _native.pyi _parameters.py _picture.py idwarp.py openmdao.py
+  py.typed)
 list(TRANSFORM python_files PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/python/cadmorph/)
 file(MAKE_DIRECTORY ${python_dir})
 foreach(file ${python_files})

@@ -84,6 +84,18 @@ class Arrays(unittest.TestCase):
         self.assertEqual(mesh.regions.tolist(), [1, 2])
         self.assertEqual({name: nodes.tolist() for name, nodes in mesh.groups.items()}, {"wall": [1, 3]})
 
+    def test_sets_of_meshio_are_groups(self):
+        triangles = types.SimpleNamespace(type="triangle", data=np.array([[0, 1, 2], [1, 2, 3]]), dim=2)
+        tetras = types.SimpleNamespace(type="tetra", data=TETRAS, dim=3)
+        mesh = cadmorph.Mesh.from_meshio(types.SimpleNamespace(
+            points=POINTS, cells=[triangles, tetras],
+            point_sets={"tip": np.array([4])},
+            cell_sets={"wall": [np.array([1]), None], "body": [None, np.array([0])], "gmsh:bounding_entities": []},
+            cell_data={"gmsh:physical": [np.array([5, 6]), np.array([5, 5])]},
+            field_data={"inlet": np.array([5, 2]), "gone": np.array([7, 2])}))
+        self.assertEqual({name: nodes.tolist() for name, nodes in mesh.groups.items()},
+                         {"tip": [4], "wall": [1, 2, 3], "body": [0, 1, 2, 3], "inlet": [0, 1, 2]})
+
     def test_every_type_of_meshio_that_cadmorph_takes(self):
         try:
             import meshio
