@@ -16,7 +16,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kFaceGrid = 12;
+constexpr int kFaceGrid = 12;     // samples of a face in each direction, for its moments
 constexpr int kCurvePieces = 32;  // of an edge: a circle to 1e-12 of its length
 // Of the diagonal: above the tolerance of exchanged B-Reps (1e-7 of a part's size), far below a
 // design change.

@@ -15,7 +15,7 @@ struct Grid {
   int nu, nv;
 };
 
-constexpr int kMinCurved = 5;
+constexpr int kMinCurved = 5;    // rows of a curved face: the least that tell of its form
 constexpr double kNudge = 1e-3;  // of a row
 constexpr int kMaxPerDirection = 50'000;
 constexpr double kMaxOnFace = 4e6;

@@ -12,7 +12,7 @@
 namespace cadmorph {
 namespace {
 
-constexpr int kMaxNamed = 6;
+constexpr int kMaxNamed = 6;        // more lines hide the message
 constexpr int kMostPartners = 500;  // all of a part that is not large
 
 std::string list(const std::vector<std::string>& items) {

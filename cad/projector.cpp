@@ -12,7 +12,7 @@ using Eigen::Matrix2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kMaxIterations = 40;
+constexpr int kMaxIterations = 40;  // of Newton's method, which takes a few where it converges
 constexpr double kStepTolerance = 1e-14;  // of the model's diagonal
 constexpr double kDomainMargin = 0.1;     // of the trimmed domain, beyond it
 constexpr int kSeedGrid = 16;

@@ -71,10 +71,18 @@ struct StepSource {
   std::optional<std::string_view> bytes = {};
 };
 
+// What Windows' editors put before a text in UTF-8; OCCT takes it for a syntax error.
+constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+
 IFSelect_ReturnStatus read_source(STEPControl_Reader& reader, const StepSource& source) {
-  if (!source.bytes) return reader.ReadFile(source.name.c_str());
-  std::istringstream in{std::string(*source.bytes)};
-  return reader.ReadStream(source.name.c_str(), in);
+  if (source.bytes) {
+    std::istringstream in{
+        std::string(source.bytes->substr(source.bytes->starts_with(kByteOrderMark) ? 3 : 0))};
+    return reader.ReadStream(source.name.c_str(), in);
+  }
+  std::ifstream file(source.name, std::ios::binary);
+  if (read_part(file, 0, 3) != kByteOrderMark) return reader.ReadFile(source.name.c_str());
+  return reader.ReadStream(source.name.c_str(), file.seekg(3));
 }
 
 // From 2^53 on doubles lie more than a whole unit apart: nothing has its place there, and OCCT,
@@ -199,6 +207,8 @@ class FaceNames {
 
 // OCCT reads a file that was cut short without complaint; the frame of ISO 10303-21 tells.
 void check_frame(const std::string& name, std::string_view start, std::string_view end) {
+  if (start.starts_with("PK\x03\x04") || start.starts_with("\x1f\x8b"))
+    throw CadError(name + ": packed (zip or gzip). Unpack it first.");
   if (start.find(kStart) == std::string_view::npos)
     throw CadError(name +
                    ": not a STEP file (no ISO-10303-21 header). Export the part as STEP "

@@ -147,7 +147,8 @@ class Shells {
 /// Faces used by one cell, those between regions, those on parts inside and those that a shell cell
 /// lies on, in the order of their cells.
 std::vector<Kept> select_faces(const Mesh& mesh, const CellNeighbours& neighbours,
-                               const std::vector<char>& parts, Shells& shells) {
+                               const std::vector<char>& parts, const std::vector<InnerFace>& named,
+                               Shells& shells) {
   const Index cells = mesh.cell_count();
   std::vector<std::vector<Kept>> found((cells + kGrain - 1) / kGrain);
   parallel_for(cells, kGrain, [&](Index begin, Index end) {
@@ -163,7 +164,9 @@ std::vector<Kept> select_faces(const Mesh& mesh, const CellNeighbours& neighbour
   });
   std::vector<Kept> kept;
   for (const auto& some : found) kept.insert(kept.end(), some.begin(), some.end());
-  const std::vector<Kept> inner = shells.inner_faces(neighbours, kept);
+  std::vector<Kept> inner = shells.inner_faces(neighbours, kept);
+  for (const auto& [cell, local] : named)
+    inner.push_back({cell, local, neighbours.of(cell)[static_cast<std::size_t>(local)]});
   if (inner.empty()) return kept;
   kept.insert(kept.end(), inner.begin(), inner.end());
   const auto place = [](const Kept& face) { return std::pair(face.cell, face.local); };
@@ -215,7 +218,7 @@ void append(Boundary& boundary, const Facet& facet, Index cell, Index neighbour)
 }
 
 Boundary solid_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
-                        const std::vector<char>& parts) {
+                        const std::vector<char>& parts, const std::vector<InnerFace>& inner) {
   check_overlap(mesh, neighbours);
   Boundary boundary;
   boundary.offsets = {0};
@@ -223,7 +226,7 @@ Boundary solid_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
   Index cell = -1;
   std::vector<Facet> facets;
   Shells shells(mesh);
-  for (const Kept& kept : select_faces(mesh, neighbours, parts, shells)) {
+  for (const Kept& kept : select_faces(mesh, neighbours, parts, inner, shells)) {
     if (kept.cell != cell) {
       cell = kept.cell;
       facets = cell_facets(mesh, cell);
@@ -265,12 +268,13 @@ Boundary extract_boundary(const Mesh& mesh) {
 }
 
 Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
-                          const std::vector<char>& parts) {
+                          const std::vector<char>& parts, const std::vector<InnerFace>& inner) {
   const int highest = dimension(mesh);
   if (highest < 2)
     throw InvalidInputError(
         "the mesh has neither solid nor shell cells, so it has no surface to morph");
-  Boundary boundary = highest == 3 ? solid_boundary(mesh, neighbours, parts) : shell_boundary(mesh);
+  Boundary boundary =
+      highest == 3 ? solid_boundary(mesh, neighbours, parts, inner) : shell_boundary(mesh);
   boundary.nodes = used_nodes(boundary, mesh.node_count());
   return boundary;
 }

@@ -40,11 +40,18 @@ struct Boundary {
 /// time and 16 F bytes for F cell faces.
 Boundary extract_boundary(const Mesh& mesh);
 
+/// A face between two cells: one of them, and its number as cell_facets has it.
+struct InnerFace {
+  Index cell, local;
+  auto operator<=>(const InnerFace&) const = default;
+};
+
 /// The same where the neighbours of the mesh's cells are there already: O(F). `parts`, if not
 /// empty, marks nodes of parts inside of the mesh: the faces whose corners are all marked are taken
-/// as those between regions are, owned by the cell that comes first.
+/// as those between regions are, owned by the cell that comes first, and so are those of `inner`.
 Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
-                          const std::vector<char>& parts = {});
+                          const std::vector<char>& parts = {},
+                          const std::vector<InnerFace>& inner = {});
 
 /// Facets at each node of a mesh.
 struct Incidence {

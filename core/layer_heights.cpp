@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kKept = 0.01;
+constexpr double kKept = 0.01;  // of its height, by which a cell may change that keeps it
 // Of its floor's shortest edge: a cell that is higher is none of a layer.
 constexpr double kFlat = 1.5;
 // Heights that are worth holding are those of thin cells: others grow by accident.

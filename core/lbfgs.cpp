@@ -12,11 +12,11 @@ namespace {
 
 using Eigen::VectorXd;
 
-constexpr std::size_t kMemory = 10;
-constexpr double kSufficientDecrease = 1e-4;
-constexpr double kCurvature = 0.9;
-constexpr double kLeastCurvature = 1e-12;
-constexpr int kTrials = 40;
+constexpr std::size_t kMemory = 10;  // pairs; Nocedal, Wright: 3 to 20
+// Of the Wolfe conditions, as Nocedal and Wright have them for quasi-Newton methods.
+constexpr double kSufficientDecrease = 1e-4, kCurvature = 0.9;
+constexpr double kLeastCurvature = 1e-12;  // relative: below, a pair is rounding
+constexpr int kTrials = 40;                // halvings of a step, down to 1e-12 of it
 // Iterations after which the Hessian is guessed anew.
 constexpr int kGuessAnew = 5;
 // Relative decrease below which the value counts as settled, twice in a row.

@@ -11,7 +11,7 @@
 namespace cadmorph {
 namespace {
 
-constexpr double kFlat = 1e-12;
+constexpr double kFlat = 1e-12;      // of the mesh's size: rounding of coordinates
 constexpr double kFewTurned = 0.05;  // of the area: more is meant
 
 // Corners of a shell cell in their order round it.

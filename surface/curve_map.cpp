@@ -9,8 +9,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kProbes = 24;
-constexpr int kPhases = 48;
+constexpr int kProbes = 24;          // points of a curve that its motion is judged by
+constexpr int kPhases = 48;          // starts tried, one each 7.5 degrees of a circle
 constexpr double kNear = 1e-3;       // of the curve: from a minimum found to half the digits
 constexpr double kRounding = 1e-10;  // of the diagonal
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters

@@ -32,7 +32,7 @@ enum class Start {
   WithPart,    ///< turned as the match's alignment
   Predicted    ///< turned as predicted from what is round it
 };
-inline constexpr int kStarts = 4;
+inline constexpr int kStarts = 4;  // of Start
 
 /// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
 /// sect. 4), those of a face beside it where its own tell nothing of the part; by equal length

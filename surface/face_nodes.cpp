@@ -11,6 +11,8 @@
 namespace cadmorph {
 namespace {
 
+// Of a curve, as many as its edges have nodes: enough for a circle, and few enough for a dense
+// warp.
 constexpr int kMinSamples = 16, kMaxSamples = 200;
 // Of the distance of samples: cells less high are thin. Between samples a warp misses some
 // thousandths of it.

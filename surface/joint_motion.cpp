@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kMostProjections = 300;
+constexpr int kMostProjections = 300;  // in turn, between sheets that meet at a small angle
 constexpr double kStill = 1e-12, kMeet = 1e-7;  // of the diagonal
 constexpr double kNear = 1e-2;                  // of the shortest mesh edge
 constexpr double kParted = 1e-2;                // of the shortest mesh edge

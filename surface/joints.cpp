@@ -55,7 +55,7 @@ class Outline {
     double t;
     Vector3d point;
   };
-  static constexpr int kSpans = 16;
+  static constexpr int kSpans = 16;  // of an edge, so that no point of it is far from a seed
   const CadModel& model_;
   std::vector<Seed> seeds_;
 };

@@ -23,8 +23,8 @@ struct Unit {
 
 constexpr std::array<Unit, 5> kUnits{
     {{1, "mm"}, {1000, "m"}, {10, "cm"}, {25.4, "inch"}, {304.8, "foot"}}};
-constexpr Index kProbes = 400;
-constexpr Index kSamples = 10'000;
+constexpr Index kProbes = 400;       // nodes asked: their share is known to 2.5 %
+constexpr Index kSamples = 10'000;   // of the CAD, to look near them
 constexpr double kOnCad = 0.1;       // of the local edge, as the association takes
 constexpr double kSameSize = 0.02;   // of the diagonal: a coarse mesh cuts corners
 constexpr double kNearSample = 1.5;  // of a face's sample spacing: farther is beyond its wires

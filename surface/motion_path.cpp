@@ -22,6 +22,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Vector7d = Eigen::Matrix<double, 7, 1>;
 
+// By a smaller turn, steps along chords are less than 4 % of the radius off the arc.
 constexpr double kLeastTurn = std::numbers::pi / 6;
 // A fitted similarity says something when it leaves less than half of what a translation leaves.
 constexpr double kGoodFit = 0.5;

@@ -11,7 +11,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::size_t kMaxLandmarks = 1500;
+constexpr std::size_t kMaxLandmarks = 1500;  // a dense solve of a tenth of a second
 constexpr double kThin = 0.03;  // least extent over largest: centroids of faces err by as much
 constexpr double kAnchorDistance = 1.5;  // diagonals
 constexpr double kExact = 1e-7;          // of the diagonal: the tolerance of exchanged B-Reps

@@ -10,6 +10,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+// Samples of the CAD, a few near each node: what they take, the search for feet saves.
 constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode = 4;
 
 // A step in the parameters that leads this many times as far as the points lie apart, by the

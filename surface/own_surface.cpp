@@ -215,7 +215,7 @@ OwnSurface::Foot OwnSurface::foot_on(const Cone& cone, const Vector3d& x, int) {
 
 // Solves p(u, v) + h n(u, v) = x by Newton's method, p and n linear in the triangle.
 std::optional<OwnSurface::Foot> OwnSurface::Facets::over(int triangle, const Vector3d& x) const {
-  constexpr int kMostSteps = 20;
+  constexpr int kMostSteps = 20;  // of Newton's method, which takes a few near the triangle
   const Matrix3d p = points(triangles[triangle], Eigen::all).transpose(),
                  n = normals(triangles[triangle], Eigen::all).transpose();
   Eigen::Matrix<double, 3, 2> along, turning;

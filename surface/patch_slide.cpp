@@ -9,7 +9,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kMaxCentres = 2000;
+constexpr std::size_t kMaxCentres = 2000;  // a dense solve of a few tenths of a second
 
 // Calls take(node, before, after, part) for the free nodes of a line, between those on either side.
 void for_each_free(const SurfaceMesh& surface, const FreeLine& line, const auto& take) {

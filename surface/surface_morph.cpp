@@ -603,7 +603,7 @@ void SurfaceMorph::Impl::follow_named(Points& moved) const {
 // many nodes that are, and by how much they leave their patches.
 PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
                                                   Placement& placed) const {
-  constexpr int kMostSteps = 50;
+  constexpr int kMostSteps = 50;  // projections in turn, which halve what is left at 45 degrees
   // Times what the node is off the patch: surfaces that meet at 15 degrees.
   constexpr double kFarthest = 4;
   const double rounding = kRounding * tolerance / kSamePlane;

@@ -16,7 +16,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::RowVector3d;
 
-constexpr int kPower = 32;
+constexpr int kPower = 32;  // of the inverse distance: the nearest nodes alone count
 // Times the nearest distance: farther nodes weigh less than 0.003.
 constexpr double kReach = 1.2;
 // Of the mesh's size: what a map fitted to the motion may miss.

@@ -9,6 +9,7 @@
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "surface/motion_path.h"
+#include "surface/unnamed_interfaces.h"
 
 namespace cadmorph {
 namespace {
@@ -62,18 +63,33 @@ BaseSide::BaseSide(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<con
 
 void BaseSide::set_up(PhaseClock& clock) {
   clock.start("boundary");
+  std::vector<char> parts;
   about_file(mesh_file->path(), [&] {
     neighbours = find_cell_neighbours(mesh());
     boundary = extract_boundary(mesh(), neighbours);
-    const std::vector<char> parts = mark_parts_inside(mesh(), boundary, options.surface.groups);
+    parts = mark_parts_inside(mesh(), boundary, options.surface.groups);
     if (!parts.empty()) boundary = extract_boundary(mesh(), neighbours, parts);
   });
   clock.start("association");
   surface.emplace(cad, mesh(), boundary, options.surface);
+  take_unnamed_interfaces(parts);
   clock.start("volume set-up");
   set_up_volume();
   clock.start("quality before");
   measure();
+}
+
+// Where the file tells no regions apart, faces of cells on the CAD's faces inside are surface, too.
+void BaseSide::take_unnamed_interfaces(const std::vector<char>& parts) {
+  if (dimension(mesh()) < 3) return;
+  const UnnamedInterfaces found = find_unnamed_interfaces(
+      *cad, mesh(), neighbours, boundary, association(), options.surface.association.tolerance);
+  crossed_faces = found.crossed;
+  if (found.faces.empty()) return;
+  boundary = extract_boundary(mesh(), neighbours, parts, found.faces);
+  SurfaceMorphOptions known = options.surface;
+  known.association.mesh_unit_mm = association().mesh_unit_mm;
+  surface.emplace(cad, mesh(), boundary, known);
 }
 
 void BaseSide::set_up_volume() {
@@ -92,13 +108,14 @@ void BaseSide::measure() {
 }
 
 void BaseSide::store(OutputArchive& archive) const {
-  archive(boundary, association(), rows, orientation, neighbours, quality, validity, checks);
+  archive(boundary, crossed_faces, association(), rows, orientation, neighbours, quality, validity,
+          checks);
   volume->store(archive);
 }
 
 void BaseSide::restore(InputArchive& archive) {
   Association found;
-  archive(boundary, found, rows, orientation, neighbours, quality, validity, checks);
+  archive(boundary, crossed_faces, found, rows, orientation, neighbours, quality, validity, checks);
   surface.emplace(cad, mesh(), boundary, std::move(found), options.surface);
   volume.emplace(mesh(), options.volume, archive);
 }
@@ -142,6 +159,23 @@ void BaseSide::fill_report() {
   if (validity.invalid > 0 ||
       (quality.inverted > 0 && !plane_normal(mesh(), mesh().points).isZero(0)))
     warn_of_inverted();
+  if (!crossed_faces.empty()) warn_of_crossed();
+}
+
+// A mesh of another state of the part, or a CAD with bodies that were not meshed.
+void BaseSide::warn_of_crossed() {
+  constexpr std::size_t kNamed = 6;
+  std::string names;
+  for (std::size_t i = 0; i < std::min(kNamed, crossed_faces.size()); ++i)
+    names += (i > 0 ? ", " : "") + std::to_string(crossed_faces[i] + 1);
+  if (crossed_faces.size() > kNamed) names += ", ...";
+  const std::string text =
+      std::to_string(crossed_faces.size()) + " faces of the base CAD (" + names +
+      ") run through the mesh, and no face of a cell lies on them: is the mesh that of this CAD? "
+      "What should lie there follows the volume";
+  if (options.surface.unmatched == UnmatchedPolicy::Error) throw AssociationError(text);
+  report.warnings.push_back(text);
+  if (options.notice) options.notice(text);
 }
 
 // Before the work goes on: what is inverted already may take long to no end.

@@ -55,8 +55,9 @@ struct BaseSide {
   QualityReport quality;
   ValidityReport validity;
   QualityChecks checks;
-  std::vector<Index> misordered;  ///< see misordered_cells
-  PipelineReport report;          ///< the figures of the base side
+  std::vector<Index> misordered;   ///< see misordered_cells
+  std::vector<int> crossed_faces;  ///< see UnnamedInterfaces
+  PipelineReport report;           ///< the figures of the base side
 
  private:
   friend class BaseCache;
@@ -66,10 +67,12 @@ struct BaseSide {
   void restore(InputArchive& archive);
 
   void set_start(Points start);
+  void take_unnamed_interfaces(const std::vector<char>& parts);
   void set_up_volume();
   void measure();
   void fill_report();
   void warn_of_inverted();
+  void warn_of_crossed();
 };
 
 /// Names the file in an error about the mesh, which knows no file.

@@ -268,9 +268,10 @@ void add_mesh(py::module_& module) {
                   "element_node_tags"_a, "name"_a = "mesh of gmsh",
                   "Takes what gmsh.model.mesh.getNodes() (the first two) and getElements() (the "
                   "first and the last) return; nodes keep their order. Raises InvalidInputError.")
-      .def_static("from_meshio", &mesh_of_meshio, "mesh"_a,
-                  "Takes a meshio.Mesh: its points and cells, and as groups its point sets, cell sets "
-                  "and named physical groups of gmsh. Raises InvalidInputError.")
+      .def_static(
+          "from_meshio", &mesh_of_meshio, "mesh"_a,
+          "Takes a meshio.Mesh: its points and cells, and as groups its point sets, cell sets "
+          "and named physical groups of gmsh. Raises InvalidInputError.")
       .def_static("from_pyvista", &mesh_of_pyvista, "grid"_a,
                   "Takes a pyvista.UnstructuredGrid: its points, which must be of double "
                   "precision, and cells. Raises InvalidInputError.")

@@ -43,6 +43,7 @@ constexpr int kLocality = 3;
 // Neighbour whose distance is the spacing of the centres: the nearest may lie across a thin gap.
 constexpr Index kNeighbour = 3;
 
+// Each adds anchors where the field moves too far still.
 constexpr int kMostRounds = 30;
 
 // Targets between the candidates may move too far: then they are anchors, too, so many times.

@@ -7,7 +7,7 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr int kMaxIterations = 1000;
+constexpr int kMaxIterations = 1000;  // some ten are usual: what takes more has another fault
 
 // In the factor's stencils: with fewer or more, iterations and stencils together take longer.
 constexpr Index kNeighbours = 8;

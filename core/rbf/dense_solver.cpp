@@ -101,7 +101,7 @@ int tiled_cholesky(Index n, double* A, Index stride) {
 class SmallSystemGuard {
  public:
   explicit SmallSystemGuard(Index rows) {
-    constexpr Index kSmall = 1500;
+    constexpr Index kSmall = 1500;  // below, threads of the BLAS cost more than they save
     if (rows < kSmall) serial_.emplace();
   }
 

@@ -54,7 +54,7 @@ class ChebyshevLine {
 
   // Lagrange polynomials at x (barycentric form): x.size() x order.
   MatrixXd basis(const VectorXd& x) const {
-    constexpr double kAtNode = 1e-15;
+    constexpr double kAtNode = 1e-15;  // the quotient of both sums is 0 / 0 there
     MatrixXd result(x.size(), order());
     for (Index i = 0; i < x.size(); ++i) {
       Index nearest = 0;

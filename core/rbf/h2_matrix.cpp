@@ -12,8 +12,8 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr double kFinestTolerance = 1e-15;
-constexpr double kCoarsestTolerance = 1e-6;
+// The range that ProxyShell is made for; below is rounding.
+constexpr double kFinestTolerance = 1e-15, kCoarsestTolerance = 1e-6;
 
 // Part of a node's tolerance for its own: the errors of many nodes add up.
 constexpr double kShare = 0.3;

@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr int kSweeps = 3;
+constexpr int kSweeps = 3;  // over all levels; one leaves what the levels below changed
 
 // Residuals below this part of their allowance call for no correction, and levels are solved to
 // this.

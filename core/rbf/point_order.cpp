@@ -13,6 +13,8 @@ namespace cadmorph {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// A point as far from those before it as half of its neighbours' distance, measured to the third: a
+// twin or two do not count.
 constexpr double kLeaderSpacing = 0.5;
 constexpr Index kSpacingNeighbour = 3;
 

@@ -13,8 +13,8 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr Index kProxies = 800;
-constexpr int kMoments = 10;
+constexpr Index kProxies = 800;  // at most: as many as the finest tolerance takes
+constexpr int kMoments = 10;     // of the polynomials up to order 2
 
 // Proxies that resolve a tolerance: more digits need more angles.
 Index proxy_count(double tolerance) {

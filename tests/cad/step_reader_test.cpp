@@ -61,6 +61,13 @@ TEST_CASE("what is no STEP file is refused", "[cad][step][errors]") {
   CHECK_THROWS_AS(read_text("solid cube\nfacet normal 0 0 1\n"), CadError);
   CHECK_THROWS_AS(read_text(std::string(5000, '\0')), CadError);
   CHECK_THAT(error_of("garbage"), Contains(".step"));
+  CHECK_THAT(error_of("PK\x03\x04 a .stpz"), Contains("Unpack it"));
+}
+
+TEST_CASE("a byte order mark before a STEP file is passed over", "[cad][step]") {
+  const std::string marked = "\xef\xbb\xbf" + text_of("shapes/box.step");
+  CHECK(read_text(marked).faces().size() == 6);
+  CHECK(read_step_bytes(marked, "marked").faces().size() == 6);
 }
 
 TEST_CASE("a truncated STEP file is refused wherever it ends", "[cad][step][errors]") {

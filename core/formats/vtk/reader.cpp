@@ -180,6 +180,8 @@ void take_regions(vtkUnstructuredGrid* grid, Mesh& mesh) {
 }  // namespace
 
 std::pair<Grid, Layout> read_grid(const fs::path& path) {
+  if (std::ifstream file(path, std::ios::binary); file.get() == 0x1f && file.get() == 0x8b)
+    fail_reading(path, "it is packed by gzip, which VTK does not read; unpack it first");
   const std::string start = read_start(path, kHeaderBytes);
   if (start.starts_with("# vtk DataFile")) {
     if (const std::string type = legacy_type(start); type != "UNSTRUCTURED_GRID")
