@@ -20,13 +20,13 @@ using Eigen::Vector3d;
 
 constexpr Index kGrain = 1 << 12;
 constexpr Index kSamples = 20'000;  // of the CAD, to look near them
-// Cosine of the angle between a facet and the CAD at its corners: a chord of a coarse circle turns by
-// less, a facet across a rod by more.
+// Cosine of the angle between a facet and the CAD at its corners: a chord of a coarse circle turns
+// by less, a facet across a rod by more.
 constexpr double kSameWay = 0.5;
 // Of a CAD face's area, that facets make up: a coarse circle's are two thirds.
 constexpr double kMost = 0.5;
-// A CAD face lies inside of the mesh where so many of its samples do, and on another face where they
-// are that near, in parts of the model's diagonal.
+// A CAD face lies inside of the mesh where so many of its samples do, and on another face where
+// they are that near, in parts of the model's diagonal.
 constexpr double kInside = 0.5, kSamePlace = 1e-6;
 constexpr int kProbes = 8;  // in each direction of a face
 
@@ -107,7 +107,8 @@ class Search {
       if (std::ranges::find(tried, face) != tried.end()) continue;
       tried.push_back(face);
       const FaceFoot foot = project_on_face(base_, face, x, samples_.uv[sample]);
-      if (foot.distance <= samples_.face_spacing[face]) lies.push_back({face, foot.uv, foot.distance});
+      if (foot.distance <= samples_.face_spacing[face])
+        lies.push_back({face, foot.uv, foot.distance});
     }
   }
 

@@ -42,8 +42,7 @@ TEST_CASE("faces of cells between solids are found where the mesh names no regio
   REQUIRE(unnamed.boundary.facet_count() < named.boundary.facet_count());
   const UnnamedInterfaces found = find(unnamed, two_blocks(30));
   CHECK(found.crossed.empty());
-  const Boundary whole =
-      extract_boundary(mesh, find_cell_neighbours(mesh), {}, found.faces);
+  const Boundary whole = extract_boundary(mesh, find_cell_neighbours(mesh), {}, found.faces);
   CHECK(whole.nodes == named.boundary.nodes);
   CHECK(whole.facet_count() == named.boundary.facet_count());
   CHECK(find(named, two_blocks(30)).faces.empty());
@@ -65,8 +64,8 @@ TEST_CASE("bodies of the CAD that the mesh lacks cross nothing", "[surface][inte
   builder.MakeCompound(parts);
   builder.Add(parts, BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(50, 20, 20)).Solid());
   builder.Add(parts, BRepPrimAPI_MakeBox(gp_Pnt(5, 5, 20), gp_Pnt(45, 15, 20.2)).Solid());
-  builder.Add(parts, BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(10, 10, 30), gp_Dir(0, 0, 1)), 5, 9)
-                         .Solid());
+  builder.Add(parts,
+              BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(10, 10, 30), gp_Dir(0, 0, 1)), 5, 9).Solid());
   const CadModel base = to_model(parts);
   const UnnamedInterfaces found = find(mesh_case(to_model(parts), mesh), base);
   CHECK(found.faces.empty());
