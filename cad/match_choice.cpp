@@ -42,6 +42,7 @@ constexpr double kParameterBits = 4;
 constexpr double kOrder = 1, kOrderBits = 20;
 constexpr double kStill = 0.5;       // of the fitted distance: standing still fits clearly better
 constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are equally near
+constexpr double kRests = 1e-6;      // of the diagonal, by which an entity at rest may be off
 constexpr double kHardlyTurned = 1e-3;           // radians: to look for other matches is of no use
 constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours: exchanged pairs among 40 stand out
 // Smoother than a thousandth of the diagonal is a change of shape, not an exchange; one that does
@@ -232,6 +233,7 @@ class PositionMatcher {
       return selection_.best();
     if (!may_stay) in_place = decide(plain_, guesses.front(), most_tried());
     if (selection_.offer(std::move(in_place))) return selection_.best();
+    if (selection_.offer(with_resting(guesses.front()))) return selection_.best();
     for (const NamedGuess& guess : guesses)
       if (offer_both(guess)) return selection_.best();
     improve();
@@ -246,6 +248,28 @@ class PositionMatcher {
     TopologyMatch match = to_match(base_, *decided);
     match.how = guess.how;
     return match;
+  }
+
+  // Entities that lie where an equal one lay rest, and the others are decided after them: of a part
+  // with many bodies a change moves a few, which mislead a search that begins with them.
+  std::optional<TopologyMatch> with_resting(const NamedGuess& in_place) const {
+    const double reach = kRests * variant_.model.diagonal();
+    ColourRefinement resting = plain_;
+    bool has_any = false;
+    for (const ColourClass& members : open_classes(plain_, base_.graph.entity_count())) {
+      const NearestMembers nearest(variant_, members.variant);
+      std::map<int, std::vector<int>> rests;  // those of the base at a node of the variant
+      for (const int b : members.base) {
+        const EntityFeature& feature = base_.features[b];
+        const auto two = nearest.find(feature, feature.centre, 1, 2);
+        if (std::sqrt(two[0].first) <= reach && std::sqrt(two[1].first) > reach)
+          rests[two[0].second].push_back(b);
+      }
+      for (const auto& [v, at] : rests)
+        if (at.size() == 1) resting.individualise(at.front(), v), has_any = true;
+    }
+    if (!has_any || !resting.refine()) return std::nullopt;
+    return decide(resting, in_place, most_tried());
   }
 
   // Whether corners lie where corners lay, but for what is_unmoved allows: a search of large

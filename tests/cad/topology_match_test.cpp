@@ -1,5 +1,6 @@
 #include "cad/topology_match.h"
 
+#include <BRepAlgoAPI_BuilderAlgo.hxx>
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepAlgoAPI_Fuse.hxx>
 #include <BRepBuilderAPI_Copy.hxx>
@@ -10,6 +11,7 @@
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRep_Builder.hxx>
 #include <TopExp_Explorer.hxx>
+#include <TopTools_ListOfShape.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <TopoDS_Edge.hxx>
@@ -520,4 +522,56 @@ TEST_CASE("equal counts with another adjacency are refused", "[cad][match][error
   REQUIRE(parallel.edges().size() == crossed.edges().size());
   CHECK_THROWS_AS(match_topology(parallel, crossed), TopologyError);
   CHECK_THAT(refusal(parallel, crossed), Contains("face"));
+}
+
+namespace {
+
+/// A motor: coils, magnets of a width, turned by an angle, shaft, rotor, gap and stator, which
+/// touch, each with faces of its own. The numbers of the magnets and coils in the order of the
+/// file.
+CadModel motor(double width, double turn, const std::array<int, 10>& order) {
+  TopTools_ListOfShape bodies;
+  const auto add_box = [&](double from, double depth, double wide, double angle) {
+    gp_Trsf about_z;
+    about_z.SetRotation(gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), angle);
+    bodies.Append(transformed(
+        BRepPrimAPI_MakeBox(gp_Pnt(from, -wide / 2, 0), gp_Pnt(from + depth, wide / 2, 10)).Solid(),
+        about_z));
+  };
+  for (const int k : order)
+    k < 4 ? add_box(12, 3, width, turn + k * std::numbers::pi / 2)
+          : add_box(23, 8, 5, k * std::numbers::pi / 3);
+  for (const double radius : {5, 20, 21, 38})
+    bodies.Append(BRepPrimAPI_MakeCylinder(radius, 10).Solid());
+  BRepAlgoAPI_BuilderAlgo fragments;
+  fragments.SetArguments(bodies);
+  fragments.Build();
+  TopoDS_Compound apart;
+  BRep_Builder builder;
+  builder.MakeCompound(apart);
+  for (TopExp_Explorer solid(fragments.Shape(), TopAbs_SOLID); solid.More(); solid.Next())
+    builder.Add(apart, BRepBuilderAPI_Copy(solid.Current()).Shape());
+  return to_model(apart);
+}
+
+}  // namespace
+
+TEST_CASE("bodies that stay are matched in place while others turn and change",
+          "[cad][match][resting]") {
+  const CadModel base = motor(10, 0, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9});
+  const auto& corners = base.skeleton().corners;
+  for (const double turn : {0.1, 0.2, 0.25, -0.2, 0.3}) {
+    CAPTURE(turn);
+    const CadModel variant = motor(11, turn, {7, 2, 4, 0, 9, 3, 8, 5, 1, 6});
+    const TopologyMatch match = match_topology(base, variant);
+    int of_coils = 0;
+    for (std::size_t c = 0; c < corners.size(); ++c) {
+      const Vector3d at = base.vertices()[corners[c]].point;
+      if (at.head<2>().norm() < 22) continue;
+      const int partner = variant.skeleton().corners[match.corners[c]];
+      CHECK((variant.vertices()[partner].point - at).norm() < 1e-6);
+      ++of_coils;
+    }
+    CHECK(of_coils == 2 * 6 * 8);
+  }
 }
