@@ -152,8 +152,7 @@ void parse(int argc, char** argv, Action& action) {
 [[noreturn]] void end_unexpectedly() {
   std::fputs(
       "cadmorph: error: it ended unexpectedly; mostly a limit of the system (ulimit -a) leaves it "
-      "no "
-      "memory or no threads\n",
+      "no memory or no threads\n",
       stderr);
   std::_Exit(static_cast<int>(ExitCode::Resources));
 }

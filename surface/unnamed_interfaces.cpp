@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
-#include <mutex>
 #include <optional>
 #include <span>
 
@@ -35,6 +34,13 @@ struct Lies {
   int face;
   Vector2d uv;
   double distance;
+};
+
+// A face of a cell on a CAD face.
+struct Candidate {
+  InnerFace face;
+  int on;
+  double area;
 };
 
 class Search {
@@ -114,38 +120,36 @@ class Search {
 
   std::vector<InnerFace> find_faces() {
     const Index cells = mesh_.cell_count();
-    std::vector<std::vector<std::pair<InnerFace, int>>> found((cells + kGrain - 1) / kGrain);
-    std::vector<double> area(is_sought_.size(), 0);
-    std::mutex mutex;
+    std::vector<std::vector<Candidate>> found((cells + kGrain - 1) / kGrain);
     parallel_for(cells, kGrain, [&](Index begin, Index end) {
-      std::vector<double> some(area.size(), 0);
-      for (Index c = begin; c < end; ++c) add_faces(c, found[begin / kGrain], some);
-      const std::lock_guard lock(mutex);
-      for (std::size_t f = 0; f < area.size(); ++f) area[f] += some[f];
+      for (Index c = begin; c < end; ++c) add_faces(c, found[begin / kGrain]);
     });
+    std::vector<double> area(is_sought_.size(), 0);
+    for (const auto& some : found)
+      for (const Candidate& one : some) area[one.on] += one.area;
     for (std::size_t f = 0; f < is_sought_.size(); ++f) {
       if (!is_sought_[f]) continue;
       if (area[f] >= kMost * area_of(static_cast<int>(f))) is_sought_[f] = 0;  // found
     }
     std::vector<InnerFace> result;
     for (const auto& some : found)
-      for (const auto& [face, on] : some)
-        if (!is_sought_[on] && (result.empty() || result.back() != face)) result.push_back(face);
+      for (const Candidate& one : some)
+        if (!is_sought_[one.on] && (result.empty() || result.back() != one.face))
+          result.push_back(one.face);
     return result;
   }
 
   double area_of(int face) const {
-    const auto& [lower, upper] = std::pair(base_.faces()[face].lower, base_.faces()[face].upper);
+    const CadFace& of = base_.faces()[face];
     double sum = 0;
     for (const Vector2d& uv : sample_domain(base_, face, kProbes)) {
       const SurfacePoint at = base_.evaluate(face, uv);
       sum += at.du.cross(at.dv).norm();
     }
-    return sum * (upper - lower).prod() / (kProbes * kProbes);
+    return sum * (of.upper - of.lower).prod() / (kProbes * kProbes);
   }
 
-  void add_faces(Index c, std::vector<std::pair<InnerFace, int>>& found,
-                 std::vector<double>& area) const {
+  void add_faces(Index c, std::vector<Candidate>& found) const {
     const auto is_near = [&](Index node) { return !lies_[node].empty(); };
     if (dimension(mesh_.types[c]) < 3 || std::ranges::count_if(mesh_.cell(c), is_near) < 3) return;
     const std::span others = neighbours_.of(c);
@@ -157,10 +161,8 @@ class Search {
               .first(std::size_t(corner_count(facets[f].type, std::ssize(facets[f].nodes))));
       if (!std::ranges::all_of(corners, is_near)) continue;
       const Vector3d vector = area_vector(corners);
-      for (const int on : faces_below(corners, vector)) {
-        found.push_back({{c, static_cast<Index>(f)}, on});
-        area[on] += vector.norm();
-      }
+      for (const int on : faces_below(corners, vector))
+        found.push_back({{c, static_cast<Index>(f)}, on, vector.norm()});
     }
   }
 
