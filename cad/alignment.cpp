@@ -27,12 +27,12 @@ constexpr double kSmallMove = 0.2;   // of the diagonal, as a change of paramete
 constexpr double kFarBetter = 0.05;  // factor
 constexpr double kOnLine = 1e-4, kSampledOnLine = 0.05;  // of its length
 
-EntityFeature face_feature(const CadModel& model, int face) {
+EntityFeature face_feature(const CadModel& model, FaceId face) {
   const CadFace& f = model.faces()[face];
   auto uv = sample_domain(model, face, kFaceGrid);
   if (uv.empty())
     for (const auto& wire : f.wires)
-      for (const int c : wire) {
+      for (const CoedgeId c : wire) {
         const CadEdge& e = model.edges()[model.coedges()[c].edge];
         uv.push_back(model.pcurve(c, 0.5 * (e.first + e.last)));
       }
@@ -50,7 +50,7 @@ EntityFeature face_feature(const CadModel& model, int face) {
 }
 
 // By Gauss's rule of three points on pieces of each link, wherever the curve starts.
-EntityFeature curve_feature(const CadModel& model, int curve) {
+EntityFeature curve_feature(const CadModel& model, CurveId curve) {
   const double outer = std::sqrt(0.6);
   Vector3d centre = Vector3d::Zero();
   double length = 0;
@@ -83,21 +83,21 @@ bool spans_a_plane(const std::vector<Vector3d>& points) {
 // Returns how far they may lie off a line that they mean: faces' centroids come from few samples.
 double landmarks(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
                  std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
-  const auto point = [](const CadModel& m, int corner) {
+  const auto point = [](const CadModel& m, CornerId corner) {
     return m.vertices()[m.skeleton().corners[corner]].point;
   };
-  for (std::size_t c = 0; c < match.corners.size(); ++c) {
-    from.push_back(point(base, static_cast<int>(c)));
+  for (const CornerId c : match.corners.ids()) {
+    from.push_back(point(base, c));
     to.push_back(point(variant, match.corners[c]));
   }
   if (spans_a_plane(from)) return kOnLine;
-  for (std::size_t c = 0; c < match.curves.size(); ++c) {
-    from.push_back(curve_feature(base, static_cast<int>(c)).centre);
+  for (const CurveId c : match.curves.ids()) {
+    from.push_back(curve_feature(base, c).centre);
     to.push_back(curve_feature(variant, match.curves[c]).centre);
   }
   if (spans_a_plane(from)) return kOnLine;
-  for (std::size_t f = 0; f < match.faces.size(); ++f) {
-    from.push_back(face_feature(base, static_cast<int>(f)).centre);
+  for (const FaceId f : match.faces.ids()) {
+    from.push_back(face_feature(base, f).centre);
     to.push_back(face_feature(variant, match.faces[f]).centre);
   }
   return kSampledOnLine;
@@ -108,12 +108,12 @@ double landmarks(const CadModel& base, const CadModel& variant, const TopologyMa
 bool curves_coincide(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
                      const Similarity& t) {
   const double tolerance = kCoincident * variant.diagonal();
-  for (std::size_t c = 0; c < match.corners.size(); ++c)
+  for (const CornerId c : match.corners.ids())
     if ((t(base.vertices()[base.skeleton().corners[c]].point) -
          variant.vertices()[variant.skeleton().corners[match.corners[c]]].point)
             .norm() > tolerance)
       return false;
-  for (std::size_t c = 0; c < match.curves.size(); ++c) {
+  for (const CurveId c : match.curves.ids()) {
     const CurveTable image(variant, match.curves[c]);
     for (const CurveLink& link : base.skeleton().curves[c].links) {
       const CadEdge& edge = base.edges()[link.edge];
@@ -133,10 +133,10 @@ bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch
   if (std::abs(t.scale * base.diagonal() - variant.diagonal()) > 0.5 * variant.diagonal() ||
       !curves_coincide(base, variant, match, t))
     return false;
-  for (std::size_t f = 0; f < match.faces.size(); ++f)
-    for (const Vector2d& at : sample_domain(base, static_cast<int>(f), 3))
-      if (project_globally(variant, match.faces[f], t(base.evaluate(static_cast<int>(f), at).point))
-              .distance > tolerance)
+  for (const FaceId f : match.faces.ids())
+    for (const Vector2d& at : sample_domain(base, f, 3))
+      if (project_globally(variant, match.faces[f], t(base.evaluate(f, at).point)).distance >
+          tolerance)
         return false;
   return true;
 }
@@ -144,15 +144,14 @@ bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch
 void equal_parameters(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
                       bool has_planes, std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
   constexpr int n = 4;
-  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+  for (const FaceId f : match.faces.ids()) {
     const CadFace& a = base.faces()[f];
     const CadFace& b = variant.faces()[match.faces[f]];
     if (!has_planes && a.type == SurfaceType::Plane) continue;
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
         const Vector2d s((i + 0.5) / n, (j + 0.5) / n);
-        from.push_back(
-            base.evaluate(static_cast<int>(f), a.lower + s.cwiseProduct(a.upper - a.lower)).point);
+        from.push_back(base.evaluate(f, a.lower + s.cwiseProduct(a.upper - a.lower)).point);
         to.push_back(
             variant.evaluate(match.faces[f], b.lower + s.cwiseProduct(b.upper - b.lower)).point);
       }
@@ -215,11 +214,10 @@ void undo_spin(const CadModel& base, const CadModel& variant, TopologyMatch& mat
 
 std::vector<EntityFeature> entity_features(const CadModel& model) {
   std::vector<EntityFeature> features;
-  for (std::size_t f = 0; f < model.faces().size(); ++f)
-    features.push_back(face_feature(model, static_cast<int>(f)));
-  for (std::size_t c = 0; c < model.skeleton().curves.size(); ++c)
-    features.push_back(curve_feature(model, static_cast<int>(c)));
-  for (const int v : model.skeleton().corners) features.push_back({model.vertices()[v].point, 0});
+  for (const FaceId f : model.faces().ids()) features.push_back(face_feature(model, f));
+  for (const CurveId c : model.skeleton().curves.ids()) features.push_back(curve_feature(model, c));
+  for (const VertexId v : model.skeleton().corners)
+    features.push_back({model.vertices()[v].point, 0});
   return features;
 }
 
@@ -261,14 +259,14 @@ double parameter_agreement(const CadModel& base, const CadModel& variant,
                            const TopologyMatch& match) {
   const double tolerance = kCoincident * variant.diagonal();
   int same = 0;
-  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+  for (const FaceId f : match.faces.ids()) {
     const CadFace& a = base.faces()[f];
     const CadFace& b = variant.faces()[match.faces[f]];
     bool is_same = true;
     for (const Vector2d& s : {Vector2d(0.2, 0.3), Vector2d(0.9, 0.4), Vector2d(0.4, 0.8)}) {
       const Vector2d from = a.lower + s.cwiseProduct(a.upper - a.lower);
       const Vector2d to = b.lower + s.cwiseProduct(b.upper - b.lower);
-      is_same &= (match.alignment(base.evaluate(static_cast<int>(f), from).point) -
+      is_same &= (match.alignment(base.evaluate(f, from).point) -
                   variant.evaluate(match.faces[f], to).point)
                      .norm() < tolerance;
     }

@@ -75,10 +75,10 @@ CadModel CadModel::with_joined_edges() const {
   return joined;
 }
 
-const std::vector<CadFace>& CadModel::faces() const { return impl_->faces; }
-const std::vector<CadEdge>& CadModel::edges() const { return impl_->edges; }
-const std::vector<CadVertex>& CadModel::vertices() const { return impl_->vertices; }
-const std::vector<CadCoedge>& CadModel::coedges() const { return impl_->coedges; }
+const IdVector<FaceId, CadFace>& CadModel::faces() const { return impl_->faces; }
+const IdVector<EdgeId, CadEdge>& CadModel::edges() const { return impl_->edges; }
+const IdVector<VertexId, CadVertex>& CadModel::vertices() const { return impl_->vertices; }
+const IdVector<CoedgeId, CadCoedge>& CadModel::coedges() const { return impl_->coedges; }
 const CadSkeleton& CadModel::skeleton() const { return *skeleton_; }
 int CadModel::solid_count() const { return impl_->solids; }
 int CadModel::merged_face_count() const { return impl_->merged_faces; }
@@ -87,14 +87,14 @@ const std::string& CadModel::file_unit() const { return impl_->file_unit; }
 const Vector3d& CadModel::lower() const { return impl_->lower; }
 const Vector3d& CadModel::upper() const { return impl_->upper; }
 
-SurfacePoint CadModel::evaluate(int face, const Vector2d& uv) const {
+SurfacePoint CadModel::evaluate(FaceId face, const Vector2d& uv) const {
   gp_Pnt p;
   gp_Vec du, dv;
   guarded(impl_->file_name, [&] { impl_->surfaces[face]->D1(uv.x(), uv.y(), p, du, dv); });
   return {to_eigen(p), to_eigen(du), to_eigen(dv)};
 }
 
-SurfaceCurvature CadModel::evaluate_second(int face, const Vector2d& uv) const {
+SurfaceCurvature CadModel::evaluate_second(FaceId face, const Vector2d& uv) const {
   gp_Pnt p;
   gp_Vec du, dv, duu, dvv, duv;
   guarded(impl_->file_name,
@@ -102,7 +102,7 @@ SurfaceCurvature CadModel::evaluate_second(int face, const Vector2d& uv) const {
   return {{to_eigen(p), to_eigen(du), to_eigen(dv)}, to_eigen(duu), to_eigen(duv), to_eigen(dvv)};
 }
 
-CurvePoint CadModel::evaluate_edge(int edge, double t) const {
+CurvePoint CadModel::evaluate_edge(EdgeId edge, double t) const {
   if (impl_->curves[edge].IsNull())
     return {vertices()[edges()[edge].start].point, Vector3d::Zero()};
   gp_Pnt p;
@@ -111,13 +111,13 @@ CurvePoint CadModel::evaluate_edge(int edge, double t) const {
   return {to_eigen(p), to_eigen(dt)};
 }
 
-Vector2d CadModel::pcurve(int coedge, double t) const {
+Vector2d CadModel::pcurve(CoedgeId coedge, double t) const {
   Vector2d uv;
   guarded(impl_->file_name, [&] { uv = impl_->pcurves[coedge](t); });
   return uv;
 }
 
-Vector3d CadModel::normal(int face, const Vector2d& uv) const {
+Vector3d CadModel::normal(FaceId face, const Vector2d& uv) const {
   const SurfacePoint s = evaluate(face, uv);
   const Vector3d cross = s.du.cross(s.dv);
   const double size = cross.norm();
@@ -125,7 +125,7 @@ Vector3d CadModel::normal(int face, const Vector2d& uv) const {
   return (faces()[face].is_reversed ? -1.0 : 1.0) / size * cross;
 }
 
-Vector2d CadModel::into_domain(int face, const Vector2d& uv) const {
+Vector2d CadModel::into_domain(FaceId face, const Vector2d& uv) const {
   const CadFace& f = faces()[face];
   Vector2d shifted = uv;
   for (int a = 0; a < 2; ++a) {
@@ -137,7 +137,7 @@ Vector2d CadModel::into_domain(int face, const Vector2d& uv) const {
   return shifted;
 }
 
-bool CadModel::is_inside(int face, const Vector2d& uv) const {
+bool CadModel::is_inside(FaceId face, const Vector2d& uv) const {
   const TrimLoops& loops = impl_->loops[face];
   if (loops.empty()) return true;
   const CadFace& f = faces()[face];
@@ -145,7 +145,7 @@ bool CadModel::is_inside(int face, const Vector2d& uv) const {
   return loops.contains(q) || is_in_seam(loops, f, q);
 }
 
-std::vector<double> CadModel::crossings(int face, double v) const {
+std::vector<double> CadModel::crossings(FaceId face, double v) const {
   return impl_->loops[face].crossings(v);
 }
 

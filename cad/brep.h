@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cad/ids.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -24,21 +25,21 @@ struct CadVertex {
 /// A B-Rep edge: a 3D curve c(t), t in [first, last].
 struct CadEdge {
   double first, last;
-  int start, end;  ///< vertices at first and last; -1 when missing
+  VertexId start, end;  ///< vertices at first and last; -1 when missing
   double tolerance;
   double length;
-  bool is_degenerate;        ///< a point: a pole or an apex
-  bool is_seam;              ///< closes the parametrisation of its only face
-  bool is_free_form;         ///< neither a line nor a conic: t is neither a length nor an angle
-  std::vector<int> coedges;  ///< its uses in faces
+  bool is_degenerate;  ///< a point: a pole or an apex
+  bool is_seam;        ///< closes the parametrisation of its only face
+  bool is_free_form;   ///< neither a line nor a conic: t is neither a length nor an angle
+  std::vector<CoedgeId> coedges;  ///< its uses in faces
   bool is_physical() const { return !is_degenerate && !is_seam; }
 };
 
 /// The use of an edge by a face: its curve in the face's parameter domain (pcurve), by wire
 /// occurrence.
 struct CadCoedge {
-  int edge;
-  int face;
+  EdgeId edge;
+  FaceId face;
   bool is_reversed;  ///< runs against the edge, when the face's material lies to the left seen from
                      ///< the outside of the solid
 };
@@ -53,21 +54,21 @@ struct CadFace {
   int solid;        ///< of the file, -1 for a face of no solid
   int other_solid;  ///< of a face between two solids: the later one in the file; else -1. The
                     ///< outside is that of `solid`: which one it is, is chance
-  std::vector<std::vector<int>> wires;  ///< coedges in the order of the file
-  std::string name;                     ///< from the STEP file; may be empty
+  std::vector<std::vector<CoedgeId>> wires;  ///< coedges in the order of the file
+  std::string name;                          ///< from the STEP file; may be empty
 };
 
 /// A link of a curve: one edge, run forward or backward.
 struct CurveLink {
-  int edge;
+  EdgeId edge;
   bool is_reversed;
 };
 
 /// A physical curve: a chain of edges between corners, or closed.
 struct CadCurve {
   std::vector<CurveLink> links;
-  int start, end;          ///< corners; -1 for a closed curve without one
-  std::vector<int> faces;  ///< adjacent faces, ascending, once a use
+  CornerId start, end;        ///< corners; -1 for a closed curve without one
+  std::vector<FaceId> faces;  ///< adjacent faces, ascending, once a use
   double length;
   bool is_closed() const { return start < 0; }
 };
@@ -75,10 +76,10 @@ struct CadCurve {
 /// The entities that exist physically. Seam edges, degenerate edges, and vertices that exist only
 /// to end a seam or to cut a smooth curve between the same two faces are left out.
 struct CadSkeleton {
-  std::vector<CadCurve> curves;
-  std::vector<int> corners;           ///< vertex ids
-  std::vector<int> corner_of_vertex;  ///< -1: not physical
-  std::vector<int> curve_of_edge;     ///< -1: not physical
+  IdVector<CurveId, CadCurve> curves;
+  IdVector<CornerId, VertexId> corners;           ///< vertex ids
+  IdVector<VertexId, CornerId> corner_of_vertex;  ///< -1: not physical
+  IdVector<EdgeId, CurveId> curve_of_edge;        ///< -1: not physical
 };
 
 /// S(u, v) with first derivatives, millimetres and millimetres per parameter.
@@ -115,10 +116,10 @@ class CadModel {
   std::optional<CadModel> with_merged_faces() const;
   int merged_face_count() const;  ///< faces of the file that became part of another one
 
-  const std::vector<CadFace>& faces() const;
-  const std::vector<CadEdge>& edges() const;
-  const std::vector<CadVertex>& vertices() const;
-  const std::vector<CadCoedge>& coedges() const;
+  const IdVector<FaceId, CadFace>& faces() const;
+  const IdVector<EdgeId, CadEdge>& edges() const;
+  const IdVector<VertexId, CadVertex>& vertices() const;
+  const IdVector<CoedgeId, CadCoedge>& coedges() const;
   const CadSkeleton& skeleton() const;
   int solid_count() const;
   const std::string& file_name() const;
@@ -127,24 +128,24 @@ class CadModel {
   const Eigen::Vector3d& upper() const;
   double diagonal() const { return (upper() - lower()).norm(); }
 
-  SurfacePoint evaluate(int face, const Eigen::Vector2d& uv) const;
-  SurfaceCurvature evaluate_second(int face, const Eigen::Vector2d& uv) const;
-  CurvePoint evaluate_edge(int edge, double t) const;
-  Eigen::Vector2d pcurve(int coedge, double t) const;
+  SurfacePoint evaluate(FaceId face, const Eigen::Vector2d& uv) const;
+  SurfaceCurvature evaluate_second(FaceId face, const Eigen::Vector2d& uv) const;
+  CurvePoint evaluate_edge(EdgeId edge, double t) const;
+  Eigen::Vector2d pcurve(CoedgeId coedge, double t) const;
 
   /// Outward unit normal (by the face's orientation), zero where the surface is singular.
-  Eigen::Vector3d normal(int face, const Eigen::Vector2d& uv) const;
+  Eigen::Vector3d normal(FaceId face, const Eigen::Vector2d& uv) const;
 
   /// Shifts (u, v) by periods of the surface to lie as near the trimmed domain as possible; within
   /// its bounds, which may span several periods, it stays.
-  Eigen::Vector2d into_domain(int face, const Eigen::Vector2d& uv) const;
+  Eigen::Vector2d into_domain(FaceId face, const Eigen::Vector2d& uv) const;
 
   /// Whether (u, v) lies inside the trimmed domain.
-  bool is_inside(int face, const Eigen::Vector2d& uv) const;
+  bool is_inside(FaceId face, const Eigen::Vector2d& uv) const;
 
   /// Values of u, ascending, where the wires of a face cross the line v = const. Between the first
   /// and the second, the third and the fourth, ... the face lies; empty for a face without wires.
-  std::vector<double> crossings(int face, double v) const;
+  std::vector<double> crossings(FaceId face, double v) const;
 
  private:
   std::shared_ptr<const Impl> impl_;

@@ -64,7 +64,7 @@ class ModelBuilder {
     for (int i = 1; i <= edges_.Extent(); ++i) add_edge(TopoDS::Edge(edges_(i)));
     for (int i = 1; i <= faces_.Extent(); ++i) add_face(TopoDS::Face(faces_(i)));
     mark_solids();
-    for (int f = 0; f < static_cast<int>(model_.faces.size()); ++f) finish_face(f);
+    for (const FaceId f : model_.faces.ids()) finish_face(f);
   }
 
  private:
@@ -91,8 +91,8 @@ class ModelBuilder {
     BRep_Tool::Range(forward, e.first, e.last);
     TopoDS_Vertex start, end;
     TopExp::Vertices(forward, start, end);
-    e.start = start.IsNull() ? -1 : vertices_.FindIndex(start) - 1;
-    e.end = end.IsNull() ? -1 : vertices_.FindIndex(end) - 1;
+    if (!start.IsNull()) e.start = VertexId(vertices_.FindIndex(start) - 1);
+    if (!end.IsNull()) e.end = VertexId(vertices_.FindIndex(end) - 1);
     e.tolerance = BRep_Tool::Tolerance(forward);
     double first, last;
     const Handle(Geom_Curve) curve = BRep_Tool::Curve(forward, first, last);
@@ -120,7 +120,7 @@ class ModelBuilder {
   }
 
   void add_face(const TopoDS_Face& oriented) {
-    const int id = static_cast<int>(model_.faces.size());
+    const FaceId id(model_.faces.size());
     const TopoDS_Face face = TopoDS::Face(oriented.Oriented(TopAbs_FORWARD));
     CadFace f{};
     f.is_reversed = oriented.Orientation() == TopAbs_REVERSED;
@@ -146,7 +146,7 @@ class ModelBuilder {
     std::vector<EdgeUse> uses;
     for (TopExp_Explorer it(wire, TopAbs_EDGE); it.More(); it.Next()) {
       const TopoDS_Edge edge = TopoDS::Edge(it.Current());
-      const int e = edges_.FindIndex(edge) - 1;
+      const EdgeId e(edges_.FindIndex(edge) - 1);
       double first, last;
       const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(edge, face, first, last);
       if (curve.IsNull()) continue;
@@ -164,10 +164,10 @@ class ModelBuilder {
     return uses;
   }
 
-  void add_wire(int id, const std::vector<EdgeUse>& uses) {
-    std::vector<int> coedges;
+  void add_wire(FaceId id, const std::vector<EdgeUse>& uses) {
+    std::vector<CoedgeId> coedges;
     for (const EdgeUse& use : uses) {
-      const int c = static_cast<int>(model_.coedges.size());
+      const CoedgeId c(model_.coedges.size());
       model_.coedges.push_back({use.edge, id, use.is_reversed != model_.faces[id].is_reversed});
       model_.pcurves.push_back(use.pcurve);
       model_.edges[use.edge].coedges.push_back(c);
@@ -181,7 +181,7 @@ class ModelBuilder {
   void mark_solids() {
     for (TopExp_Explorer solid(shape_, TopAbs_SOLID); solid.More(); solid.Next()) {
       for (TopExp_Explorer face(solid.Current(), TopAbs_FACE); face.More(); face.Next()) {
-        const int f = faces_.FindIndex(face.Current()) - 1;
+        const FaceId f(faces_.FindIndex(face.Current()) - 1);
         if (f < 0) continue;
         CadFace& record = model_.faces[f];
         (record.solid < 0 ? record.solid : record.other_solid) = model_.solids;
@@ -190,7 +190,7 @@ class ModelBuilder {
     }
   }
 
-  void finish_face(int id) {
+  void finish_face(FaceId id) {
     set_domain(id);
     set_periods(id);
     const CadFace& f = model_.faces[id];
@@ -204,7 +204,7 @@ class ModelBuilder {
   }
 
   // The wires give tight bounds; a face without them has the surface's own.
-  void set_domain(int id) {
+  void set_domain(FaceId id) {
     CadFace& f = model_.faces[id];
     const TrimLoops& loops = model_.loops[id];
     if (loops.empty()) {
@@ -216,12 +216,12 @@ class ModelBuilder {
   }
 
   // A face closes on itself where a seam's two pcurves stand a period apart.
-  void set_periods(int id) {
+  void set_periods(FaceId id) {
     CadFace& f = model_.faces[id];
     for (const auto& wire : f.wires)
       for (std::size_t i = 0; i < wire.size(); ++i)
         for (std::size_t j = i + 1; j < wire.size(); ++j) {
-          const int edge = model_.coedges[wire[i]].edge;
+          const EdgeId edge = model_.coedges[wire[i]].edge;
           if (edge != model_.coedges[wire[j]].edge || !model_.edges[edge].is_seam) continue;
           const double t = 0.5 * (model_.edges[edge].first + model_.edges[edge].last);
           const Vector2d gap = (model_.pcurves[wire[i]](t) - model_.pcurves[wire[j]](t)).cwiseAbs();

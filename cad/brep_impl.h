@@ -16,10 +16,10 @@ namespace cadmorph {
 
 /// What a CadModel holds; OCCT's geometry by entity.
 struct CadModel::Impl {
-  std::vector<CadFace> faces;
-  std::vector<CadEdge> edges;
-  std::vector<CadVertex> vertices;
-  std::vector<CadCoedge> coedges;
+  IdVector<FaceId, CadFace> faces;
+  IdVector<EdgeId, CadEdge> edges;
+  IdVector<VertexId, CadVertex> vertices;
+  IdVector<CoedgeId, CadCoedge> coedges;
   int solids = 0;
   int merged_faces = 0;
   std::string file_name, file_unit;
@@ -27,11 +27,11 @@ struct CadModel::Impl {
                   upper = Eigen::Vector3d::Constant(-1e300);
 
   TopoDS_Shape shape;
-  std::vector<Handle(Geom_Surface)> surfaces;
-  std::vector<Handle(Geom_Curve)> curves;       // null for degenerate edges
-  std::vector<Pcurve> pcurves;                  // a coedge
-  std::vector<TrimLoops> loops;                 // a face
-  std::vector<Eigen::Vector2d> natural_period;  // of the untrimmed surface
+  IdVector<FaceId, Handle(Geom_Surface)> surfaces;
+  IdVector<EdgeId, Handle(Geom_Curve)> curves;       // null for degenerate edges
+  IdVector<CoedgeId, Pcurve> pcurves;                // a coedge
+  IdVector<FaceId, TrimLoops> loops;                 // a face
+  IdVector<FaceId, Eigen::Vector2d> natural_period;  // of the untrimmed surface
 
   void extend_bounds(const Eigen::Vector3d& p) {
     lower = lower.cwiseMin(p);

@@ -12,7 +12,7 @@ constexpr int kSamplesPerLink = 128;
 
 }  // namespace
 
-CurveTable::CurveTable(const CadModel& model, int curve)
+CurveTable::CurveTable(const CadModel& model, CurveId curve)
     : model_(&model), is_closed_(model.skeleton().curves[curve].is_closed()) {
   for (const CurveLink& link : model.skeleton().curves[curve].links) {
     const CadEdge& edge = model.edges()[link.edge];

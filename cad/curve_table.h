@@ -6,7 +6,7 @@ namespace cadmorph {
 
 /// A place on a curve of the skeleton: an edge of its chain and that edge's parameter.
 struct CurveLocation {
-  int edge;
+  EdgeId edge;
   double t;
 };
 
@@ -14,7 +14,7 @@ struct CurveLocation {
 class CurveTable {
  public:
   /// Samples curve `curve` of the model's skeleton. The model must outlive the table.
-  CurveTable(const CadModel& model, int curve);
+  CurveTable(const CadModel& model, CurveId curve);
 
   /// Arc length from the curve's start over its whole length, in [0, 1].
   double fraction(const CurveLocation& location) const;

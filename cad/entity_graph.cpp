@@ -29,7 +29,7 @@ class GraphBuilder {
     graph_.curves = add_nodes(kCurve, skeleton.curves.size());
     graph_.corners = add_nodes(kCorner, skeleton.corners.size());
     if (options_.has_solids) add_solids();
-    for (int c = 0; c < graph_.curves; ++c) add_uses(c, skeleton.curves[c]);
+    for (const CurveId c : skeleton.curves.ids()) add_uses(c, skeleton.curves[c]);
     return std::move(graph_);
   }
 
@@ -48,21 +48,21 @@ class GraphBuilder {
   void add_solids() {
     const int first = graph_.size();
     add_nodes(kSolid, static_cast<std::size_t>(model_.solid_count()));
-    for (int f = 0; f < graph_.faces; ++f)
+    for (const FaceId f : model_.faces().ids())
       for (const int solid : {model_.faces()[f].solid, model_.faces()[f].other_solid})
         if (solid >= 0) connect(first + solid, f, kSolidFace);
   }
 
-  bool is_seen_from_inside(int face) const {
+  bool is_seen_from_inside(FaceId face) const {
     if (options_.seen_along.isZero(0)) return false;
     const CadFace& of = model_.faces()[face];
     return model_.normal(face, (of.lower + of.upper) / 2).dot(options_.seen_along) < 0;
   }
 
   // All links of a chain have the same faces: the first one stands for them.
-  void add_uses(int id, const CadCurve& curve) {
+  void add_uses(CurveId id, const CadCurve& curve) {
     const CurveLink& link = curve.links.front();
-    for (const int c : model_.edges()[link.edge].coedges) {
+    for (const CoedgeId c : model_.edges()[link.edge].coedges) {
       const CadCoedge& coedge = model_.coedges()[c];
       const int use = graph_.size();
       add_nodes(kUse, 1);
@@ -72,8 +72,8 @@ class GraphBuilder {
       if (curve.start < 0) continue;
       const bool runs_back =
           (coedge.is_reversed != link.is_reversed) != is_seen_from_inside(coedge.face);
-      const int tail = runs_back ? curve.end : curve.start;
-      const int head = runs_back ? curve.start : curve.end;
+      const CornerId tail = runs_back ? curve.end : curve.start;
+      const CornerId head = runs_back ? curve.start : curve.end;
       connect(use, graph_.corner_node(tail), kUseTail);
       const bool has_outside = model_.faces()[coedge.face].other_solid < 0;
       connect(use, graph_.corner_node(head),

@@ -17,7 +17,9 @@ struct EntityGraph {
   };
   /// The use of a curve by a face: its node and one of its coedges.
   struct Use {
-    int node, curve, coedge;
+    int node;
+    CurveId curve;
+    CoedgeId coedge;
   };
   int faces = 0, curves = 0, corners = 0;  ///< the first nodes, in this order
   std::vector<int> kind;                   ///< a node
@@ -25,8 +27,11 @@ struct EntityGraph {
   std::vector<Use> uses;
 
   int size() const { return static_cast<int>(kind.size()); }
-  int curve_node(int curve) const { return faces + curve; }
-  int corner_node(int corner) const { return faces + curves + corner; }
+  int curve_node(CurveId curve) const { return faces + curve; }
+  int corner_node(CornerId corner) const { return faces + curves + corner; }
+  FaceId face(int node) const { return FaceId(node); }
+  CurveId curve(int node) const { return CurveId(node - faces); }
+  CornerId corner(int node) const { return CornerId(node - faces - curves); }
   int entity_count() const { return faces + curves + corners; }
 };
 

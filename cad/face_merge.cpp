@@ -31,7 +31,7 @@ class MergedNames {
   MergedNames(const CadModel::Impl& model, const Handle(BRepTools_History) & history) {
     const TopTools_IndexedMapOfShape faces = usable_faces(model.shape);
     for (int i = 1; i <= faces.Extent(); ++i) {
-      const std::string& name = model.faces[i - 1].name;
+      const std::string& name = model.faces[FaceId(i - 1)].name;
       const TopTools_ListOfShape& images = history->Modified(faces(i));
       if (images.IsEmpty()) add(faces(i), name);
       for (const TopoDS_Shape& image : images) add(image, name);

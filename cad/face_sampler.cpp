@@ -25,7 +25,7 @@ struct Lengths {
   double area;
 };
 
-Lengths measure(const CadModel& model, int face) {
+Lengths measure(const CadModel& model, FaceId face) {
   const CadFace& f = model.faces()[face];
   constexpr int n = 5;
   Lengths lengths{Vector2d::Zero(), 0};
@@ -41,7 +41,7 @@ Lengths measure(const CadModel& model, int face) {
   return lengths;
 }
 
-Grid grid_for(const CadModel& model, int face, const Vector2d& lengths, double spacing) {
+Grid grid_for(const CadModel& model, FaceId face, const Vector2d& lengths, double spacing) {
   const int least = model.faces()[face].type == SurfaceType::Plane ? 2 : kMinCurved;
   const double coarser = std::max(1.0, std::sqrt(lengths.prod() / kMaxOnFace) / spacing);
   const auto count = [&](double length) {
@@ -52,11 +52,11 @@ Grid grid_for(const CadModel& model, int face, const Vector2d& lengths, double s
 }
 
 // Returns the largest distance along the wires.
-double add_wire_samples(const CadModel& model, int face, double spacing,
+double add_wire_samples(const CadModel& model, FaceId face, double spacing,
                         std::vector<Vector2d>& uv) {
   double widest = 0;
   for (const auto& wire : model.faces()[face].wires)
-    for (const int c : wire) {
+    for (const CoedgeId c : wire) {
       const CadEdge& edge = model.edges()[model.coedges()[c].edge];
       const int n = std::clamp(static_cast<int>(edge.length / spacing), 2, kMaxPerDirection);
       for (int i = 0; i <= n; ++i)
@@ -66,7 +66,7 @@ double add_wire_samples(const CadModel& model, int face, double spacing,
   return widest;
 }
 
-std::vector<Vector2d> inside_grid(const CadModel& model, int face, const Grid& grid) {
+std::vector<Vector2d> inside_grid(const CadModel& model, FaceId face, const Grid& grid) {
   const CadFace& f = model.faces()[face];
   const Vector2d size = f.upper - f.lower;
   std::vector<Vector2d> uv;
@@ -86,25 +86,25 @@ std::vector<Vector2d> inside_grid(const CadModel& model, int face, const Grid& g
 
 }  // namespace
 
-std::vector<Vector2d> sample_domain(const CadModel& model, int face, int n) {
+std::vector<Vector2d> sample_domain(const CadModel& model, FaceId face, int n) {
   return inside_grid(model, face, {n, n});
 }
 
 FaceSamples sample_faces(const CadModel& model, Index count) {
-  const int faces = static_cast<int>(model.faces().size());
-  std::vector<Lengths> lengths(faces);
+  const std::size_t faces = model.faces().size();
+  IdVector<FaceId, Lengths> lengths(faces);
   double area = 0;
-  for (int f = 0; f < faces; ++f) {
+  for (const FaceId f : lengths.ids()) {
     lengths[f] = measure(model, f);
     area += lengths[f].area;
   }
   FaceSamples samples;
   samples.spacing = std::sqrt(area / static_cast<double>(std::max<Index>(count, 1)));
   samples.face_spacing.resize(faces);
-  std::vector<std::vector<Vector2d>> uv(faces);
-  parallel_for(faces, 1, [&](Index begin, Index end) {
+  IdVector<FaceId, std::vector<Vector2d>> uv(faces);
+  parallel_for(static_cast<Index>(faces), 1, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
-      const int f = static_cast<int>(i);
+      const FaceId f(i);
       const Grid grid = grid_for(model, f, lengths[f].largest, samples.spacing);
       uv[f] = inside_grid(model, f, grid);
       samples.face_spacing[f] = std::max(
@@ -112,7 +112,7 @@ FaceSamples sample_faces(const CadModel& model, Index count) {
            add_wire_samples(model, f, samples.spacing, uv[f]), std::numeric_limits<double>::min()});
     }
   });
-  for (int f = 0; f < faces; ++f) {
+  for (const FaceId f : lengths.ids()) {
     samples.uv.insert(samples.uv.end(), uv[f].begin(), uv[f].end());
     samples.face.insert(samples.face.end(), uv[f].size(), f);
   }

@@ -9,9 +9,9 @@ namespace cadmorph {
 struct FaceSamples {
   RowMatrix points;  ///< N x 3, millimetres
   std::vector<Eigen::Vector2d> uv;
-  std::vector<int> face;
-  double spacing;                    ///< aimed at between neighbours, millimetres
-  std::vector<double> face_spacing;  ///< a face's largest, millimetres
+  std::vector<FaceId> face;
+  double spacing;                         ///< aimed at between neighbours, millimetres
+  IdVector<FaceId, double> face_spacing;  ///< a face's largest, millimetres
 };
 
 /// Samples every face inside its wires and along them, about `count` points in all, at least 5 x 5
@@ -19,6 +19,6 @@ struct FaceSamples {
 FaceSamples sample_faces(const CadModel& model, Index count);
 
 /// Inside samples of one face alone, about n x n.
-std::vector<Eigen::Vector2d> sample_domain(const CadModel& model, int face, int n);
+std::vector<Eigen::Vector2d> sample_domain(const CadModel& model, FaceId face, int n);
 
 }  // namespace cadmorph

@@ -54,9 +54,9 @@ double bits(double x, double unit) { return std::log2(1 + x / unit); }
 
 // Node of the variant for each entity node of the base.
 std::vector<int> partners(const MatchSide& base, const TopologyMatch& match) {
-  std::vector<int> nodes = match.faces;
-  for (const int c : match.curves) nodes.push_back(base.graph.curve_node(c));
-  for (const int c : match.corners) nodes.push_back(base.graph.corner_node(c));
+  std::vector<int> nodes(match.faces.begin(), match.faces.end());
+  for (const CurveId c : match.curves) nodes.push_back(base.graph.curve_node(c));
+  for (const CornerId c : match.corners) nodes.push_back(base.graph.corner_node(c));
   return nodes;
 }
 
@@ -82,11 +82,12 @@ double distance_after(const MatchSide& base, const MatchSide& variant, const Top
     sum += squared_distance(feature, variant.features[v], t(feature.centre), t.scale);
     ++count;
   };
-  for (int c = 0; c < base.graph.curves; ++c)
+  for (const CurveId c : match.curves.ids())
     add(base.graph.curve_node(c), variant.graph.curve_node(match.curves[c]));
-  for (int c = 0; c < base.graph.corners; ++c)
+  for (const CornerId c : match.corners.ids())
     add(base.graph.corner_node(c), variant.graph.corner_node(match.corners[c]));
-  for (int f = 0; f < base.graph.faces && base.graph.corners == 0; ++f) add(f, match.faces[f]);
+  if (base.graph.corners == 0)
+    for (const FaceId f : match.faces.ids()) add(f, match.faces[f]);
   return std::sqrt(sum / count) / variant.model.diagonal();
 }
 
@@ -108,7 +109,7 @@ double turned_by(const MatchSide& base, const MatchSide& variant, const Similari
   return std::sqrt(sum / static_cast<double>(base.features.size())) / variant.model.diagonal();
 }
 
-using UseForms = std::map<std::pair<int, int>, std::vector<std::uint64_t>>;
+using UseForms = std::map<std::pair<FaceId, CurveId>, std::vector<std::uint64_t>>;
 
 UseForms forms_of_uses(const MatchSide& side) {
   UseForms forms;
@@ -140,9 +141,9 @@ double order_bits(const EntityGraph& graph, int count) {
   return bits;
 }
 
-bool keeps_order(const std::vector<int>& faces) {
-  for (std::size_t f = 0; f < faces.size(); ++f)
-    if (faces[f] != static_cast<int>(f)) return false;
+bool keeps_order(const IdVector<FaceId, FaceId>& faces) {
+  for (const FaceId f : faces.ids())
+    if (faces[f] != f) return false;
   return true;
 }
 
@@ -278,11 +279,12 @@ class PositionMatcher {
     const EntityGraph& graph = base_.graph;
     if (graph.corners == 0) return true;
     RowMatrix corners(graph.corners, 3);
-    for (int c = 0; c < graph.corners; ++c)
+    const auto ids = base_.model.skeleton().corners.ids();
+    for (const CornerId c : ids)
       corners.row(c) = variant_.features[variant_.graph.corner_node(c)].centre;
     const KdTree tree(corners);
     double sum = 0;
-    for (int c = 0; c < graph.corners; ++c)
+    for (const CornerId c : ids)
       sum +=
           tree.nearest(base_.features[graph.corner_node(c)].centre.data(), 1)[0].squared_distance;
     const double reach = kRounding * variant_.model.diagonal();
@@ -346,11 +348,11 @@ TopologyMatch to_match(const MatchSide& base, const ColourRefinement& colours) {
   for (int n = 0; n < entities; ++n) {
     const int v = variant_of.at(colours.base_colours()[n]);
     if (n < graph.faces)
-      match.faces.push_back(v);
+      match.faces.push_back(graph.face(v));
     else if (n < graph.faces + graph.curves)
-      match.curves.push_back(v - graph.faces);
+      match.curves.push_back(graph.curve(v));
     else
-      match.corners.push_back(v - graph.faces - graph.curves);
+      match.corners.push_back(graph.corner(v));
   }
   return match;
 }

@@ -50,7 +50,7 @@ Vector2d parameter_unit(const CadFace& face, double length) {
 }
 
 // Of a pcurve's ends, in either order, and its middle.
-std::uint64_t use_form(const CadModel& model, int coedge, const Vector2d& unit) {
+std::uint64_t use_form(const CadModel& model, CoedgeId coedge, const Vector2d& unit) {
   const CadEdge& edge = model.edges()[model.coedges()[coedge].edge];
   const auto at = [&](double s) -> Vector2d {
     return model.pcurve(coedge, edge.first + s * (edge.last - edge.first)).cwiseQuotient(unit);
@@ -63,7 +63,7 @@ std::uint64_t use_form(const CadModel& model, int coedge, const Vector2d& unit) 
 }
 
 // See face_bulges. The integral of n (x - centroid) over a sleeve is twice what it encloses.
-std::uint64_t bulge(const CadModel& model, int face) {
+std::uint64_t bulge(const CadModel& model, FaceId face) {
   const CadFace& f = model.faces()[face];
   if (f.solid < 0 || f.period.isZero(0)) return 0;
   Vector3d centroid = Vector3d::Zero(), normals = centroid;
@@ -88,7 +88,7 @@ std::uint64_t bulge(const CadModel& model, int face) {
 std::vector<std::uint64_t> entity_forms(const CadModel& model, const EntityGraph& graph) {
   std::vector<std::uint64_t> forms(static_cast<std::size_t>(graph.size()), 0);
   const double length = total_length(model);
-  for (int f = 0; f < graph.faces; ++f) {
+  for (const FaceId f : model.faces().ids()) {
     const SurfaceType type = model.faces()[f].type;
     if (type != SurfaceType::BSpline && type != SurfaceType::Other)
       forms[f] = 1 + static_cast<std::uint64_t>(type);
@@ -103,8 +103,7 @@ std::vector<std::uint64_t> entity_forms(const CadModel& model, const EntityGraph
 
 std::vector<std::uint64_t> face_bulges(const CadModel& model) {
   std::vector<std::uint64_t> bulges;
-  for (int f = 0; f < static_cast<int>(model.faces().size()); ++f)
-    bulges.push_back(bulge(model, f));
+  for (const FaceId f : model.faces().ids()) bulges.push_back(bulge(model, f));
   return bulges;
 }
 
@@ -121,14 +120,14 @@ std::string describe(const MatchSide& side, int node) {
   Eigen::Array3d c = side.features[node].centre;
   c = (c.abs() < 1e-9 * side.model.diagonal()).select(0, c);  // rounding
   if (node < side.graph.faces) {
-    text << "face " << node + 1 << " (" << to_string(side.model.faces()[node].type);
-    if (!side.model.faces()[node].name.empty())
-      text << " '" << side.model.faces()[node].name << "'";
+    const CadFace& face = side.model.faces()[side.graph.face(node)];
+    text << "face " << node + 1 << " (" << to_string(face.type);
+    if (!face.name.empty()) text << " '" << face.name << "'";
   } else if (node < side.graph.faces + side.graph.curves) {
-    text << "edge " << node - side.graph.faces + 1 << " (length " << side.features[node].size
+    text << "edge " << side.graph.curve(node) + 1 << " (length " << side.features[node].size
          << " mm";
   } else {
-    text << "vertex " << node - side.graph.faces - side.graph.curves + 1 << " (point";
+    text << "vertex " << side.graph.corner(node) + 1 << " (point";
   }
   text << " at " << c.x() << ' ' << c.y() << ' ' << c.z() << " mm)";
   return text.str();

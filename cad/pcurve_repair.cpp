@@ -30,7 +30,7 @@ constexpr double kLeastBlur = 0.01, kMostBlur = 0.16;  // of an edge
 
 class FaceRepair {
  public:
-  FaceRepair(const CadModel::Impl& model, int face, std::vector<std::vector<EdgeUse>>& wires)
+  FaceRepair(const CadModel::Impl& model, FaceId face, std::vector<std::vector<EdgeUse>>& wires)
       : model_(model), surface_(model.surfaces[face]), wires_(wires) {
     surface_->Bounds(low_[0], high_[0], low_[1], high_[1]);
     measure();
@@ -254,8 +254,8 @@ class FaceRepair {
     double sum = 0;
     for (std::size_t i = 0; i < uses.size(); ++i) {
       const EdgeUse &a = *uses[i], &b = *uses[(i + 1) % uses.size()];
-      const int from = a.is_reversed ? edge(a).start : edge(a).end;
-      const int to = b.is_reversed ? edge(b).end : edge(b).start;
+      const VertexId from = a.is_reversed ? edge(a).start : edge(a).end;
+      const VertexId to = b.is_reversed ? edge(b).end : edge(b).start;
       if (from != to) return kNoChain;
       const Vector2d gap = end(a) - start(b);
       sum += (gap - periods_to(gap)).cwiseQuotient(size_).norm();
@@ -389,7 +389,7 @@ class FaceRepair {
 
 }  // namespace
 
-void repair_pcurves(const CadModel::Impl& model, int face,
+void repair_pcurves(const CadModel::Impl& model, FaceId face,
                     std::vector<std::vector<EdgeUse>>& wires) {
   if (Handle(Geom_Plane)::DownCast(model.surfaces[face]).IsNull() && !wires.empty())
     FaceRepair(model, face, wires).run();

@@ -8,7 +8,7 @@ namespace cadmorph {
 
 /// The use of an edge by a wire of a face.
 struct EdgeUse {
-  int edge;
+  EdgeId edge;
   Pcurve pcurve;
   bool is_reversed;  ///< in the face as its surface lies, whatever the face's own orientation
 };
@@ -18,7 +18,7 @@ struct EdgeUse {
 /// apart and joined by edges of no length, pcurves that leave their edge, and the arbitrary
 /// parameter at a pole. Wires that are sound stay as they are, to the last bit. Needs the model's
 /// vertices, edges and the surface of the face.
-void repair_pcurves(const CadModel::Impl& model, int face,
+void repair_pcurves(const CadModel::Impl& model, FaceId face,
                     std::vector<std::vector<EdgeUse>>& wires);
 
 }  // namespace cadmorph

@@ -46,7 +46,7 @@ Vector2d descent(const SurfaceCurvature& s, const Vector3d& r) {
   return -system.inverse() * gradient;
 }
 
-EdgeFoot descend_on_edge(const CadModel& model, int edge, const Vector3d& x, double seed) {
+EdgeFoot descend_on_edge(const CadModel& model, EdgeId edge, const Vector3d& x, double seed) {
   const CadEdge& e = model.edges()[edge];
   const double tolerance = kStepTolerance * model.diagonal();
   double t = std::clamp(seed, e.first, e.last);
@@ -76,7 +76,8 @@ EdgeFoot descend_on_edge(const CadModel& model, int edge, const Vector3d& x, dou
 
 }  // namespace
 
-FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, const Vector2d& seed) {
+FaceFoot project_on_face(const CadModel& model, FaceId face, const Vector3d& x,
+                         const Vector2d& seed) {
   const CadFace& f = model.faces()[face];
   const double tolerance = kStepTolerance * model.diagonal();
   Vector2d uv = model.into_domain(face, seed);
@@ -112,7 +113,7 @@ FaceFoot project_on_face(const CadModel& model, int face, const Vector3d& x, con
   return {uv, s.first.point, std::sqrt(best)};
 }
 
-FaceFoot project_globally(const CadModel& model, int face, const Vector3d& x) {
+FaceFoot project_globally(const CadModel& model, FaceId face, const Vector3d& x) {
   const CadFace& f = model.faces()[face];
   std::vector<std::pair<double, Vector2d>> seeds;
   for (int i = 0; i <= kSeedGrid; ++i)
@@ -130,13 +131,13 @@ FaceFoot project_globally(const CadModel& model, int face, const Vector3d& x) {
   return best;
 }
 
-double distance_to_trimmed(const CadModel& model, int face, const Vector2d& uv) {
+double distance_to_trimmed(const CadModel& model, FaceId face, const Vector2d& uv) {
   if (model.is_inside(face, uv)) return 0;
   const Vector3d x = model.evaluate(face, uv).point;
   double least = std::numeric_limits<double>::infinity();
   for (const auto& wire : model.faces()[face].wires)
-    for (const int c : wire) {
-      const int edge = model.coedges()[c].edge;
+    for (const CoedgeId c : wire) {
+      const EdgeId edge = model.coedges()[c].edge;
       const CadEdge& e = model.edges()[edge];
       double nearest = std::numeric_limits<double>::infinity(), seed = e.first;
       for (int i = 0; i <= kSeedGrid; ++i) {
@@ -149,7 +150,7 @@ double distance_to_trimmed(const CadModel& model, int face, const Vector2d& uv) 
   return least;
 }
 
-EdgeFoot project_on_edge(const CadModel& model, int edge, const Vector3d& x, double seed) {
+EdgeFoot project_on_edge(const CadModel& model, EdgeId edge, const Vector3d& x, double seed) {
   const CadEdge& e = model.edges()[edge];
   const EdgeFoot foot = descend_on_edge(model, edge, x, seed);
   if (e.start != e.end || (foot.t > e.first && foot.t < e.last)) return foot;

@@ -13,7 +13,7 @@ struct FaceFoot {
 
 /// Foot of a point on an edge.
 struct EdgeFoot {
-  int edge;
+  EdgeId edge;
   double t;
   Eigen::Vector3d point;
   double distance;
@@ -22,17 +22,17 @@ struct EdgeFoot {
 /// Projects x on the surface of `face` by a damped Newton iteration from `seed`, on the trimmed
 /// domain widened by a tenth. About 1 us on analytic surfaces, 5 us on B-splines. The foot is a
 /// local minimum: judge its distance.
-FaceFoot project_on_face(const CadModel& model, int face, const Eigen::Vector3d& x,
+FaceFoot project_on_face(const CadModel& model, FaceId face, const Eigen::Vector3d& x,
                          const Eigen::Vector2d& seed);
 
 /// Projects x on `face` from the best of a grid of seeds: for when no good seed is known. Slow.
-FaceFoot project_globally(const CadModel& model, int face, const Eigen::Vector3d& x);
+FaceFoot project_globally(const CadModel& model, FaceId face, const Eigen::Vector3d& x);
 
 /// Distance of S(uv) from the trimmed face: 0 inside its wires, else that of the nearest of them;
 /// millimetres. Slow outside.
-double distance_to_trimmed(const CadModel& model, int face, const Eigen::Vector2d& uv);
+double distance_to_trimmed(const CadModel& model, FaceId face, const Eigen::Vector2d& uv);
 
 /// Projects x on `edge` by Newton from parameter `seed`, clamped to the edge's range.
-EdgeFoot project_on_edge(const CadModel& model, int edge, const Eigen::Vector3d& x, double seed);
+EdgeFoot project_on_edge(const CadModel& model, EdgeId edge, const Eigen::Vector3d& x, double seed);
 
 }  // namespace cadmorph

@@ -10,13 +10,13 @@ namespace {
 constexpr double kSmoothCosine = 0.94;  // 20 degrees
 
 struct EdgeEnd {
-  int edge;
+  EdgeId edge;
   bool is_start;
 };
 
-std::vector<std::vector<EdgeEnd>> edge_ends(const CadModel& model) {
-  std::vector<std::vector<EdgeEnd>> ends(model.vertices().size());
-  for (int e = 0; e < static_cast<int>(model.edges().size()); ++e) {
+IdVector<VertexId, std::vector<EdgeEnd>> edge_ends(const CadModel& model) {
+  IdVector<VertexId, std::vector<EdgeEnd>> ends(model.vertices().size());
+  for (const EdgeId e : model.edges().ids()) {
     const CadEdge& edge = model.edges()[e];
     if (!edge.is_physical()) continue;
     if (edge.start >= 0) ends[edge.start].push_back({e, true});
@@ -26,18 +26,18 @@ std::vector<std::vector<EdgeEnd>> edge_ends(const CadModel& model) {
 }
 
 // Vertices where a seam ends: only there do exporters cut a curve for no reason of the design.
-std::vector<char> seam_vertices(const CadModel& model) {
-  std::vector<char> is_seam_end(model.vertices().size(), 0);
+IdVector<VertexId, char> seam_vertices(const CadModel& model) {
+  IdVector<VertexId, char> is_seam_end(model.vertices().size(), 0);
   for (const CadEdge& edge : model.edges())
     if (edge.is_seam)
-      for (const int v : {edge.start, edge.end})
+      for (const VertexId v : {edge.start, edge.end})
         if (v >= 0) is_seam_end[v] = 1;
   return is_seam_end;
 }
 
-std::vector<int> adjacent_faces(const CadModel& model, int edge) {
-  std::vector<int> faces;
-  for (int c : model.edges()[edge].coedges) faces.push_back(model.coedges()[c].face);
+std::vector<FaceId> adjacent_faces(const CadModel& model, EdgeId edge) {
+  std::vector<FaceId> faces;
+  for (const CoedgeId c : model.edges()[edge].coedges) faces.push_back(model.coedges()[c].face);
   std::sort(faces.begin(), faces.end());
   return faces;
 }
@@ -64,41 +64,41 @@ class Chainer {
 
   CadSkeleton build() {
     mark_corners();
-    skeleton_.curve_of_edge.assign(model_.edges().size(), -1);
-    for (int e = 0; e < static_cast<int>(model_.edges().size()); ++e)
+    skeleton_.curve_of_edge.assign(model_.edges().size(), {});
+    for (const EdgeId e : model_.edges().ids())
       if (model_.edges()[e].is_physical() && skeleton_.curve_of_edge[e] < 0) chain(e);
     return std::move(skeleton_);
   }
 
  private:
   void mark_corners() {
-    const std::vector<char> is_seam_end = seam_vertices(model_);
-    skeleton_.corner_of_vertex.assign(model_.vertices().size(), -1);
-    for (int v = 0; v < static_cast<int>(model_.vertices().size()); ++v)
+    const IdVector<VertexId, char> is_seam_end = seam_vertices(model_);
+    skeleton_.corner_of_vertex.assign(model_.vertices().size(), {});
+    for (const VertexId v : model_.vertices().ids())
       if (is_corner(model_, ends_[v], join_ == JoinEdges::WhereSmooth || is_seam_end[v])) {
-        skeleton_.corner_of_vertex[v] = static_cast<int>(skeleton_.corners.size());
+        skeleton_.corner_of_vertex[v] = CornerId(skeleton_.corners.size());
         skeleton_.corners.push_back(v);
       }
   }
 
-  int end_vertex(const CurveLink& link) const {
+  VertexId end_vertex(const CurveLink& link) const {
     const CadEdge& edge = model_.edges()[link.edge];
     return link.is_reversed ? edge.start : edge.end;
   }
 
-  bool is_corner_vertex(int v) const { return v < 0 || skeleton_.corner_of_vertex[v] >= 0; }
+  bool is_corner_vertex(VertexId v) const { return v < 0 || skeleton_.corner_of_vertex[v] >= 0; }
 
   // The link that goes on at the end of `link`; its edge is -1 at a corner.
   CurveLink next(const CurveLink& link) const {
-    const int v = end_vertex(link);
-    if (is_corner_vertex(v)) return {-1, false};
+    const VertexId v = end_vertex(link);
+    if (is_corner_vertex(v)) return {EdgeId(), false};
     const auto& ends = ends_[v];
     const bool came_by_first = ends[0].edge == link.edge && ends[0].is_start == link.is_reversed;
     const EdgeEnd& go = came_by_first ? ends[1] : ends[0];
     return {go.edge, !go.is_start};
   }
 
-  void chain(int seed) {
+  void chain(EdgeId seed) {
     CurveLink first{seed, false};
     for (CurveLink back = next({seed, true}); back.edge >= 0 && back.edge != seed;
          back = next(back))
@@ -107,7 +107,7 @@ class Chainer {
     for (CurveLink link = first;;) {
       curve.links.push_back(link);
       curve.length += model_.edges()[link.edge].length;
-      skeleton_.curve_of_edge[link.edge] = static_cast<int>(skeleton_.curves.size());
+      skeleton_.curve_of_edge[link.edge] = CurveId(skeleton_.curves.size());
       link = next(link);
       if (link.edge < 0 || link.edge == first.edge) break;
     }
@@ -117,11 +117,13 @@ class Chainer {
     skeleton_.curves.push_back(std::move(curve));
   }
 
-  int corner(int vertex) const { return vertex < 0 ? -1 : skeleton_.corner_of_vertex[vertex]; }
+  CornerId corner(VertexId vertex) const {
+    return vertex < 0 ? CornerId() : skeleton_.corner_of_vertex[vertex];
+  }
 
   const CadModel& model_;
   JoinEdges join_;
-  std::vector<std::vector<EdgeEnd>> ends_;
+  IdVector<VertexId, std::vector<EdgeEnd>> ends_;
   CadSkeleton skeleton_;
 };
 

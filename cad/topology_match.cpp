@@ -41,14 +41,14 @@ void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOpt
         "Check them against 'cadmorph match'.");
 }
 
-using Names = std::vector<std::pair<std::string, int>>;  // name and face
+using Names = std::vector<std::pair<std::string, FaceId>>;  // name and face
 
 // Names that occur once, in the order of the file.
 Names unique_names(const CadModel& model) {
   std::map<std::string, int> count;
   for (const CadFace& face : model.faces()) ++count[face.name];
   Names names;
-  for (int f = 0; f < static_cast<int>(model.faces().size()); ++f) {
+  for (const FaceId f : model.faces().ids()) {
     const std::string& name = model.faces()[f].name;
     if (!name.empty() && name != "NONE" && count[name] == 1) names.emplace_back(name, f);
   }
@@ -73,11 +73,11 @@ bool is_numbered(const Names& names) {
 }
 
 // Faces of one name: it occurs once in both files, and is no mere numbering.
-std::vector<std::pair<int, int>> named_faces(const CadModel& base, const CadModel& variant) {
+std::vector<std::pair<FaceId, FaceId>> named_faces(const CadModel& base, const CadModel& variant) {
   const Names b = unique_names(base), v = unique_names(variant);
-  std::vector<std::pair<int, int>> pairs;
+  std::vector<std::pair<FaceId, FaceId>> pairs;
   if (is_numbered(b) && is_numbered(v)) return pairs;
-  const std::map<std::string, int> face_of(v.begin(), v.end());
+  const std::map<std::string, FaceId> face_of(v.begin(), v.end());
   for (const auto& [name, face] : b)
     if (const auto other = face_of.find(name); other != face_of.end())
       pairs.emplace_back(face, other->second);
@@ -132,16 +132,16 @@ bool are_solid(const CadModel& model) {
 // The normal of a plane that all of a model lies in; zero where there is none.
 Eigen::Vector3d normal_of_plane(const CadModel& model) {
   if (model.faces().empty()) return Eigen::Vector3d::Zero();
-  const auto normal = [&](int face) {
+  const auto normal = [&](FaceId face) {
     return model.normal(face, (model.faces()[face].lower + model.faces()[face].upper) / 2);
   };
-  const Eigen::Vector3d first = normal(0);
+  const Eigen::Vector3d first = normal(FaceId(0));
   const double tolerance = kInPlane * model.diagonal();
-  for (int f = 0; f < std::ssize(model.faces()); ++f)
+  for (const FaceId f : model.faces().ids())
     if (model.faces()[f].type != SurfaceType::Plane || normal(f).cross(first).norm() > kInPlane)
       return Eigen::Vector3d::Zero();
   for (const CadVertex& vertex : model.vertices())
-    if (std::abs((vertex.point - model.vertices()[0].point).dot(first)) > tolerance)
+    if (std::abs((vertex.point - model.vertices().front().point).dot(first)) > tolerance)
       return Eigen::Vector3d::Zero();
   return first;
 }

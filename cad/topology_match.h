@@ -43,12 +43,14 @@ struct ConsideredMatch {
 /// The variant's counterpart of every base entity. Curves and corners are those of
 /// CadModel::skeleton.
 struct TopologyMatch {
-  std::vector<int> faces;    ///< base face -> variant face
-  std::vector<int> curves;   ///< base curve -> variant curve
-  std::vector<int> corners;  ///< base corner -> variant corner
+  IdVector<FaceId, FaceId> faces;        ///< base face -> variant face
+  IdVector<CurveId, CurveId> curves;     ///< base curve -> variant curve
+  IdVector<CornerId, CornerId> corners;  ///< base corner -> variant corner
   /// How sure each pair is, in (0, 1]. 1: the only possibility, or nothing else comes near; 1/2: as
   /// good as another one; less: another one lies nearer.
-  std::vector<double> face_confidence, curve_confidence, corner_confidence;
+  IdVector<FaceId, double> face_confidence;
+  IdVector<CurveId, double> curve_confidence;
+  IdVector<CornerId, double> corner_confidence;
   Similarity alignment;       ///< base -> variant, best over all entities
   bool is_oriented = false;   ///< the outside of each face stays outside; else unknown, or mirrored
   bool is_congruent = false;  ///< the alignment carries one shape exactly onto the other

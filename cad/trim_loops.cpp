@@ -36,7 +36,7 @@ int chord_count(const Pcurve& pcurve) {
 
 }  // namespace
 
-void TrimLoops::add(const Pcurve& pcurve, bool is_reversed, int start, int end) {
+void TrimLoops::add(const Pcurve& pcurve, bool is_reversed, VertexId start, VertexId end) {
   const int count = chord_count(pcurve), id = static_cast<int>(pcurves_.size());
   pcurves_.push_back(pcurve);
   const auto parameter = [&](int i) {

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "cad/ids.h"
 #include "cad/pcurve.h"
 
 namespace cadmorph {
@@ -12,7 +13,7 @@ class TrimLoops {
  public:
   /// Appends a pcurve between vertices of the model (ids, -1: none); `is_reversed`: run through
   /// backwards, from `end` to `start`.
-  void add(const Pcurve& pcurve, bool is_reversed, int start, int end);
+  void add(const Pcurve& pcurve, bool is_reversed, VertexId start, VertexId end);
 
   /// Joins what meets at the vertices. To be called once, after all pcurves.
   void close();
@@ -35,7 +36,7 @@ class TrimLoops {
     double bulge = 0;             ///< most that the pcurve is off the chord, in its length (scaled)
   };
   struct End {
-    int vertex;
+    VertexId vertex;
     Eigen::Vector2d at;
   };
 

@@ -61,6 +61,8 @@ class Associator {
   }
 
  private:
+  using Votes = std::map<FaceId, int>;
+
   void prepare(Index nodes) {
     result_.dimension.assign(static_cast<std::size_t>(nodes), CadDimension::None);
     result_.entity.assign(static_cast<std::size_t>(nodes), -1);
@@ -69,7 +71,7 @@ class Associator {
     result_.is_free.assign(static_cast<std::size_t>(nodes), 0);
     result_.is_amid.assign(static_cast<std::size_t>(nodes), 0);
     is_off_voted_.assign(static_cast<std::size_t>(nodes), 0);
-    result_.facet_face.assign(surface_.facets.size(), -1);
+    result_.facet_face.assign(surface_.facets.size(), {});
   }
 
   Vector3d point(Index n) const { return surface_.points.row(n); }
@@ -86,10 +88,10 @@ class Associator {
   }
 
   // Nearest physical vertex among the ends of the near edges.
-  std::pair<int, double> nearest_corner(Index n) const {
-    std::pair<int, double> best{-1, 1e300};
+  std::pair<VertexId, double> nearest_corner(Index n) const {
+    std::pair<VertexId, double> best{{}, 1e300};
     for (const EdgeFoot& foot : feet_[n].edges)
-      for (const int v : {model_.edges()[foot.edge].start, model_.edges()[foot.edge].end}) {
+      for (const VertexId v : {model_.edges()[foot.edge].start, model_.edges()[foot.edge].end}) {
         if (v < 0 || model_.skeleton().corner_of_vertex[v] < 0) continue;
         const double d = (model_.vertices()[v].point - point(n)).norm();
         if (d < best.second) best = {v, d};
@@ -117,43 +119,43 @@ class Associator {
     }
   }
 
-  std::vector<int> faces_of(int edge) const {
-    std::vector<int> faces;
-    for (const int c : model_.edges()[edge].coedges) faces.push_back(model_.coedges()[c].face);
+  std::vector<FaceId> faces_of(EdgeId edge) const {
+    std::vector<FaceId> faces;
+    for (const CoedgeId c : model_.edges()[edge].coedges) faces.push_back(model_.coedges()[c].face);
     return faces;
   }
 
   // Faces of the near edges that end at a corner near a node.
-  std::vector<int> faces_at(Index n, int corner) const {
-    std::vector<int> faces;
+  std::vector<FaceId> faces_at(Index n, VertexId corner) const {
+    std::vector<FaceId> faces;
     for (const EdgeFoot& foot : feet_[n].edges) {
       const CadEdge& e = model_.edges()[foot.edge];
       if (e.start != corner && e.end != corner) continue;
-      for (const int face : faces_of(foot.edge)) faces.push_back(face);
+      for (const FaceId face : faces_of(foot.edge)) faces.push_back(face);
     }
     return faces;
   }
 
   // Faces that a node may belong to, by its feet or by the corner or edge it lies on.
-  std::vector<int> possible_faces(Index n) const {
-    std::vector<int> faces;
-    if (result_.dimension[n] == CadDimension::Edge) faces = faces_of(result_.entity[n]);
-    if (result_.dimension[n] == CadDimension::Vertex) faces = faces_at(n, result_.entity[n]);
+  std::vector<FaceId> possible_faces(Index n) const {
+    std::vector<FaceId> faces;
+    if (result_.dimension[n] == CadDimension::Edge) faces = faces_of(result_.edge(n));
+    if (result_.dimension[n] == CadDimension::Vertex) faces = faces_at(n, result_.vertex(n));
     for (const FaceCandidate& c : feet_[n].faces) faces.push_back(c.face);
     std::sort(faces.begin(), faces.end());
     faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
     return faces;
   }
 
-  std::vector<int> common_faces(Index f) const {
-    std::vector<int> common;
+  std::vector<FaceId> common_faces(Index f) const {
+    std::vector<FaceId> common;
     for (int i = 0; i < surface_.corners[f]; ++i) {
       const auto faces = possible_faces(surface_.facets[f][i]);
       if (i == 0) {
         common = faces;
         continue;
       }
-      std::vector<int> both;
+      std::vector<FaceId> both;
       std::set_intersection(common.begin(), common.end(), faces.begin(), faces.end(),
                             std::back_inserter(both));
       common = std::move(both);
@@ -162,7 +164,7 @@ class Associator {
   }
 
   // Largest distance of a facet's corners from a trimmed face.
-  double corner_gap(Index f, int face) const {
+  double corner_gap(Index f, FaceId face) const {
     double gap = 0;
     for (int i = 0; i < surface_.corners[f]; ++i)
       for (const FaceCandidate& c : feet_[surface_.facets[f][i]].faces)
@@ -171,7 +173,7 @@ class Associator {
   }
 
   // Cosine between a facet's normal and the outward one of a solid's face; 0 for other faces.
-  double facing(const Vector3d& normal, int face, const Vector2d& uv) const {
+  double facing(const Vector3d& normal, FaceId face, const Vector2d& uv) const {
     return model_.faces()[face].solid < 0 ? 0 : normal.dot(model_.normal(face, uv));
   }
 
@@ -200,17 +202,17 @@ class Associator {
 
   // CAD face of a facet: common to its corners; of several, the one that its corners, centroid and
   // normal fit; of the coincident faces of two touching solids, the one of the facet's own side.
-  int vote(Index f) const {
+  FaceId vote(Index f) const {
     const auto common = common_faces(f);
-    if (common.empty()) return -1;
+    if (common.empty()) return {};
     if (common.size() == 1) return common.front();
     const Vector3d x = centroid(surface_, surface_.points, f);
     const Vector3d area = area_vector(surface_, surface_.points, f);
     const Vector3d normal = area.normalized();
     const double size = std::sqrt(area.norm()) + 1e-300;
-    int best = -1;
+    FaceId best;
     double least = 1e300;
-    for (const int face : common) {
+    for (const FaceId face : common) {
       const FaceFoot foot = project_on_face(model_, face, x, seed(f, face, x));
       const double tilt = 1 - std::abs(normal.dot(model_.normal(face, foot.uv)));
       const double outside = model_.is_inside(face, foot.uv) ? 0 : 1;
@@ -225,7 +227,7 @@ class Associator {
     return best;
   }
 
-  Vector2d seed(Index f, int face, const Vector3d& x) const {
+  Vector2d seed(Index f, FaceId face, const Vector3d& x) const {
     for (const int n : surface_.facets[f])
       for (const FaceCandidate& c : feet_[n].faces)
         if (c.face == face && result_.dimension[n] == CadDimension::Face) return c.uv;
@@ -233,10 +235,10 @@ class Associator {
   }
 
   void classify_by_vote(Index n) {
-    std::map<int, int> votes;
+    Votes votes;
     for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
       ++votes[result_.facet_face[surface_.incident_facets[i]]];
-    votes.erase(-1);
+    votes.erase(FaceId());
     if (votes.empty() || result_.dimension[n] == CadDimension::None) return;
     if (result_.dimension[n] == CadDimension::Vertex) return take_voted_corner(n, votes);
     if (result_.dimension[n] == CadDimension::Edge) return take_voted_edge(n, votes);
@@ -249,17 +251,17 @@ class Associator {
       if (c.face == most->first) assign(n, CadDimension::Face, c.face, c.uv, c.distance);
   }
 
-  static int count_voted(const std::vector<int>& faces, const std::map<int, int>& votes) {
+  static int count_voted(const std::vector<FaceId>& faces, const Votes& votes) {
     return static_cast<int>(std::count_if(votes.begin(), votes.end(), [&](const auto& vote) {
       return std::find(faces.begin(), faces.end(), vote.first) != faces.end();
     }));
   }
 
   // Of the coincident corners of touching solids, the one between the voted faces.
-  void take_voted_corner(Index n, const std::map<int, int>& votes) {
-    int most = count_voted(faces_at(n, result_.entity[n]), votes);
+  void take_voted_corner(Index n, const Votes& votes) {
+    int most = count_voted(faces_at(n, result_.vertex(n)), votes);
     for (const EdgeFoot& foot : feet_[n].edges)
-      for (const int v : {model_.edges()[foot.edge].start, model_.edges()[foot.edge].end}) {
+      for (const VertexId v : {model_.edges()[foot.edge].start, model_.edges()[foot.edge].end}) {
         if (v < 0 || model_.skeleton().corner_of_vertex[v] < 0) continue;
         const double distance = (model_.vertices()[v].point - point(n)).norm();
         if (distance > on_entity(n, model_.vertices()[v].tolerance)) continue;
@@ -271,8 +273,8 @@ class Associator {
   }
 
   // The same for edges.
-  void take_voted_edge(Index n, const std::map<int, int>& votes) {
-    int most = count_voted(faces_of(result_.entity[n]), votes);
+  void take_voted_edge(Index n, const Votes& votes) {
+    int most = count_voted(faces_of(result_.edge(n)), votes);
     for (const EdgeFoot& foot : feet_[n].edges) {
       if (foot.distance > on_entity(n, model_.edges()[foot.edge].tolerance)) continue;
       const int voted = count_voted(faces_of(foot.edge), votes);
@@ -283,7 +285,7 @@ class Associator {
   }
 
   // Whether the node lies off one of the faces that its facets voted for.
-  bool is_off_any(Index n, const std::map<int, int>& votes) const {
+  bool is_off_any(Index n, const Votes& votes) const {
     return std::any_of(votes.begin(), votes.end(), [&](const auto& vote) {
       return std::none_of(feet_[n].faces.begin(), feet_[n].faces.end(),
                           [&](const FaceCandidate& c) {
@@ -295,7 +297,7 @@ class Associator {
 
   // Whether the voted faces may meet at a corner or edge of `faces`, `distance` from the node. A
   // touching solid's faces pass through nodes of other faces without meeting there.
-  bool may_meet(Index n, const std::map<int, int>& votes, const std::vector<int>& faces,
+  bool may_meet(Index n, const Votes& votes, const std::vector<FaceId>& faces,
                 double distance) const {
     double off = 0;
     bool is_held = false;
@@ -308,7 +310,7 @@ class Associator {
   }
 
   // A node off the CAD between facets of several faces: their common corner or curve.
-  bool take_voted_entity(Index n, const std::map<int, int>& votes) {
+  bool take_voted_entity(Index n, const Votes& votes) {
     const double limit = finder_.edge_reach(n);
     if (votes.size() > 2) {
       const auto [corner, distance] = nearest_corner(n);
@@ -319,7 +321,7 @@ class Associator {
     }
     for (const EdgeFoot& foot : feet_[n].edges) {
       if (foot.distance > limit) break;
-      const std::vector<int> faces = faces_of(foot.edge);
+      const std::vector<FaceId> faces = faces_of(foot.edge);
       if (count_voted(faces, votes) < 2 || !may_meet(n, votes, faces, foot.distance)) continue;
       assign(n, CadDimension::Edge, foot.edge, {foot.t, 0}, foot.distance);
       return true;

@@ -30,18 +30,23 @@ enum class CadDimension : std::int8_t { None = -1, Vertex = 0, Edge = 1, Face = 
 /// Where each surface node lies on the base CAD, and how well. Rows follow Boundary::nodes.
 struct Association {
   std::vector<CadDimension> dimension;
-  std::vector<int> entity;      ///< vertex, edge or face id of the base model; -1
-  Parameters uv;                ///< face: (u, v); edge: (t, 0)
-  Eigen::VectorXd distance;     ///< to that entity, millimetres; 0 for unmatched nodes
-  std::vector<char> is_free;    ///< on an interface that is not in the CAD: follows the volume
-  std::vector<char> is_amid;    ///< off the CAD, in the middle of a straight edge or facet: stays
-  std::vector<int> facet_face;  ///< CAD face of each boundary facet, -1
+  std::vector<int> entity;    ///< vertex, edge or face id of the base model; -1
+  Parameters uv;              ///< face: (u, v); edge: (t, 0)
+  Eigen::VectorXd distance;   ///< to that entity, millimetres; 0 for unmatched nodes
+  std::vector<char> is_free;  ///< on an interface that is not in the CAD: follows the volume
+  std::vector<char> is_amid;  ///< off the CAD, in the middle of a straight edge or facet: stays
+  std::vector<FaceId> facet_face;  ///< CAD face of each boundary facet, -1
   Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0;
   Index unmatched_nodes = 0;  ///< on the outside but on no CAD face
   Index amid_nodes = 0;
   double max_distance = 0;  ///< millimetres
   double mean_distance = 0;
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
+
+  /// The entity of a node that lies on one of that kind.
+  VertexId vertex(Index row) const { return VertexId(entity[row]); }
+  EdgeId edge(Index row) const { return EdgeId(entity[row]); }
+  FaceId face(Index row) const { return FaceId(entity[row]); }
 
   template <class Archive>
   void serialize(Archive& archive) {

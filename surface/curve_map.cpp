@@ -33,7 +33,7 @@ constexpr double kFreeFormBits = 4.5;
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
 
-std::size_t link_index(const CadCurve& curve, int edge) {
+std::size_t link_index(const CadCurve& curve, EdgeId edge) {
   const auto it = std::find_if(curve.links.begin(), curve.links.end(),
                                [&](const CurveLink& link) { return link.edge == edge; });
   return static_cast<std::size_t>(it - curve.links.begin());
@@ -76,9 +76,9 @@ CurveLocation locate_range(const CadModel& model, const CadCurve& curve, double 
 }
 
 // Whether a face's only use of a link's edge runs against the link.
-std::optional<bool> runs_against(const CadModel& model, const CurveLink& link, int face) {
+std::optional<bool> runs_against(const CadModel& model, const CurveLink& link, FaceId face) {
   std::optional<bool> result;
-  for (const int c : model.edges()[link.edge].coedges) {
+  for (const CoedgeId c : model.edges()[link.edge].coedges) {
     if (model.coedges()[c].face != face) continue;
     if (result) return std::nullopt;
     result = model.coedges()[c].is_reversed != link.is_reversed;
@@ -100,7 +100,7 @@ double root_mean_square(const std::vector<Vector3d>& a, const std::vector<Vector
 
 }  // namespace
 
-CurveMap::CurveMap(const ModelPair& pair, int base_curve)
+CurveMap::CurveMap(const ModelPair& pair, CurveId base_curve)
     : pair_(&pair),
       alignment_(pair.match.alignment),
       base_curve_(&pair.base.skeleton().curves[base_curve]),
@@ -327,8 +327,8 @@ bool CurveMap::has_own_parameters() const {
 // their own.
 void CurveMap::find_progress() {
   double best = kCarried;
-  for (const int face : base_curve_->faces) {
-    const int image = pair_->match.faces[static_cast<std::size_t>(face)];
+  for (const FaceId face : base_curve_->faces) {
+    const FaceId image = pair_->match.faces[face];
     const SurfaceType type = pair_->base.faces()[face].type;
     if (type == SurfaceType::Plane || type != pair_->variant.faces()[image].type) continue;
     for (const int parameter : {0, 1}) {
@@ -446,8 +446,8 @@ CurveMap::Way CurveMap::turned_by(const Similarity& motion) const {
 bool CurveMap::starts_at_free_form() const {
   const auto is_free = [](const CadModel& model, const CadCurve& curve) {
     bool is_any = false, is_all = true;
-    for (const int face : curve.faces)
-      for (const int seam : seams(model, face)) {
+    for (const FaceId face : curve.faces)
+      for (const EdgeId seam : seams(model, face)) {
         const CadEdge& edge = model.edges()[seam];
         const bool meets = std::ranges::any_of(curve.links, [&](const CurveLink& link) {
           const CadEdge& own = model.edges()[link.edge];
@@ -511,11 +511,10 @@ std::optional<bool> CurveMap::runs_backward_by_faces() const {
   if (!pair_->match.is_oriented) return std::nullopt;
   const CurveLink& from = base_curve_->links.front();
   const CurveLink& to = variant_curve_->links.front();
-  for (const int face : base_curve_->faces) {
+  for (const FaceId face : base_curve_->faces) {
     if (pair_->base.faces()[face].other_solid >= 0) continue;  // both sides are outside
     const std::optional<bool> before = runs_against(pair_->base, from, face);
-    const std::optional<bool> after =
-        runs_against(pair_->variant, to, pair_->match.faces[static_cast<std::size_t>(face)]);
+    const std::optional<bool> after = runs_against(pair_->variant, to, pair_->match.faces[face]);
     if (before && after) return *before != *after;
   }
   return std::nullopt;

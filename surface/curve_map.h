@@ -43,7 +43,7 @@ inline constexpr int kStarts = 4;  // of Start
 /// where a kernel put the seam.
 class CurveMap {
  public:
-  CurveMap(const ModelPair& pair, int base_curve);
+  CurveMap(const ModelPair& pair, CurveId base_curve);
 
   CurveLocation operator()(const CurveLocation& base) const;
 
@@ -129,5 +129,7 @@ class CurveMap {
   bool is_same_ = false, is_free_form_ = false;
   std::vector<Stretch> stretches_;  // in order, from end to end; closed: from a joint round to it
 };
+
+using CurveMaps = IdVector<CurveId, CurveMap>;  ///< by curve of the base
 
 }  // namespace cadmorph

@@ -13,7 +13,7 @@ constexpr double kLeft = 1e-6;
 
 }  // namespace
 
-FaceBorder::FaceBorder(const CadModel& base, int face, std::vector<FaceDomain::Sample> nodes,
+FaceBorder::FaceBorder(const CadModel& base, FaceId face, std::vector<FaceDomain::Sample> nodes,
                        const Points& points, double spacing)
     : nodes_(std::move(nodes)),
       scale_(mean_derivatives(base, face)),

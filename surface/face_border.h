@@ -17,7 +17,7 @@ class FaceBorder {
 
   /// `nodes`: at least one; `points`: where they lie, millimetres; `spacing`: of the domain's
   /// samples, the largest, millimetres.
-  FaceBorder(const CadModel& base, int face, std::vector<FaceDomain::Sample> nodes,
+  FaceBorder(const CadModel& base, FaceId face, std::vector<FaceDomain::Sample> nodes,
              const Points& points, double spacing);
 
   const std::vector<FaceDomain::Sample>& nodes() const { return nodes_; }

@@ -34,16 +34,16 @@ constexpr double kFoot = 0.5;  // of a pcurve's deviation: a foot is that much n
 
 // Samples along each of a face's coedges: long ones among many short ones, such as a rim among
 // holes, get more.
-auto sample_counts(const CadModel& base, int face, int samples_per_curve) {
+auto sample_counts(const CadModel& base, FaceId face, int samples_per_curve) {
   double coedges = 0, length = 0;
   for (const auto& wire : base.faces()[face].wires)
-    for (const int c : wire) {
+    for (const CoedgeId c : wire) {
       ++coedges;
       length += base.edges()[base.coedges()[c].edge].length;
     }
   const double budget = std::max(kMostSamples, kMostCurves * samples_per_curve);
   const double least = std::clamp(4 * budget / std::max(coedges, 1.0), kLeastSamples, kFewSamples);
-  return [=, &base](int coedge) {
+  return [=, &base](CoedgeId coedge) {
     if (coedges * samples_per_curve <= budget) return samples_per_curve;
     const double part = base.edges()[base.coedges()[coedge].edge].length / length;
     const double wanted = budget / 2 * (1 / coedges + part);
@@ -53,7 +53,7 @@ auto sample_counts(const CadModel& base, int face, int samples_per_curve) {
 
 }  // namespace
 
-Vector2d mean_derivatives(const CadModel& model, int face) {
+Vector2d mean_derivatives(const CadModel& model, FaceId face) {
   auto uv = sample_domain(model, face, 6);
   const CadFace& f = model.faces()[face];
   if (uv.empty()) uv.push_back(0.5 * (f.lower + f.upper));
@@ -65,11 +65,11 @@ Vector2d mean_derivatives(const CadModel& model, int face) {
   return (sum / static_cast<double>(uv.size())).cwiseMax(1e-12);
 }
 
-Vector2d wire_parameters(const CadModel& model, int coedge, double t) {
+Vector2d wire_parameters(const CadModel& model, CoedgeId coedge, double t) {
   return wire_parameters(model, coedge, t, model.edges()[model.coedges()[coedge].edge].tolerance);
 }
 
-Vector2d wire_parameters(const CadModel& model, int coedge, double t, double tolerance) {
+Vector2d wire_parameters(const CadModel& model, CoedgeId coedge, double t, double tolerance) {
   const CadCoedge& c = model.coedges()[coedge];
   const CadEdge& edge = model.edges()[c.edge];
   const Vector2d uv = model.pcurve(coedge, t);
@@ -86,7 +86,7 @@ Vector2d wire_parameters(const CadModel& model, int coedge, double t, double tol
   return uv + moved;
 }
 
-bool fills_gap(const CadModel& model, int coedge) {
+bool fills_gap(const CadModel& model, CoedgeId coedge) {
   const CadCoedge& c = model.coedges()[coedge];
   const CadEdge& edge = model.edges()[c.edge];
   const CadFace& face = model.faces()[c.face];
@@ -95,14 +95,14 @@ bool fills_gap(const CadModel& model, int coedge) {
          (span.array().abs() < kSameJoint * (face.upper - face.lower).array()).all();
 }
 
-FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve,
+FaceDomain::FaceDomain(const CadModel& base, FaceId face, int samples_per_curve,
                        const Parameters& joints, const Parameters& asked)
     : face_(face), scale_(mean_derivatives(base, face)), period_(base.faces()[face].period) {
   const CadFace& f = base.faces()[face];
   size_ = f.upper - f.lower;
   const auto sample_count = sample_counts(base, face, samples_per_curve);
   std::vector<std::pair<int, Vector2d>> ends;  // vertex and place of the wires' joints
-  const auto is_new_end = [&](int vertex, const Vector2d& uv) {
+  const auto is_new_end = [&](VertexId vertex, const Vector2d& uv) {
     for (const auto& [other, at] : ends) {
       Vector2d gap = at - uv;
       for (int a = 0; a < 2; ++a)
@@ -113,7 +113,7 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve,
     return true;
   };
   for (const auto& wire : f.wires)
-    for (const int c : wire) {
+    for (const CoedgeId c : wire) {
       const CadEdge& edge = base.edges()[base.coedges()[c].edge];
       if (edge.is_seam || fills_gap(base, c)) continue;
       const int count = sample_count(c);
@@ -126,7 +126,7 @@ FaceDomain::FaceDomain(const CadModel& base, int face, int samples_per_curve,
       }
     }
   for (Index i = 0; i < joints.rows(); ++i)
-    samples_.push_back({-1, 0, joints.row(i), f.tolerance, static_cast<int>(i)});
+    samples_.push_back({CoedgeId(), 0, joints.row(i), f.tolerance, static_cast<int>(i)});
   thin_out(asked);
   sample_uv_.resize(static_cast<Index>(samples_.size()), 2);
   for (std::size_t i = 0; i < samples_.size(); ++i)

@@ -20,7 +20,7 @@ class FaceDomain {
   /// A sample of a wire: where it lies on the physical curve, or on a pole (edge is degenerate).
   /// Or a joint, whose coedge is -1.
   struct Sample {
-    int coedge;
+    CoedgeId coedge;
     double t;
     Eigen::Vector2d uv;
     double tolerance;  ///< of its edge, millimetres
@@ -31,11 +31,11 @@ class FaceDomain {
   /// too many, long edges keep more of them. `joints`: parameters of points within the wires that
   /// do not follow them. `asked`: parameters of the nodes that will be asked for: samples closer to
   /// each other than these can tell apart count once.
-  FaceDomain(const CadModel& base, int face, int samples_per_curve,
+  FaceDomain(const CadModel& base, FaceId face, int samples_per_curve,
              const Parameters& joints = Parameters(0, 2),
              const Parameters& asked = Parameters(0, 2));
 
-  int face() const { return face_; }
+  FaceId face() const { return face_; }
   const std::vector<Sample>& samples() const { return samples_; }
 
   /// Interpolates values (a row a sample, two columns) at parameters; exactly constant or linear
@@ -59,7 +59,7 @@ class FaceDomain {
   Parameters in_parameters(const Parameters& d) const;
   RowMatrix embed(const Parameters& uv) const;
 
-  int face_;
+  FaceId face_;
   Eigen::Vector2d scale_;   // mean lengths of the derivatives, mm per parameter
   Eigen::Vector2d period_;  // 0: not periodic
   Eigen::Vector2d size_;
@@ -70,17 +70,17 @@ class FaceDomain {
 };
 
 /// Mean lengths of the derivatives S_u, S_v over a face: millimetres per parameter.
-Eigen::Vector2d mean_derivatives(const CadModel& model, int face);
+Eigen::Vector2d mean_derivatives(const CadModel& model, FaceId face);
 
 /// Parameters of a coedge's edge at t: its pcurve, or the foot of the edge's point where the pcurve
 /// is further from it than the edge's tolerance.
-Eigen::Vector2d wire_parameters(const CadModel& model, int coedge, double t);
+Eigen::Vector2d wire_parameters(const CadModel& model, CoedgeId coedge, double t);
 
 /// The same with the foot wherever the pcurve is further from it than `tolerance`, millimetres.
-Eigen::Vector2d wire_parameters(const CadModel& model, int coedge, double t, double tolerance);
+Eigen::Vector2d wire_parameters(const CadModel& model, CoedgeId coedge, double t, double tolerance);
 
 /// Whether a coedge on a degenerate edge is no pole: exporters close the gap between the pcurves of
 /// two edges by one.
-bool fills_gap(const CadModel& model, int coedge);
+bool fills_gap(const CadModel& model, CoedgeId coedge);
 
 }  // namespace cadmorph

@@ -11,7 +11,7 @@ namespace cadmorph {
 /// A face with the parameters of its nodes, and the positions of all rows of the surface mesh.
 struct FaceSide {
   const CadModel& model;
-  int face;
+  FaceId face;
   const Parameters& uv;
   const Points& points;
 };

@@ -27,9 +27,9 @@ constexpr int kProbes = 24, kGrid = 12;
 constexpr double kLost = 0.5;
 
 // The variant's coedge that uses `edge` in `face`, the `occurrence`-th of them.
-int find_coedge(const CadModel& model, int face, int edge, int occurrence) {
-  int found = -1;
-  for (const int c : model.edges()[edge].coedges)
+CoedgeId find_coedge(const CadModel& model, FaceId face, EdgeId edge, int occurrence) {
+  CoedgeId found;
+  for (const CoedgeId c : model.edges()[edge].coedges)
     if (model.coedges()[c].face == face) {
       found = c;
       if (occurrence-- == 0) break;
@@ -38,10 +38,10 @@ int find_coedge(const CadModel& model, int face, int edge, int occurrence) {
 }
 
 // Positions of a coedge among those of the same edge and face.
-int occurrence_of(const CadModel& model, int coedge) {
+int occurrence_of(const CadModel& model, CoedgeId coedge) {
   const CadCoedge& c = model.coedges()[coedge];
   int count = 0;
-  for (const int other : model.edges()[c.edge].coedges) {
+  for (const CoedgeId other : model.edges()[c.edge].coedges) {
     if (other == coedge) break;
     count += model.coedges()[other].face == c.face;
   }
@@ -59,15 +59,15 @@ std::optional<SampleMotion> motion_of(const FaceDomain::Sample& sample, const Mo
   if (sample.joint >= 0)
     return SampleMotion{motion.joints_before.row(sample.joint),
                         motion.joints_after.row(sample.joint)};
-  const int edge = pair.base.coedges()[sample.coedge].edge;
-  const int curve = pair.base.skeleton().curve_of_edge[edge];
+  const EdgeId edge = pair.base.coedges()[sample.coedge].edge;
+  const CurveId curve = pair.base.skeleton().curve_of_edge[edge];
   if (curve < 0) return std::nullopt;
   const CurveLocation l = motion.curve_maps[curve]({edge, sample.t});
   return SampleMotion{pair.base.evaluate_edge(edge, sample.t).point,
                       pair.variant.evaluate_edge(l.edge, l.t).point};
 }
 
-FaceMapResult project_points(const ModelPair& pair, int variant, const Points& targets) {
+FaceMapResult project_points(const ModelPair& pair, FaceId variant, const Points& targets) {
   if (targets.rows() == 0) return {};
   const auto seeds = sample_domain(pair.variant, variant, 24);
   RowMatrix at(std::max<Index>(1, static_cast<Index>(seeds.size())), 3);
@@ -154,16 +154,16 @@ class ParameterWarp {
   }
 
   struct OnCoedge {
-    int coedge;
+    CoedgeId coedge;
     double t;
   };
 
   // Nothing where the variant's face does not use the curve.
   std::optional<OnCoedge> image_of(const FaceDomain::Sample& sample) const {
-    const int edge = pair_.base.coedges()[sample.coedge].edge;
-    const int curve = pair_.base.skeleton().curve_of_edge[edge];
+    const EdgeId edge = pair_.base.coedges()[sample.coedge].edge;
+    const CurveId curve = pair_.base.skeleton().curve_of_edge[edge];
     const CurveLocation l = motion_.curve_maps[curve]({edge, sample.t});
-    const int c =
+    const CoedgeId c =
         find_coedge(pair_.variant, variant_id_, l.edge, occurrence_of(pair_.base, sample.coedge));
     if (c < 0) return std::nullopt;
     return OnCoedge{c, l.t};
@@ -175,10 +175,10 @@ class ParameterWarp {
     const auto& samples = domain_.samples();
     const Vector2d uv = samples[begin].uv;
     const Vector3d at = pair_.prediction(pair_.base.evaluate(domain_.face(), uv).point);
-    int pole = -1;
+    CoedgeId pole;
     double least = 1e300;
     for (const auto& wire : variant_.wires)
-      for (const int c : wire) {
+      for (const CoedgeId c : wire) {
         const CadEdge& e = pair_.variant.edges()[pair_.variant.coedges()[c].edge];
         if (!e.is_degenerate || fills_gap(pair_.variant, c)) continue;
         const Vector2d there = pair_.variant.pcurve(c, e.first);
@@ -201,7 +201,7 @@ class ParameterWarp {
   }
 
   // Whether the images of the samples nearest to the ends of a pole lie the other way round.
-  bool runs_backward(int pole, int variant_pole) const {
+  bool runs_backward(CoedgeId pole, CoedgeId variant_pole) const {
     const CadEdge& from = pair_.base.edges()[pair_.base.coedges()[pole].edge];
     const CadEdge& to = pair_.variant.edges()[pair_.variant.coedges()[variant_pole].edge];
     const Vector2d along =
@@ -225,7 +225,7 @@ class ParameterWarp {
   }
 
   bool is_pole(std::size_t i) const {
-    const int coedge = domain_.samples()[i].coedge;
+    const CoedgeId coedge = domain_.samples()[i].coedge;
     return coedge >= 0 && pair_.base.edges()[pair_.base.coedges()[coedge].edge].is_degenerate;
   }
 
@@ -341,7 +341,7 @@ class ParameterWarp {
   const ModelPair& pair_;
   const FaceMotion& motion_;
   const CadFace& base_;
-  int variant_id_;
+  FaceId variant_id_;
   const CadFace& variant_;
   Vector2d stretch_ = Vector2d::Ones(), offset_ = Vector2d::Zero();
   Parameters image_, values_;
@@ -368,7 +368,7 @@ struct Deviation {
 
 Deviation judge(const FaceDomain& domain, const ModelPair& pair, const Parameters& mapped,
                 const Points& points) {
-  const int variant = pair.match.faces[domain.face()];
+  const FaceId variant = pair.match.faces[domain.face()];
   Deviation deviation;
   const auto probes = probe_rows(points.rows());
   Points at(static_cast<Index>(probes.size()), 3);
@@ -394,7 +394,7 @@ Deviation judge(const FaceDomain& domain, const ModelPair& pair, const Parameter
 // Whether nodes of the face leave their places.
 bool moves(const FaceDomain& domain, const ModelPair& pair, const Parameters& mapped,
            const Points& points) {
-  const int variant = pair.match.faces[domain.face()];
+  const FaceId variant = pair.match.faces[domain.face()];
   return std::ranges::any_of(probe_rows(points.rows()), [&](Index i) {
     const Vector3d x = points.row(i);
     return (pair.variant.evaluate(variant, mapped.row(i)).point - x).norm() >
@@ -425,7 +425,7 @@ bool samples_stay(const FaceDomain& domain, const ModelPair& pair, const FaceMot
 std::optional<FaceMapResult> unchanged(const FaceDomain& domain, const ModelPair& pair,
                                        const FaceMotion& motion, const Parameters& uv,
                                        const Points& points) {
-  const int variant = pair.match.faces[domain.face()];
+  const FaceId variant = pair.match.faces[domain.face()];
   const double tolerance =
       std::max(pair.variant.faces()[variant].tolerance, kSame * pair.variant.diagonal());
   const std::vector<Index> probes = probe_rows(points.rows());
@@ -472,7 +472,7 @@ std::optional<FaceMapResult> without_spin(const FaceDomain& domain, const ModelP
                                           const FaceMotion& motion, const Parameters& mapped,
                                           const Points& points) {
   if (has_marks(domain, pair, motion)) return std::nullopt;
-  const int variant = pair.match.faces[domain.face()];
+  const FaceId variant = pair.match.faces[domain.face()];
   std::vector<Vector3d> from, to;
   for (const Index i : probe_rows(points.rows())) {
     from.push_back(points.row(i));
@@ -530,7 +530,7 @@ std::optional<FaceCarry> round_carry(const FaceDomain& domain, const ModelPair& 
   return carry_round_face(pair, domain.face(), from, to);
 }
 
-double face_size(const CadModel& model, int face) {
+double face_size(const CadModel& model, FaceId face) {
   const CadFace& f = model.faces()[face];
   const Vector2d lengths = mean_derivatives(model, face).cwiseProduct(f.upper - f.lower);
   return lengths.minCoeff();

@@ -18,8 +18,8 @@ struct FaceMapResult {
 
 /// What carries the nodes of a face along.
 struct FaceMotion {
-  const std::vector<CurveMap>& curve_maps;  ///< by base curve
-  Points joints_before, joints_after;       ///< positions of the domain's joints, millimetres
+  const CurveMaps& curve_maps;
+  Points joints_before, joints_after;  ///< positions of the domain's joints, millimetres
   const FaceBorder& border;
 };
 

@@ -18,10 +18,11 @@ constexpr int kMinSamples = 16, kMaxSamples = 200;
 // thousandths of it.
 constexpr double kThin = 0.1;
 
-int samples_per_curve(const CadModel& base, int face, const std::vector<int>& nodes_on_edge) {
+int samples_per_curve(const CadModel& base, FaceId face,
+                      const IdVector<EdgeId, int>& nodes_on_edge) {
   int most = 0;
   for (const auto& wire : base.faces()[face].wires)
-    for (const int c : wire) most = std::max(most, nodes_on_edge[base.coedges()[c].edge]);
+    for (const CoedgeId c : wire) most = std::max(most, nodes_on_edge[base.coedges()[c].edge]);
   return std::clamp(most, kMinSamples, kMaxSamples);
 }
 
@@ -39,18 +40,19 @@ void collect_joints(const Association& association, const std::vector<Joints::On
 }
 
 // The place of a node on the face's wires; none where it lies on a seam, or not on them.
-std::optional<FaceDomain::Sample> on_wires(const CadModel& base, int face,
+std::optional<FaceDomain::Sample> on_wires(const CadModel& base, FaceId face,
                                            const Association& association, int node) {
   for (const auto& wire : base.faces()[face].wires)
-    for (const int c : wire) {
-      const int id = base.coedges()[c].edge;
+    for (const CoedgeId c : wire) {
+      const EdgeId id = base.coedges()[c].edge;
       const CadEdge& edge = base.edges()[id];
       if (edge.is_seam || edge.is_degenerate) continue;
       const bool is_vertex = association.dimension[node] == CadDimension::Vertex;
-      const int entity = association.entity[node];
-      if (is_vertex ? edge.start != entity && edge.end != entity : id != entity) continue;
+      const VertexId vertex = association.vertex(node);
+      if (is_vertex ? edge.start != vertex && edge.end != vertex : id != association.edge(node))
+        continue;
       const double t = !is_vertex             ? association.uv(node, 0)
-                       : edge.start == entity ? edge.first
+                       : edge.start == vertex ? edge.first
                                               : edge.last;
       return FaceDomain::Sample{c, t, wire_parameters(base, c, t, 0), 0};
     }
@@ -58,8 +60,8 @@ std::optional<FaceDomain::Sample> on_wires(const CadModel& base, int face,
 }
 
 // Mean distances between the domain's samples, by edge.
-std::map<int, double> spacings(const CadModel& base, const FaceDomain& domain) {
-  std::map<int, double> result;
+std::map<EdgeId, double> spacings(const CadModel& base, const FaceDomain& domain) {
+  std::map<EdgeId, double> result;
   for (const FaceDomain::Sample& sample : domain.samples())
     if (sample.joint < 0) ++result[base.coedges()[sample.coedge].edge];
   for (auto& [edge, value] : result) value = base.edges()[edge].length / value;
@@ -79,12 +81,12 @@ FaceBorder collect_border(const CadModel& base, const SurfaceMesh& surface,
         if (is_within(other))
           height = std::min(height, (surface.points.row(other) - surface.points.row(n)).norm());
     }
-  const std::map<int, double> spacing = spacings(base, *nodes.domain);
+  const std::map<EdgeId, double> spacing = spacings(base, *nodes.domain);
   double widest = 0;
   for (const auto& [edge, value] : spacing) widest = std::max(widest, value);
   if (std::ranges::none_of(heights, [&](const auto& of_node) {
         const auto [node, height] = of_node;
-        const auto of_edge = spacing.find(association.entity[node]);
+        const auto of_edge = spacing.find(association.edge(node));
         return association.dimension[node] == CadDimension::Edge && of_edge != spacing.end() &&
                height < kThin * of_edge->second;
       }))
@@ -112,19 +114,19 @@ std::vector<int> nodes_around(const SurfaceMesh& surface, const FaceNodes& nodes
 
 }  // namespace
 
-std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMesh& surface,
-                                          const Association& association, const Joints& joints,
-                                          const Points& feet) {
-  std::vector<FaceNodes> faces(base.faces().size());
-  std::vector<int> nodes_on_edge(base.edges().size(), 0);
+IdVector<FaceId, FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMesh& surface,
+                                               const Association& association, const Joints& joints,
+                                               const Points& feet) {
+  IdVector<FaceId, FaceNodes> faces(base.faces().size());
+  IdVector<EdgeId, int> nodes_on_edge(base.edges().size(), 0);
   for (int n = 0; n < static_cast<int>(association.entity.size()); ++n) {
     if (association.dimension[n] == CadDimension::Face)
-      faces[association.entity[n]].rows.push_back(n);
-    if (association.dimension[n] == CadDimension::Edge) ++nodes_on_edge[association.entity[n]];
+      faces[association.face(n)].rows.push_back(n);
+    if (association.dimension[n] == CadDimension::Edge) ++nodes_on_edge[association.edge(n)];
   }
   for (int f = 0; f < static_cast<int>(association.facet_face.size()); ++f)
     if (association.facet_face[f] >= 0) faces[association.facet_face[f]].facets.push_back(f);
-  for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
+  for (const FaceId f : faces.ids()) {
     FaceNodes& nodes = faces[f];
     nodes.face = f;
     collect_joints(association, joints.of_face[f], nodes);

@@ -13,7 +13,7 @@ namespace cadmorph {
 
 /// A face's part of the surface mesh, by rows of that, and the domain that carries it.
 struct FaceNodes {
-  int face = -1;
+  FaceId face;
   std::vector<int> rows;  ///< nodes on the face alone, ascending
   std::vector<int> facets;
   std::vector<int> around;      ///< the other nodes of the facets, ascending
@@ -32,8 +32,8 @@ struct FaceNodes {
 };
 
 /// The nodes of all faces of `surface`, by face. `feet`: of all rows on the base.
-std::vector<FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMesh& surface,
-                                          const Association& association, const Joints& joints,
-                                          const Points& feet);
+IdVector<FaceId, FaceNodes> collect_face_nodes(const CadModel& base, const SurfaceMesh& surface,
+                                               const Association& association, const Joints& joints,
+                                               const Points& feet);
 
 }  // namespace cadmorph

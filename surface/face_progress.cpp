@@ -12,17 +12,17 @@ constexpr double kRound = 1e-6;  // of the period
 
 }  // namespace
 
-std::vector<int> seams(const CadModel& model, int face) {
-  std::vector<int> result;
+std::vector<EdgeId> seams(const CadModel& model, FaceId face) {
+  std::vector<EdgeId> result;
   for (const auto& wire : model.faces()[face].wires)
-    for (const int coedge : wire)
-      if (const int edge = model.coedges()[coedge].edge; model.edges()[edge].is_seam)
+    for (const CoedgeId coedge : wire)
+      if (const EdgeId edge = model.coedges()[coedge].edge; model.edges()[edge].is_seam)
         result.push_back(edge);
   return result;
 }
 
 std::optional<FaceProgress> FaceProgress::along(const CadModel& model, const CadCurve& curve,
-                                                int face, int parameter) {
+                                                FaceId face, int parameter) {
   FaceProgress progress(model, face, parameter);
   if (!progress.chain(curve) || !progress.runs_one_way()) return std::nullopt;
   return progress;
@@ -34,8 +34,8 @@ bool FaceProgress::chain(const CadCurve& curve) {
   std::vector<double> gaps;
   for (const CurveLink& link : curve.links) {
     const CadEdge& edge = model_->edges()[link.edge];
-    int coedge = -1;
-    for (const int c : edge.coedges) {
+    CoedgeId coedge;
+    for (const CoedgeId c : edge.coedges) {
       if (model_->coedges()[c].face != face_) continue;
       if (coedge >= 0) return false;  // both its sides
       coedge = c;
@@ -125,12 +125,12 @@ double FaceProgress::solve(const Link& link, double value) const {
 }
 
 std::optional<CurveLocation> FaceProgress::seam() const {
-  const std::vector<int> seam_edges = seams(*model_, face_);
+  const std::vector<EdgeId> seam_edges = seams(*model_, face_);
   std::optional<CurveLocation> found;
   for (const Link& link : links_) {
     const CadEdge& edge = model_->edges()[link.edge];
-    const int vertex = link.first == edge.first ? edge.start : edge.end;
-    const bool is_seam_end = std::ranges::any_of(seam_edges, [&](int seam) {
+    const VertexId vertex = link.first == edge.first ? edge.start : edge.end;
+    const bool is_seam_end = std::ranges::any_of(seam_edges, [&](EdgeId seam) {
       return model_->edges()[seam].start == vertex || model_->edges()[seam].end == vertex;
     });
     if (!is_seam_end) continue;

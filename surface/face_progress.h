@@ -8,7 +8,7 @@
 namespace cadmorph {
 
 /// Seam edges of a face, each as often as a wire runs along it.
-std::vector<int> seams(const CadModel& model, int face);
+std::vector<EdgeId> seams(const CadModel& model, FaceId face);
 
 /// One parameter of a face, u or v, as a measure of how far along one of the face's curves a place
 /// is: from 0 at the curve's start to 1 at its end, through all its links, without jumps at
@@ -17,8 +17,8 @@ class FaceProgress {
  public:
   /// Nothing unless the parameter (0: u, 1: v) runs one way all along the curve, and once round
   /// where the curve is closed. The model must outlive the result.
-  static std::optional<FaceProgress> along(const CadModel& model, const CadCurve& curve, int face,
-                                           int parameter);
+  static std::optional<FaceProgress> along(const CadModel& model, const CadCurve& curve,
+                                           FaceId face, int parameter);
 
   double operator()(const CurveLocation& location) const;
 
@@ -34,12 +34,13 @@ class FaceProgress {
 
  private:
   struct Link {
-    int edge, coedge;
+    EdgeId edge;
+    CoedgeId coedge;
     double first, last;  // of the edge's parameter, in the sense of the curve
     double shift;        // periods added to the pcurve
   };
 
-  FaceProgress(const CadModel& model, int face, int parameter)
+  FaceProgress(const CadModel& model, FaceId face, int parameter)
       : model_(&model), face_(face), parameter_(parameter) {}
 
   bool chain(const CadCurve& curve);
@@ -48,7 +49,8 @@ class FaceProgress {
   double solve(const Link& link, double value) const;
 
   const CadModel* model_;
-  int face_, parameter_;
+  FaceId face_;
+  int parameter_;
   bool is_closed_ = false;
   std::vector<Link> links_;
   double start_ = 0, span_ = 0;

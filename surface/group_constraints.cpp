@@ -214,7 +214,7 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
     const auto is_taken = [&](Index node) {
       return is_taken_from_cad(constraints[row_of(boundary, node)]);
     };
-    if (std::ranges::any_of(boundary.facet(f), is_taken)) association.facet_face[f] = -1;
+    if (std::ranges::any_of(boundary.facet(f), is_taken)) association.facet_face[f] = {};
   }
 }
 

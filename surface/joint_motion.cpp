@@ -24,11 +24,11 @@ constexpr double kParted = 1e-2;                // of the shortest mesh edge
 // The point near `guess` where the variants of all entities of a crossing meet. Projects on one
 // after the other (von Neumann 1950), which converges by the squared cosine of the angle between
 // them.
-std::optional<Vector3d> meet(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+std::optional<Vector3d> meet(const ModelPair& pair, const CurveMaps& curve_maps,
                              const Joints::Crossing& crossing, const Vector3d& guess) {
   const double diagonal = pair.variant.diagonal();
   std::vector<FaceFoot> feet;
-  for (const int face : crossing.faces)
+  for (const FaceId face : crossing.faces)
     feet.push_back(project_globally(pair.variant, pair.match.faces[face], guess));
   Vector3d x = guess;
   for (int i = 0; i < kMostProjections; ++i) {
@@ -42,7 +42,7 @@ std::optional<Vector3d> meet(const ModelPair& pair, const std::vector<CurveMap>&
       feet[f] = project_on_face(pair.variant, pair.match.faces[crossing.faces[f]], x, feet[f].uv);
       move_to(feet[f].point);
     }
-    for (const int edge : crossing.edges)
+    for (const EdgeId edge : crossing.edges)
       move_to(curve_maps[pair.base.skeleton().curve_of_edge[edge]].nearest(x).point);
     if ((x - before).norm() > kStill * diagonal) continue;
     if (off > kMeet * diagonal) break;
@@ -53,11 +53,11 @@ std::optional<Vector3d> meet(const ModelPair& pair, const std::vector<CurveMap>&
 
 // Crossings of the same faces, numbered, by row of the surface mesh.
 std::map<int, int> sets_of_faces(const Joints& joints) {
-  std::map<std::vector<int>, int> number;
+  std::map<std::vector<FaceId>, int> number;
   std::map<int, int> sets;
   for (const Joints::Crossing& crossing : joints.crossings) {
     if (!crossing.edges.empty()) continue;
-    std::vector<int> faces = crossing.faces;
+    std::vector<FaceId> faces = crossing.faces;
     std::ranges::sort(faces);
     const int next = static_cast<int>(number.size());
     sets.emplace(crossing.node, number.emplace(std::move(faces), next).first->second);
@@ -68,8 +68,8 @@ std::map<int, int> sets_of_faces(const Joints& joints) {
 // Where the warps of the faces put the nodes at which they cross others, by row.
 class CrossingWarps {
  public:
-  CrossingWarps(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-                const std::vector<FaceNodes>& faces, const Points& feet)
+  CrossingWarps(const ModelPair& pair, const CurveMaps& curve_maps,
+                const IdVector<FaceId, FaceNodes>& faces, const Points& feet)
       : pair_(pair), maps_(curve_maps), faces_(faces), feet_(feet) {}
 
   using Places = std::map<int, std::vector<Vector3d>>;
@@ -126,21 +126,20 @@ class CrossingWarps {
   }
 
   const ModelPair& pair_;
-  const std::vector<CurveMap>& maps_;
-  const std::vector<FaceNodes>& faces_;
+  const CurveMaps& maps_;
+  const IdVector<FaceId, FaceNodes>& faces_;
   const Points& feet_;
 };
 
 // The mean of where the faces meet near the warps' places, of which one counts the more, the nearer
 // it lies to all the faces itself; the predicted place the more, the less those that count agree.
-Vector3d blend(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-               const Joints::Crossing& crossing, const std::vector<Vector3d>& places,
-               const Vector3d& predicted, double length) {
+Vector3d blend(const ModelPair& pair, const CurveMaps& curve_maps, const Joints::Crossing& crossing,
+               const std::vector<Vector3d>& places, const Vector3d& predicted, double length) {
   std::vector<std::pair<double, Vector3d>> met;  // with weights
   double sum = 0;
   for (const Vector3d& x : places) {
     double off = kNear * length;
-    for (const int face : crossing.faces)
+    for (const FaceId face : crossing.faces)
       off += project_globally(pair.variant, pair.match.faces[face], x).distance;
     if (const auto there = meet(pair, curve_maps, crossing, x)) {
       met.emplace_back(1 / (off * off), *there);
@@ -157,14 +156,15 @@ Vector3d blend(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
 }  // namespace
 
 void join_curves(const ModelPair& pair, const Joints& joints, const Association& association,
-                 std::vector<CurveMap>& curve_maps) {
-  const auto curve_of = [&](int edge) { return pair.base.skeleton().curve_of_edge[edge]; };
+                 CurveMaps& curve_maps) {
+  const auto curve_of = [&](EdgeId edge) { return pair.base.skeleton().curve_of_edge[edge]; };
   std::vector<Vector3d> met(joints.crossings.size());
   parallel_for(std::ssize(met), 16, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const Joints::Crossing& crossing = joints.crossings[i];
       if (crossing.edges.empty()) continue;
-      const int n = crossing.node, edge = association.entity[n];
+      const int n = crossing.node;
+      const EdgeId edge = association.edge(n);
       const CurveLocation to = curve_maps[curve_of(edge)]({edge, association.uv(n, 0)});
       const Vector3d near = pair.variant.evaluate_edge(to.edge, to.t).point;
       met[i] = meet(pair, curve_maps, crossing, near).value_or(near);
@@ -174,20 +174,19 @@ void join_curves(const ModelPair& pair, const Joints& joints, const Association&
   for (std::size_t i = 0; i < met.size(); ++i)
     if (!joints.crossings[i].edges.empty()) crossings.emplace(joints.crossings[i].node, met[i]);
 
-  std::map<int, std::vector<CurveJoint>> through;  // by curve
+  std::map<CurveId, std::vector<CurveJoint>> through;
   for (const Joints::OnEdge& joint : joints.on_edges) {
     const auto crossing = crossings.find(joint.node);
     const Vector3d to = crossing != crossings.end()
                             ? crossing->second
-                            : map_vertex(pair, curve_maps, association.entity[joint.node]);
+                            : map_vertex(pair, curve_maps, association.vertex(joint.node));
     through[curve_of(joint.edge)].push_back({{joint.edge, joint.t}, to});
   }
   for (const auto& [curve, of_curve] : through) curve_maps[curve].lead_through(of_curve);
 }
 
-Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-                      const Joints& joints, const std::vector<FaceNodes>& faces,
-                      const SurfaceFeet& nodes) {
+Crossings cross_faces(const ModelPair& pair, const CurveMaps& curve_maps, const Joints& joints,
+                      const IdVector<FaceId, FaceNodes>& faces, const SurfaceFeet& nodes) {
   const std::map<int, int> sets = sets_of_faces(joints);
   if (sets.empty()) return {};
   const CrossingWarps warps(pair, curve_maps, faces, nodes.base);
@@ -218,7 +217,7 @@ Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_
   return crossings;
 }
 
-PartedJoints find_parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+PartedJoints find_parted_joints(const ModelPair& pair, const CurveMaps& curve_maps,
                                 const Joints& joints, const SurfaceMesh& surface,
                                 const Points& placed) {
   std::set<int> parted;
@@ -228,12 +227,12 @@ PartedJoints find_parted_joints(const ModelPair& pair, const std::vector<CurveMa
     parted.insert(row);
     result.distance = std::max(result.distance, distance);
   };
-  for (std::size_t f = 0; f < joints.of_face.size(); ++f)
+  for (const FaceId f : joints.of_face.ids())
     for (const Joints::OnFace& joint : joints.of_face[f])
       judge(joint.node,
             project_globally(pair.variant, pair.match.faces[f], placed.row(joint.node)).distance);
   for (const Joints::OnEdge& joint : joints.on_edges) {
-    const int curve = pair.base.skeleton().curve_of_edge[joint.edge];
+    const CurveId curve = pair.base.skeleton().curve_of_edge[joint.edge];
     judge(joint.node, curve_maps[curve].nearest(placed.row(joint.node)).distance);
   }
   result.nodes = static_cast<Index>(parted.size());

@@ -13,7 +13,7 @@ namespace cadmorph {
 /// Leads the curves through what stands on them or crosses them: to where the images of all that
 /// cross meet. Parallel.
 void join_curves(const ModelPair& pair, const Joints& joints, const Association& association,
-                 std::vector<CurveMap>& curve_maps);
+                 CurveMaps& curve_maps);
 
 /// The nodes of a surface mesh on the CAD.
 struct SurfaceFeet {
@@ -28,13 +28,12 @@ using Crossings = std::map<int, Eigen::Vector3d>;
 /// Where the nodes go at which faces pass through each other: to where the faces' images meet, near
 /// the places that the faces' own warps give, or the predicted one where these differ by a mesh
 /// edge. Parallel.
-Crossings cross_faces(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
-                      const Joints& joints, const std::vector<FaceNodes>& faces,
-                      const SurfaceFeet& nodes);
+Crossings cross_faces(const ModelPair& pair, const CurveMaps& curve_maps, const Joints& joints,
+                      const IdVector<FaceId, FaceNodes>& faces, const SurfaceFeet& nodes);
 
 /// Joints that the variant parts: nodes that go, at `placed`, off a face or a curve on which they
 /// lay.
-PartedJoints find_parted_joints(const ModelPair& pair, const std::vector<CurveMap>& curve_maps,
+PartedJoints find_parted_joints(const ModelPair& pair, const CurveMaps& curve_maps,
                                 const Joints& joints, const SurfaceMesh& surface,
                                 const Points& placed);
 

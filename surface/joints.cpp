@@ -25,11 +25,11 @@ constexpr double kAcross = 0.17;  // sine of 10 degrees: entities that cross, no
 // Points along the edges of a face.
 class Outline {
  public:
-  Outline(const CadModel& model, int face) : model_(model) {
-    std::set<int> edges;
+  Outline(const CadModel& model, FaceId face) : model_(model) {
+    std::set<EdgeId> edges;
     for (const auto& wire : model.faces()[face].wires)
-      for (const int c : wire) edges.insert(model.coedges()[c].edge);
-    for (const int edge : edges) {
+      for (const CoedgeId c : wire) edges.insert(model.coedges()[c].edge);
+    for (const EdgeId edge : edges) {
       const CadEdge& e = model.edges()[edge];
       if (!e.is_physical()) continue;
       for (int i = 0; i <= kSpans; ++i) {
@@ -51,7 +51,7 @@ class Outline {
 
  private:
   struct Seed {
-    int edge;
+    EdgeId edge;
     double t;
     Vector3d point;
   };
@@ -66,11 +66,11 @@ class JointFinder {
       : base_(base), surface_(surface), association_(association) {
     joints_.of_face.resize(base.faces().size());
     faces_at_.resize(base.vertices().size());
-    for (int f = 0; f < static_cast<int>(base.faces().size()); ++f)
+    for (const FaceId f : base.faces().ids())
       for (const auto& wire : base.faces()[f].wires)
-        for (const int c : wire) {
+        for (const CoedgeId c : wire) {
           const CadEdge& e = base.edges()[base.coedges()[c].edge];
-          for (const int v : {e.start, e.end})
+          for (const VertexId v : {e.start, e.end})
             if (v >= 0) faces_at_[v].push_back(f);
         }
   }
@@ -85,15 +85,17 @@ class JointFinder {
 
  private:
   CadDimension dimension(int n) const { return association_.dimension[n]; }
-  int entity(int n) const { return association_.entity[n]; }
+  VertexId vertex(int n) const { return association_.vertex(n); }
+  EdgeId edge(int n) const { return association_.edge(n); }
+  FaceId face(int n) const { return association_.face(n); }
 
   void look_at(int n) {
     const bool is_vertex = dimension(n) == CadDimension::Vertex;
-    std::map<int, double> edges;  // with a parameter
+    std::map<EdgeId, double> edges;  // with a parameter
     if (dimension(n) != CadDimension::Face) edges = foreign_edges(n);
     Joints::Crossing crossing{n, {}, {}};
     bool crosses = false;
-    for (const int face : foreign_faces(n)) {
+    for (const FaceId face : foreign_faces(n)) {
       if (const auto wire = wire_near(face, n)) {
         if (dimension(n) != CadDimension::Face && !is_on_curve_of(n, wire->edge))
           edges.emplace(wire->edge, wire->t);
@@ -120,57 +122,58 @@ class JointFinder {
 
   // The node's own entity is one of those that cross.
   void add(Joints::Crossing crossing) {
-    const int n = crossing.node, own = entity(n);
+    const int n = crossing.node;
     if (dimension(n) == CadDimension::Face) {
-      crossing.faces.push_back(own);
-      joints_.of_face[own].push_back({n, association_.uv.row(n)});
+      crossing.faces.push_back(face(n));
+      joints_.of_face[face(n)].push_back({n, association_.uv.row(n)});
     } else {
-      crossing.edges.push_back(own);
-      joints_.on_edges.push_back({n, own, association_.uv(n, 0)});
+      crossing.edges.push_back(edge(n));
+      joints_.on_edges.push_back({n, edge(n), association_.uv(n, 0)});
     }
     joints_.crossings.push_back(std::move(crossing));
   }
 
-  std::vector<int> own_faces(int n) const {
-    if (dimension(n) == CadDimension::Face) return {entity(n)};
-    if (dimension(n) == CadDimension::Vertex) return faces_at_[entity(n)];
-    std::vector<int> faces;
-    for (const int c : base_.edges()[entity(n)].coedges) faces.push_back(base_.coedges()[c].face);
+  std::vector<FaceId> own_faces(int n) const {
+    if (dimension(n) == CadDimension::Face) return {face(n)};
+    if (dimension(n) == CadDimension::Vertex) return faces_at_[vertex(n)];
+    std::vector<FaceId> faces;
+    for (const CoedgeId c : base_.edges()[edge(n)].coedges)
+      faces.push_back(base_.coedges()[c].face);
     return faces;
   }
 
   // Of the facets around a node, ascending; not those that its own entity is or bounds.
-  std::vector<int> foreign_faces(int n) const {
-    std::vector<int> faces;
+  std::vector<FaceId> foreign_faces(int n) const {
+    std::vector<FaceId> faces;
     for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i) {
-      const int face = association_.facet_face[surface_.incident_facets[i]];
-      const bool is_own = dimension(n) == CadDimension::Face && face == entity(n);
+      const FaceId face = association_.facet_face[surface_.incident_facets[i]];
+      const bool is_own = dimension(n) == CadDimension::Face && face == this->face(n);
       if (face >= 0 && !is_own) faces.push_back(face);
     }
     if (faces.empty()) return faces;
-    for (const int own : own_faces(n)) std::erase(faces, own);
+    for (const FaceId own : own_faces(n)) std::erase(faces, own);
     std::ranges::sort(faces);
     faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
     return faces;
   }
 
   // Of the nodes beside a node, with a parameter; not its own curve's.
-  std::map<int, double> foreign_edges(int n) const {
-    std::map<int, double> edges;
+  std::map<EdgeId, double> foreign_edges(int n) const {
+    std::map<EdgeId, double> edges;
     for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
       for (const int other : surface_.facets[surface_.incident_facets[i]])
-        if (dimension(other) == CadDimension::Edge && !is_on_curve_of(n, entity(other)))
-          edges.emplace(entity(other), association_.uv(other, 0));
+        if (dimension(other) == CadDimension::Edge && !is_on_curve_of(n, edge(other)))
+          edges.emplace(edge(other), association_.uv(other, 0));
     return edges;
   }
 
-  bool is_on_curve_of(int n, int edge) const {
+  bool is_on_curve_of(int n, EdgeId edge) const {
     const CadSkeleton& skeleton = base_.skeleton();
-    const int curve = skeleton.curve_of_edge[edge];
-    if (dimension(n) == CadDimension::Edge) return skeleton.curve_of_edge[entity(n)] == curve;
+    const CurveId curve = skeleton.curve_of_edge[edge];
+    if (dimension(n) == CadDimension::Edge) return skeleton.curve_of_edge[this->edge(n)] == curve;
     return std::ranges::any_of(skeleton.curves[curve].links, [&](const CurveLink& link) {
       const CadEdge& e = base_.edges()[link.edge];
-      return e.start == entity(n) || e.end == entity(n);
+      return e.start == vertex(n) || e.end == vertex(n);
     });
   }
 
@@ -178,13 +181,13 @@ class JointFinder {
     return tolerance + kOnEntity * surface_.local_length[n];
   }
 
-  std::optional<EdgeFoot> wire_near(int face, int n) {
+  std::optional<EdgeFoot> wire_near(FaceId face, int n) {
     const Outline& outline = outlines_.try_emplace(face, base_, face).first->second;
     return outline.near(surface_.points.row(n), kClear * surface_.local_length[n]);
   }
 
   // Parameters of a node that lies on a face.
-  std::optional<Vector2d> within(int face, int n) const {
+  std::optional<Vector2d> within(FaceId face, int n) const {
     const FaceFoot foot = project_on_face(base_, face, surface_.points.row(n), seed(face, n));
     if (foot.distance > on_entity(n, base_.faces()[face].tolerance) ||
         !base_.is_inside(face, foot.uv))
@@ -193,41 +196,41 @@ class JointFinder {
   }
 
   // Parameters of a node of the face beside this one; else those that a search finds.
-  Vector2d seed(int face, int n) const {
+  Vector2d seed(FaceId face, int n) const {
     for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
       for (const int other : surface_.facets[surface_.incident_facets[i]])
-        if (dimension(other) == CadDimension::Face && entity(other) == face)
+        if (dimension(other) == CadDimension::Face && this->face(other) == face)
           return association_.uv.row(other);
     return project_globally(base_, face, surface_.points.row(n)).uv;
   }
 
   // Parameter of a node that lies on an edge, clear of the corners where it ends.
-  std::optional<double> along(int edge, int n, double seed) const {
+  std::optional<double> along(EdgeId edge, int n, double seed) const {
     const Vector3d x = surface_.points.row(n);
     const CadEdge& e = base_.edges()[edge];
     const EdgeFoot foot = project_on_edge(base_, edge, x, seed);
     if (foot.distance > on_entity(n, e.tolerance)) return std::nullopt;
-    for (const int v : {e.start, e.end})
+    for (const VertexId v : {e.start, e.end})
       if (v >= 0 && base_.skeleton().corner_of_vertex[v] >= 0 &&
           (base_.vertices()[v].point - x).norm() < kClear * surface_.local_length[n])
         return std::nullopt;
     return foot.t;
   }
 
-  Vector3d tangent(int edge, double t) const {
+  Vector3d tangent(EdgeId edge, double t) const {
     return base_.evaluate_edge(edge, t).dt.normalized();
   }
 
   // Of the angle at which a node's own edge or face meets another one.
-  double sine_to_face(int n, int face, const Vector2d& uv) const {
+  double sine_to_face(int n, FaceId face, const Vector2d& uv) const {
     const Vector3d normal = base_.normal(face, uv);
     if (dimension(n) == CadDimension::Edge)
-      return std::abs(normal.dot(tangent(entity(n), association_.uv(n, 0))));
-    return normal.cross(base_.normal(entity(n), association_.uv.row(n))).norm();
+      return std::abs(normal.dot(tangent(this->edge(n), association_.uv(n, 0))));
+    return normal.cross(base_.normal(this->face(n), association_.uv.row(n))).norm();
   }
 
-  double sine_to_edge(int n, int edge, double t) const {
-    return tangent(edge, t).cross(tangent(entity(n), association_.uv(n, 0))).norm();
+  double sine_to_edge(int n, EdgeId edge, double t) const {
+    return tangent(edge, t).cross(tangent(this->edge(n), association_.uv(n, 0))).norm();
   }
 
   void collect_nodes() {
@@ -253,8 +256,8 @@ class JointFinder {
   const CadModel& base_;
   const SurfaceMesh& surface_;
   const Association& association_;
-  std::vector<std::vector<int>> faces_at_;  // a vertex
-  std::map<int, Outline> outlines_;         // of faces, once needed
+  IdVector<VertexId, std::vector<FaceId>> faces_at_;
+  std::map<FaceId, Outline> outlines_;  // of faces, once needed
   Joints joints_;
 };
 

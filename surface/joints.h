@@ -18,16 +18,17 @@ struct Joints {
   /// A node on an edge, between its ends, that moves with something else.
   struct OnEdge {
     int node;
-    int edge;
+    EdgeId edge;
     double t;
   };
   /// A node where entities pass through each other; it stays on all of them.
   struct Crossing {
     int node;
-    std::vector<int> faces, edges;
+    std::vector<FaceId> faces;
+    std::vector<EdgeId> edges;
   };
 
-  std::vector<std::vector<OnFace>> of_face;  ///< by face; of very many, some spread evenly
+  IdVector<FaceId, std::vector<OnFace>> of_face;  ///< by face; of very many, some spread evenly
   std::vector<OnEdge> on_edges;
   std::vector<Crossing> crossings;
   std::vector<int> nodes;  ///< of all of these, ascending

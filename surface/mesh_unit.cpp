@@ -109,7 +109,7 @@ class FitFinder {
  private:
   bool is_on_cad(const Eigen::Vector3d& x, double tolerance) const {
     for (const Neighbour& near : tree_.nearest(x.data(), kFacesTried)) {
-      const int face = samples_.face[near.index];
+      const FaceId face = samples_.face[near.index];
       const double reach = kNearSample * samples_.face_spacing[face] + tolerance;
       if (near.squared_distance > reach * reach) continue;
       const FaceFoot foot = project_on_face(base_, face, x, samples_.uv[near.index]);

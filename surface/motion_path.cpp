@@ -119,7 +119,7 @@ void fit(Patch& patch, const Points& start, const Points& end) {
 }
 
 // Number of a patch for each facet -> the patches with their nodes as rows.
-std::vector<Patch> make_patches(const Boundary& boundary, const std::vector<int>& numbers) {
+std::vector<Patch> make_patches(const Boundary& boundary, const std::vector<FaceId>& numbers) {
   std::map<int, Index> position;
   std::vector<Patch> patches;
   std::vector<std::vector<Index>> at_node(boundary.nodes.size());
@@ -225,7 +225,7 @@ RowMatrix smooth_generators(const Boundary& boundary, const std::vector<Patch>& 
 }  // namespace
 
 MotionPath::MotionPath(const Boundary& boundary, const Points& start, const Points& end,
-                       const std::vector<int>& patch)
+                       const std::vector<FaceId>& patch)
     : start_(start), end_(end) {
   const Index count = static_cast<Index>(boundary.nodes.size());
   if (start.rows() != count || end.rows() != count ||

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "cad/ids.h"
 #include "core/boundary.h"
 
 namespace cadmorph {
@@ -17,11 +18,11 @@ namespace cadmorph {
 /// and x' at s = 1, whatever G is.
 class MotionPath {
  public:
-  /// `start` and `end` (m x 3): positions of Boundary::nodes; `patch` numbers each facet's patch.
+  /// `start` and `end` (m x 3): positions of Boundary::nodes; `patch`: the CAD face of each facet.
   /// Throws InvalidInputError on wrong sizes. O(m) memory, a sparse factorisation of m unknowns
   /// when something turns.
   MotionPath(const Boundary& boundary, const Points& start, const Points& end,
-             const std::vector<int>& patch);
+             const std::vector<FaceId>& patch);
 
   /// Whether any patch turns; straight lines otherwise.
   bool is_turning() const { return generators_.rows() > 0; }

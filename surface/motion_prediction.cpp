@@ -25,17 +25,18 @@ struct Landmarks {
 };
 
 void add(Landmarks& marks, const std::vector<EntityFeature>& a, const std::vector<EntityFeature>& b,
-         std::size_t begin_a, std::size_t begin_b, const std::vector<int>& map) {
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    marks.from.push_back(a[begin_a + i].centre);
-    marks.to.push_back(b[begin_b + static_cast<std::size_t>(map[i])].centre);
+         std::size_t begin, const auto& map) {
+  for (const auto id : map.ids()) {
+    marks.from.push_back(a[begin + static_cast<std::size_t>(id)].centre);
+    marks.to.push_back(b[begin + static_cast<std::size_t>(map[id])].centre);
   }
 }
 
-bool has_curves(const CadModel& model, int face) {
+bool has_curves(const CadModel& model, FaceId face) {
   return std::ranges::any_of(model.faces()[face].wires, [&](const auto& wire) {
-    return std::ranges::any_of(
-        wire, [&](int c) { return model.skeleton().curve_of_edge[model.coedges()[c].edge] >= 0; });
+    return std::ranges::any_of(wire, [&](CoedgeId c) {
+      return model.skeleton().curve_of_edge[model.coedges()[c].edge] >= 0;
+    });
   });
 }
 
@@ -58,14 +59,13 @@ Landmarks collect(const CadModel& base, const CadModel& variant, const TopologyM
   const auto a = entity_features(base), b = entity_features(variant);
   const std::size_t faces = match.faces.size(), curves = match.curves.size();
   Landmarks marks;
-  add(marks, a, b, faces + curves, faces + curves, match.corners);
-  add(marks, a, b, faces, faces, match.curves);
+  add(marks, a, b, faces + curves, match.corners);
+  add(marks, a, b, faces, match.curves);
   for (std::size_t i = 0; i < marks.from.size(); ++i)
     marks.largest = std::max(marks.largest, (match.alignment(marks.from[i]) - marks.to[i]).norm());
-  add(marks, a, b, 0, 0, match.faces);
-  for (std::size_t f = 0; f < faces; ++f)
-    if (!has_curves(base, static_cast<int>(f)))
-      add_closed_face(match.alignment, a[f], b[static_cast<std::size_t>(match.faces[f])], marks);
+  add(marks, a, b, 0, match.faces);
+  for (const FaceId f : match.faces.ids())
+    if (!has_curves(base, f)) add_closed_face(match.alignment, a[f], b[match.faces[f]], marks);
   return marks;
 }
 

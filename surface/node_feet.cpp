@@ -22,9 +22,9 @@ constexpr double kExact = 1e-12;
 constexpr double kNearer = 1 - 1e-6;
 
 /// The feet found on a face or edge, one on each part of it that passes the node.
-template <class Foot, class Tangents>
+template <class Key, class Foot, class Tangents>
 struct FeetOn {
-  int id;
+  Key id;
   std::vector<std::pair<Foot, Tangents>> parts;
 
   bool is_exact(double tolerance) const {
@@ -40,7 +40,7 @@ struct FeetOn {
   }
 };
 
-struct FaceSheets : FeetOn<FaceFoot, SurfacePoint> {
+struct FaceSheets : FeetOn<FaceId, FaceFoot, SurfacePoint> {
   void add(const CadModel& model, const FaceFoot& foot) {
     parts.emplace_back(foot, model.evaluate(id, foot.uv));
   }
@@ -56,7 +56,7 @@ struct FaceSheets : FeetOn<FaceFoot, SurfacePoint> {
   }
 };
 
-struct EdgeStrands : FeetOn<EdgeFoot, CurvePoint> {
+struct EdgeStrands : FeetOn<EdgeId, EdgeFoot, CurvePoint> {
   void add(const CadModel& model, const EdgeFoot& foot) {
     parts.emplace_back(foot, model.evaluate_edge(id, foot.t));
   }
@@ -70,7 +70,7 @@ struct EdgeStrands : FeetOn<EdgeFoot, CurvePoint> {
 
 // The feet on face or edge `id`, empty when it is new.
 template <class Feet>
-Feet& entry_of(std::vector<Feet>& found, int id) {
+Feet& entry_of(std::vector<Feet>& found, decltype(Feet::id) id) {
   const auto known = std::ranges::find(found, id, &Feet::id);
   if (known != found.end()) return *known;
   Feet& feet = found.emplace_back();
@@ -95,14 +95,14 @@ FootFinder::FootFinder(const CadModel& model, const SurfaceMesh& surface, double
 
 void FootFinder::spread_faces() {
   std::vector<double> spacing;
-  for (const int face : faces_.face) spacing.push_back(faces_.face_spacing[face]);
+  for (const FaceId face : faces_.face) spacing.push_back(faces_.face_spacing[face]);
   near_faces_ = SpacedSamples(faces_.points, spacing);
 }
 
 void FootFinder::sample_edges() {
   std::vector<Vector3d> points;
   std::vector<double> spacing;
-  for (int e = 0; e < static_cast<int>(model_.edges().size()); ++e) {
+  for (const EdgeId e : model_.edges().ids()) {
     const CadEdge& edge = model_.edges()[e];
     if (!edge.is_physical()) continue;
     const int n = std::clamp(static_cast<int>(edge.length / faces_.spacing), 8, 20'000);
@@ -128,7 +128,7 @@ NodeFeet FootFinder::find(Index n) const {
   std::vector<FaceSheets> found;
   const std::vector<Neighbour> samples = near_faces_.near(x, reach(n));
   for (const Neighbour& near : samples) {
-    const int face = faces_.face[near.index];
+    const FaceId face = faces_.face[near.index];
     FaceSheets& sheets = entry_of(found, face);
     const Vector3d sample = faces_.points.row(near.index);
     if (sheets.is_exact(kExact * model_.diagonal()) ||
@@ -151,7 +151,7 @@ NodeFeet FootFinder::find(Index n) const {
 }
 
 // The local iteration may have left the basin; the nearest face deserves a global search.
-void FootFinder::retry_globally(Index n, const Vector3d& x, int face, NodeFeet& feet) const {
+void FootFinder::retry_globally(Index n, const Vector3d& x, FaceId face, NodeFeet& feet) const {
   const FaceFoot foot = project_globally(model_, face, x);
   if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
     feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
@@ -174,10 +174,10 @@ void FootFinder::find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) cons
 }
 
 // The nearest near edge of a face; null without one.
-const EdgeFoot* FootFinder::near_wire(Index n, int face, const NodeFeet& feet) const {
+const EdgeFoot* FootFinder::near_wire(Index n, FaceId face, const NodeFeet& feet) const {
   for (const EdgeFoot& foot : feet.edges)
     if (foot.distance <= edge_reach(n) + model_.edges()[foot.edge].tolerance)
-      for (const int c : model_.edges()[foot.edge].coedges)
+      for (const CoedgeId c : model_.edges()[foot.edge].coedges)
         if (model_.coedges()[c].face == face) return &foot;
   return nullptr;
 }
@@ -192,7 +192,7 @@ void FootFinder::drop_outside(Index n, NodeFeet& feet) const {
   std::erase_if(feet.faces, [](const FaceCandidate& c) { return std::isinf(c.gap); });
 }
 
-Vector2d FootFinder::seed(int face, const Vector3d& x, double radius) const {
+Vector2d FootFinder::seed(FaceId face, const Vector3d& x, double radius) const {
   const double own = faces_.face_spacing[face];
   for (const Neighbour& near : near_faces_.within(
            x, [&](double spacing) { return spacing >= own ? 2 * own + radius : -1; }))

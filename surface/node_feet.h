@@ -22,7 +22,7 @@ inline constexpr double kOnEntity = 1e-3;
 
 /// A face that a node may lie on.
 struct FaceCandidate {
-  int face;
+  FaceId face;
   Eigen::Vector2d uv;
   double distance;  ///< to the surface, which may reach beyond the wires; millimetres
   double gap;       ///< to the trimmed face
@@ -47,7 +47,7 @@ class FootFinder {
 
   /// Parameters on `face` of a point near x: of a sample within `radius` (and two spacings), else
   /// by a global search. Thread-safe.
-  Eigen::Vector2d seed(int face, const Eigen::Vector3d& x, double radius) const;
+  Eigen::Vector2d seed(FaceId face, const Eigen::Vector3d& x, double radius) const;
 
   /// Largest distance of a node from a curve that it may go to, millimetres.
   double edge_reach(Index node) const {
@@ -58,9 +58,9 @@ class FootFinder {
   void spread_faces();
   void sample_edges();
   double reach(Index node) const { return tolerance_ * surface_.own_length[node]; }
-  void retry_globally(Index node, const Eigen::Vector3d& x, int face, NodeFeet& feet) const;
+  void retry_globally(Index node, const Eigen::Vector3d& x, FaceId face, NodeFeet& feet) const;
   void find_edge_feet(Index node, const Eigen::Vector3d& x, NodeFeet& feet) const;
-  const EdgeFoot* near_wire(Index node, int face, const NodeFeet& feet) const;
+  const EdgeFoot* near_wire(Index node, FaceId face, const NodeFeet& feet) const;
   void drop_outside(Index node, NodeFeet& feet) const;
 
   const CadModel& model_;
@@ -68,8 +68,8 @@ class FootFinder {
   double tolerance_;
   FaceSamples faces_;
   SpacedSamples near_faces_, near_edges_;
-  RowMatrix edge_points_;                           // samples
-  std::vector<std::pair<int, double>> edge_seeds_;  // edge and parameter of each
+  RowMatrix edge_points_;                              // samples
+  std::vector<std::pair<EdgeId, double>> edge_seeds_;  // edge and parameter of each
 };
 
 }  // namespace cadmorph

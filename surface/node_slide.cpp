@@ -52,12 +52,12 @@ double wrapped(const CadEdge& edge, double t) {
 Place evaluate(const CadModel& variant, const Slider& slider, const Vector2d& uv) {
   Place result;
   if (slider.is_on_face) {
-    const SurfacePoint s = variant.evaluate(slider.entity, uv);
+    const SurfacePoint s = variant.evaluate(FaceId(slider.entity), uv);
     result.point = s.point;
     result.tangents << s.du, s.dv;
   } else {
-    const CadEdge& edge = variant.edges()[slider.entity];
-    const CurvePoint c = variant.evaluate_edge(slider.entity, wrapped(edge, uv[0]));
+    const CadEdge& edge = variant.edges()[EdgeId(slider.entity)];
+    const CurvePoint c = variant.evaluate_edge(EdgeId(slider.entity), wrapped(edge, uv[0]));
     result.point = c.point;
     result.tangents << c.dt, Vector3d::Zero();
   }
@@ -66,9 +66,9 @@ Place evaluate(const CadModel& variant, const Slider& slider, const Vector2d& uv
 
 bool is_on_entity(const CadModel& variant, const Slider& slider, const Vector2d& uv) {
   if (slider.is_on_face)
-    return distance_to_trimmed(variant, slider.entity, uv) <=
-           variant.faces()[slider.entity].tolerance;
-  const CadEdge& edge = variant.edges()[slider.entity];
+    return distance_to_trimmed(variant, FaceId(slider.entity), uv) <=
+           variant.faces()[FaceId(slider.entity)].tolerance;
+  const CadEdge& edge = variant.edges()[EdgeId(slider.entity)];
   return is_closed(edge) || (uv[0] >= edge.first && uv[0] <= edge.last);
 }
 
@@ -76,12 +76,12 @@ bool is_on_entity(const CadModel& variant, const Slider& slider, const Vector2d&
 std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Association& association,
                                            const Boundary& boundary,
                                            const SurfaceMorphResult& moved) {
-  const auto is_on = [&](Index row, int edge) {
+  const auto is_on = [&](Index row, EdgeId edge) {
     if (association.dimension[row] == CadDimension::Edge) return moved.entity[row] == edge;
     if (association.dimension[row] != CadDimension::Vertex) return false;
     const Vector3d place = association.mesh_unit_mm * moved.positions.row(row).transpose();
     const CadEdge& ends = variant.edges()[edge];
-    return std::ranges::any_of(std::array{ends.start, ends.end}, [&](int vertex) {
+    return std::ranges::any_of(std::array{ends.start, ends.end}, [&](VertexId vertex) {
       return vertex >= 0 &&
              (variant.vertices()[vertex].point - place).norm() <= kTwin * variant.diagonal();
     });
@@ -96,7 +96,7 @@ std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Associ
     for (Index i = 0; i < corners; ++i) {
       Index a = row_of(facet[i]), b = row_of(facet[(i + 1) % corners]);
       if (association.dimension[a] != CadDimension::Edge) std::swap(a, b);
-      if (association.dimension[a] == CadDimension::Edge && is_on(b, moved.entity[a]))
+      if (association.dimension[a] == CadDimension::Edge && is_on(b, EdgeId(moved.entity[a])))
         result.push_back({std::min(boundary.nodes[a], boundary.nodes[b]),
                           std::max(boundary.nodes[a], boundary.nodes[b]),
                           (moved.positions.row(a) - moved.positions.row(b)).norm()});
@@ -210,7 +210,7 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
   parallel_for(boundary.facet_count(), 1024, [&](Index begin, Index end) {
     for (Index f = begin; f < end; ++f) of_facet[f] = cosine_of(f);
   });
-  std::map<int, std::vector<double>> cosines;
+  std::map<FaceId, std::vector<double>> cosines;
   for (Index f = 0; f < boundary.facet_count(); ++f)
     if (of_facet[f]) cosines[association.facet_face[f]].push_back(*of_facet[f]);
   Index count = 0;

@@ -19,7 +19,7 @@ struct RoundSurface {
   double major = 0, minor = 0;
 };
 
-RoundSurface round_surface(const CadModel& model, int face) {
+RoundSurface round_surface(const CadModel& model, FaceId face) {
   const auto at = [&](double u, double v) -> Vector3d {
     return model.evaluate(face, {u, v}).point;
   };
@@ -54,10 +54,10 @@ Eigen::Matrix3d turn_of_marks(const RoundSurface& base, const RoundSurface& vari
 
 }  // namespace
 
-std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face,
+std::optional<FaceCarry> carry_round_face(const ModelPair& pair, FaceId base_face,
                                           const std::vector<Vector3d>& marks,
                                           const std::vector<Vector3d>& marked) {
-  const int variant_face = pair.match.faces[static_cast<std::size_t>(base_face)];
+  const FaceId variant_face = pair.match.faces[base_face];
   const SurfaceType type = pair.base.faces()[base_face].type;
   if (type != pair.variant.faces()[variant_face].type ||
       (type != SurfaceType::Sphere && type != SurfaceType::Torus))

@@ -16,7 +16,7 @@ using FaceCarry = std::function<Eigen::Vector3d(const Eigen::Vector3d&)>;
 /// the map of the one onto the other that owes nothing to them. Where a kernel puts the poles of a
 /// sphere or the seams of a torus tells nothing of the part. A sphere turns as its marks do, `from`
 /// and `to` (millimetres), or without them as the alignment. Nothing for other faces.
-std::optional<FaceCarry> carry_round_face(const ModelPair& pair, int base_face,
+std::optional<FaceCarry> carry_round_face(const ModelPair& pair, FaceId base_face,
                                           const std::vector<Eigen::Vector3d>& from = {},
                                           const std::vector<Eigen::Vector3d>& to = {});
 

@@ -14,11 +14,11 @@ constexpr double kStraight = 1e-4;
 double tolerance_of(const CadModel& model, CadDimension dimension, int entity) {
   switch (dimension) {
     case CadDimension::Vertex:
-      return model.vertices()[entity].tolerance;
+      return model.vertices()[VertexId(entity)].tolerance;
     case CadDimension::Edge:
-      return model.edges()[entity].tolerance;
+      return model.edges()[EdgeId(entity)].tolerance;
     default:
-      return model.faces()[entity].tolerance;
+      return model.faces()[FaceId(entity)].tolerance;
   }
 }
 

@@ -55,8 +55,8 @@ Matrix3d frame(const SurfacePoint& s) {
 
 // Orthonormal tangents of a face or an edge, columns; all directions where it has none.
 Matrix3Xd tangents(const CadModel& model, int entity, bool is_face, const Vector2d& uv) {
-  if (!is_face) return model.evaluate_edge(entity, uv[0]).dt.normalized();
-  const SurfacePoint s = model.evaluate(entity, uv);
+  if (!is_face) return model.evaluate_edge(EdgeId(entity), uv[0]).dt.normalized();
+  const SurfacePoint s = model.evaluate(FaceId(entity), uv);
   const Matrix3d all = frame(s);
   return all.isIdentity(0) ? Matrix3Xd(all) : Matrix3Xd(all.leftCols<2>());
 }
@@ -131,7 +131,7 @@ std::vector<int> nodes_of(const std::vector<ImagePair>& pairs) {
 }
 
 // Where the warp puts a node, unless it has its place already.
-Vector2d place_on_face(const CadModel& variant, int face, const Placement& placed, int row,
+Vector2d place_on_face(const CadModel& variant, FaceId face, const Placement& placed, int row,
                        const Vector2d& warped) {
   if (!placed.is_crossing[row]) return warped;
   return project_on_face(variant, face, placed.feet.row(row), warped).uv;
@@ -151,14 +151,14 @@ std::string text_of(const Vector3d& point) {
   return text.str();
 }
 
-// The first face between two solids that no facet of the mesh lies on; -1.
-int face_between_solids_off_mesh(const CadModel& base, const Association& association) {
-  std::vector<char> is_met(base.faces().size(), 0);
-  for (const int face : association.facet_face)
+// The first face between two solids that no facet of the mesh lies on.
+FaceId face_between_solids_off_mesh(const CadModel& base, const Association& association) {
+  IdVector<FaceId, char> is_met(base.faces().size(), 0);
+  for (const FaceId face : association.facet_face)
     if (face >= 0) is_met[face] = 1;
-  for (std::size_t f = 0; f < is_met.size(); ++f)
-    if (base.faces()[f].other_solid >= 0 && !is_met[f]) return static_cast<int>(f);
-  return -1;
+  for (const FaceId f : is_met.ids())
+    if (base.faces()[f].other_solid >= 0 && !is_met[f]) return f;
+  return {};
 }
 
 // What the options say of nodes on no CAD face vouches for these.
@@ -173,14 +173,15 @@ AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& 
   return result;
 }
 
-std::string name_of(const CadModel& base, const TopologyMatch& match, int face) {
+std::string name_of(const CadModel& base, const TopologyMatch& match, FaceId face) {
   return "face " + std::to_string(face + 1) + " (" + to_string(base.faces()[face].type) +
          ", variant face " + std::to_string(match.faces[face] + 1) + ")";
 }
 
 // A node that is held where the CAD has a face.
 struct HeldNode {
-  int row, face;
+  int row;
+  FaceId face;
   Vector2d uv;
 };
 
@@ -189,8 +190,8 @@ std::vector<HeldNode> held_on_faces(const std::vector<GroupConstraint>& constrai
   std::vector<HeldNode> result;
   for (std::size_t n = 0; n < constraints.size(); ++n)
     if (constraints[n] == GroupConstraint::Hold && association.dimension[n] == CadDimension::Face)
-      result.push_back(
-          {static_cast<int>(n), association.entity[n], association.uv.row(static_cast<Index>(n))});
+      result.push_back({static_cast<int>(n), association.face(static_cast<Index>(n)),
+                        association.uv.row(static_cast<Index>(n))});
   return result;
 }
 
@@ -210,7 +211,7 @@ struct SurfaceMorph::Impl {
   std::vector<PeriodicSides> periodic;  // those that have names
   std::string crack;                    // what to tell of one inside of the mesh
   std::vector<std::string> idle;        // of groups that no constraint reaches
-  std::vector<FaceNodes> faces;
+  IdVector<FaceId, FaceNodes> faces;
   Joints joints;
   Points feet;     // of all nodes on the base CAD, millimetres
   Points offsets;  // of the nodes from these; of those on faces in the face's own frame
@@ -222,13 +223,11 @@ struct SurfaceMorph::Impl {
   GroupConstraint constraint(const FreePatch& patch) const;
   bool slides(const FreePatch& patch) const;
 
-  void move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                    Placement& placed) const;
-  void move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                  Placement& placed) const;
-  FaceMotion motion_of(const FaceNodes& nodes, const std::vector<CurveMap>& maps,
+  void move_corners(const ModelPair& pair, const CurveMaps& maps, Placement& placed) const;
+  void move_edges(const ModelPair& pair, const CurveMaps& maps, Placement& placed) const;
+  FaceMotion motion_of(const FaceNodes& nodes, const CurveMaps& maps,
                        const Placement& placed) const;
-  void move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps, Placement& placed,
+  void move_faces(const ModelPair& pair, const CurveMaps& maps, Placement& placed,
                   SurfaceMorphResult& result) const;
   std::vector<ImagePair> image_faces(const ModelPair& pair, const Points& moved) const;
   void place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
@@ -241,9 +240,9 @@ struct SurfaceMorph::Impl {
                                      const Points& moved) const;
   void follow_named(Points& moved) const;
   PartedJoints settle_junctions(const CadModel& variant, Placement& placed) const;
-  void unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
+  void unfold(const ModelPair& pair, const CurveMaps& maps, FaceId face,
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
-  void place(const ModelPair& pair, int face, FaceMapResult& mapped, Placement& placed) const;
+  void place(const ModelPair& pair, FaceId face, FaceMapResult& mapped, Placement& placed) const;
   VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
   double least_stretch(int row, const Points& moved_feet) const;
   void move_amid(Points& moved) const;
@@ -258,17 +257,16 @@ void SurfaceMorph::Impl::find_feet() {
   feet = surface.points;
   parallel_for(feet.rows(), 1024, [&](Index begin, Index end) {
     for (Index n = begin; n < end; ++n) {
-      const int entity = association.entity[n];
       const Vector2d uv = association.uv.row(n);
       switch (association.dimension[n]) {
         case CadDimension::Vertex:
-          feet.row(n) = base->vertices()[entity].point;
+          feet.row(n) = base->vertices()[association.vertex(n)].point;
           break;
         case CadDimension::Edge:
-          feet.row(n) = base->evaluate_edge(entity, uv[0]).point;
+          feet.row(n) = base->evaluate_edge(association.edge(n), uv[0]).point;
           break;
         case CadDimension::Face:
-          feet.row(n) = base->evaluate(entity, uv).point;
+          feet.row(n) = base->evaluate(association.face(n), uv).point;
           break;
         case CadDimension::None:
           break;
@@ -283,7 +281,7 @@ void SurfaceMorph::Impl::find_offsets() {
   parallel_for(offsets.rows(), 1024, [&](Index begin, Index end) {
     for (Index n = begin; n < end; ++n)
       if (association.dimension[n] == CadDimension::Face && !offsets.row(n).isZero(0))
-        offsets.row(n) *= frame(base->evaluate(association.entity[n], association.uv.row(n)));
+        offsets.row(n) *= frame(base->evaluate(association.face(n), association.uv.row(n)));
   });
 }
 
@@ -325,23 +323,23 @@ void SurfaceMorph::Impl::find_forms() {
       patch.form = std::make_shared<OwnSurface>(surface, patch.facets, tolerance);
 }
 
-void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const std::vector<CurveMap>& maps,
+void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const CurveMaps& maps,
                                       Placement& placed) const {
   const Similarity& a = pair.match.alignment;
   for (int n = 0; n < static_cast<int>(placed.feet.rows()); ++n) {
     if (association.dimension[n] != CadDimension::Vertex) continue;
-    placed.feet.row(n) = map_vertex(pair, maps, association.entity[n]);
+    placed.feet.row(n) = map_vertex(pair, maps, association.vertex(n));
     placed.offsets.row(n) = a.rotation * offsets.row(n).transpose();
   }
 }
 
-void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<CurveMap>& maps,
+void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const CurveMaps& maps,
                                     Placement& placed) const {
   const Similarity& a = pair.match.alignment;
   parallel_for(placed.feet.rows(), 256, [&](Index begin, Index end) {
     for (Index n = begin; n < end; ++n) {
       if (association.dimension[n] != CadDimension::Edge) continue;
-      const int edge = association.entity[n];
+      const EdgeId edge = association.edge(n);
       const CurveLocation l =
           maps[pair.base.skeleton().curve_of_edge[edge]]({edge, association.uv(n, 0)});
       placed.feet.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point;
@@ -353,10 +351,10 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const std::vector<Cur
 }
 
 // Whether the outside of a face is that of another solid than in the base: between two solids.
-bool is_seen_from_the_other(const ModelPair& pair, int face) {
+bool is_seen_from_the_other(const ModelPair& pair, FaceId face) {
   const CadFace& shared = pair.base.faces()[face];
   if (shared.other_solid < 0) return false;
-  for (std::size_t f = 0; f < pair.match.faces.size(); ++f) {
+  for (const FaceId f : pair.match.faces.ids()) {
     const CadFace& own = pair.base.faces()[f];
     if (own.solid == shared.solid && own.other_solid < 0)
       return pair.variant.faces()[pair.match.faces[f]].solid !=
@@ -366,10 +364,10 @@ bool is_seen_from_the_other(const ModelPair& pair, int face) {
 }
 
 // The edges of quadratic cells that are straight within a plane face stay so; `mapped` takes that.
-void SurfaceMorph::Impl::place(const ModelPair& pair, int face, FaceMapResult& mapped,
+void SurfaceMorph::Impl::place(const ModelPair& pair, FaceId face, FaceMapResult& mapped,
                                Placement& placed) const {
   const FaceNodes& nodes = faces[face];
-  const int variant = pair.match.faces[face];
+  const FaceId variant = pair.match.faces[face];
   const bool is_turned_over =
       (base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed) !=
       is_seen_from_the_other(pair, face);
@@ -401,26 +399,25 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, int face, FaceMapResult& m
 }
 
 // Once corners and edges are placed.
-FaceMotion SurfaceMorph::Impl::motion_of(const FaceNodes& nodes, const std::vector<CurveMap>& maps,
+FaceMotion SurfaceMorph::Impl::motion_of(const FaceNodes& nodes, const CurveMaps& maps,
                                          const Placement& placed) const {
   return {maps, feet(nodes.joints, Eigen::all), placed.feet(nodes.joints, Eigen::all),
           nodes.border};
 }
 
 // All faces are placed before any is judged: a facet may have nodes of several.
-void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const std::vector<CurveMap>& maps,
-                                    Placement& placed, SurfaceMorphResult& result) const {
-  const int count = static_cast<int>(faces.size());
-  std::vector<FaceMapResult> mapped(faces.size());
-  parallel_for(count, 1, [&](Index begin, Index end) {
-    for (Index f = begin; f < end; ++f)
+void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const CurveMaps& maps, Placement& placed,
+                                    SurfaceMorphResult& result) const {
+  IdVector<FaceId, FaceMapResult> mapped(faces.size());
+  parallel_for(std::ssize(faces), 1, [&](Index begin, Index end) {
+    for (FaceId f(begin); f < end; ++f)
       if (const FaceNodes& nodes = faces[f]; !nodes.rows.empty())
         mapped[f] =
             map_face(*nodes.domain, pair, motion_of(nodes, maps, placed), nodes.uv, nodes.points);
   });
-  for (int f = 0; f < count; ++f)
+  for (const FaceId f : faces.ids())
     if (!faces[f].rows.empty()) place(pair, f, mapped[f], placed);
-  for (int f = 0; f < count; ++f)
+  for (const FaceId f : faces.ids())
     if (!faces[f].rows.empty()) unfold(pair, maps, f, mapped[f], placed, result);
 }
 
@@ -428,7 +425,7 @@ void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const std::vector<Cur
 std::vector<ImagePair> SurfaceMorph::Impl::image_faces(const ModelPair& pair,
                                                        const Points& moved) const {
   std::vector<Sheet> sheets;
-  for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
+  for (const FaceId f : faces.ids()) {
     const FaceNodes& nodes = faces[f];
     Sheet sheet;
     sheet.facets = nodes.facets;
@@ -454,11 +451,11 @@ void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<I
       const Vector3d place = placed.feet.row(to).transpose() + motion;
       const Vector2d uv = placed.uv.row(to);
       if (association.dimension[to] == CadDimension::Face) {
-        const FaceFoot foot = project_on_face(pair.variant, entity, place, uv);
+        const FaceFoot foot = project_on_face(pair.variant, FaceId(entity), place, uv);
         placed.feet.row(to) = foot.point;
         placed.uv.row(to) = foot.uv;
       } else {
-        const EdgeFoot foot = project_on_edge(pair.variant, entity, place, uv[0]);
+        const EdgeFoot foot = project_on_edge(pair.variant, EdgeId(entity), place, uv[0]);
         placed.feet.row(to) = foot.point;
         placed.uv.row(to) << foot.t, 0;
       }
@@ -467,12 +464,12 @@ void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<I
 }
 
 // Replaces a folded map by a finer one, or by projection, where that folds less.
-void SurfaceMorph::Impl::unfold(const ModelPair& pair, const std::vector<CurveMap>& maps, int face,
+void SurfaceMorph::Impl::unfold(const ModelPair& pair, const CurveMaps& maps, FaceId face,
                                 const FaceMapResult& mapped, Placement& placed,
                                 SurfaceMorphResult& result) const {
   const FaceNodes& nodes = faces[face];
   const FaceMotion motion = motion_of(nodes, maps, placed);
-  const int variant = pair.match.faces[face];
+  const FaceId variant = pair.match.faces[face];
   std::string note = mapped.note;
   const auto find = [&](const Parameters& uv) {
     return nodes.folds.find(surface, {pair.variant, variant, uv, placed.feet});
@@ -537,7 +534,7 @@ VectorXd SurfaceMorph::Impl::distances_beyond_wires(const ModelPair& pair,
   parallel_for(distances.size(), 256, [&](Index begin, Index end) {
     for (Index n = begin; n < end; ++n) {
       if (association.dimension[n] != CadDimension::Face) continue;
-      const int face = placed.entity[n];
+      const FaceId face(placed.entity[n]);
       const double distance = distance_to_trimmed(pair.variant, face, placed.uv.row(n));
       if (distance > pair.variant.faces()[face].tolerance + kOnEntity * surface.local_length[n])
         distances[n] = distance;
@@ -618,8 +615,8 @@ PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
     if (placed.is_crossing[n] || placed.entity[n] < 0) continue;
     const bool is_on_face = association.dimension[n] == CadDimension::Face;
     const auto project = [&](const Vector3d& x, const Vector2d& uv) {
-      if (is_on_face) return project_on_face(variant, placed.entity[n], x, uv);
-      const EdgeFoot foot = project_on_edge(variant, placed.entity[n], x, uv[0]);
+      if (is_on_face) return project_on_face(variant, FaceId(placed.entity[n]), x, uv);
+      const EdgeFoot foot = project_on_edge(variant, EdgeId(placed.entity[n]), x, uv[0]);
       return FaceFoot{{foot.t, 0}, foot.point, foot.distance};
     };
     // The node itself is as far off as its foot is on the base.
@@ -715,7 +712,7 @@ std::string SurfaceMorph::Impl::describe_held(const ModelPair& pair) const {
   Index count = 0;
   double most = 0;
   for (const HeldNode& node : held) {
-    const int face = pair.match.faces[node.face];
+    const FaceId face = pair.match.faces[node.face];
     const Vector3d x = surface.points.row(node.row);
     const double allowed = (base->evaluate(node.face, node.uv).point - x).norm() +
                            pair.variant.faces()[face].tolerance +
@@ -778,7 +775,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                                      impl_->patches);
   std::ranges::move(unpaired, std::back_inserter(impl_->idle));
   // With regions, who holds an interface takes its facets from the CAD.
-  if (const int face = face_between_solids_off_mesh(*impl_->base, impl_->association);
+  if (const FaceId face = face_between_solids_off_mesh(*impl_->base, impl_->association);
       face >= 0 && mesh.regions.empty())
     impl_->idle.push_back("face " + std::to_string(face + 1) + " of " + impl_->base->file_name() +
                           " lies between two solids, but the mesh has no regions: its nodes there "
@@ -828,7 +825,7 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
   const CadModel joined = match.joins_edges ? variant.with_joined_edges() : variant;
   const MotionPrediction prediction(base, joined, match);
   const ModelPair pair{base, joined, match, prediction};
-  std::vector<CurveMap> maps = map_curves(pair);
+  CurveMaps maps = map_curves(pair);
   join_curves(pair, self.joints, self.association, maps);
   Placement placed(self.feet);
   self.move_corners(pair, maps, placed);
@@ -905,10 +902,10 @@ SlideDerivative SurfaceMorph::slide_derivative(const Points& positions) const {
 std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,
                                                const Association& association,
                                                const VectorXd& beyond_wires) {
-  std::map<int, std::pair<int, double>> beyond;  // nodes and largest distance, a face of the base
+  std::map<FaceId, std::pair<int, double>> beyond;  // nodes and largest distance, by base face
   for (Index n = 0; n < beyond_wires.size(); ++n)
     if (beyond_wires[n] > 0) {
-      auto& [count, most] = beyond[association.entity[n]];
+      auto& [count, most] = beyond[association.face(n)];
       ++count;
       most = std::max(most, beyond_wires[n]);
     }

@@ -31,7 +31,7 @@ constexpr int kProbes = 8;  // in each direction of a face
 
 // A node on a CAD face.
 struct Lies {
-  int face;
+  FaceId face;
   Vector2d uv;
   double distance;
 };
@@ -39,7 +39,7 @@ struct Lies {
 // A face of a cell on a CAD face.
 struct Candidate {
   InnerFace face;
-  int on;
+  FaceId on;
   double area;
 };
 
@@ -54,10 +54,11 @@ class Search {
         unit_(association.mesh_unit_mm),
         tolerance_(tolerance),
         is_sought_(base.faces().size(), 1) {
-    for (const int face : association.facet_face)
+    for (const FaceId face : association.facet_face)
       if (face >= 0) is_sought_[face] = 0;
     for (std::size_t i = 0; i < association.entity.size(); ++i)
-      if (association.dimension[i] == CadDimension::Face) is_sought_[association.entity[i]] = 0;
+      if (association.dimension[i] == CadDimension::Face)
+        is_sought_[association.face(Index(i))] = 0;
   }
 
   UnnamedInterfaces run() {
@@ -66,9 +67,8 @@ class Search {
     if (near_.empty()) return {};
     find_nodes();
     UnnamedInterfaces result{find_faces(), {}};
-    for (std::size_t f = 0; f < is_sought_.size(); ++f)
-      if (is_sought_[f] && is_inside(static_cast<int>(f)))
-        result.crossed.push_back(static_cast<int>(f));
+    for (const FaceId f : is_sought_.ids())
+      if (is_sought_[f] && is_inside(f)) result.crossed.push_back(f);
     return result;
   }
 
@@ -106,10 +106,10 @@ class Search {
 
   // From the nearest sample of each face.
   void find_feet(const Vector3d& x, std::vector<Lies>& lies) const {
-    std::vector<int> tried;
+    std::vector<FaceId> tried;
     for (const Neighbour& near : tree_->within(x.data(), reach_)) {
       const Index sample = near_[near.index];
-      const int face = samples_.face[sample];
+      const FaceId face = samples_.face[sample];
       if (std::ranges::find(tried, face) != tried.end()) continue;
       tried.push_back(face);
       const FaceFoot foot = project_on_face(base_, face, x, samples_.uv[sample]);
@@ -124,13 +124,11 @@ class Search {
     parallel_for(cells, kGrain, [&](Index begin, Index end) {
       for (Index c = begin; c < end; ++c) add_faces(c, found[begin / kGrain]);
     });
-    std::vector<double> area(is_sought_.size(), 0);
+    IdVector<FaceId, double> area(is_sought_.size(), 0);
     for (const auto& some : found)
       for (const Candidate& one : some) area[one.on] += one.area;
-    for (std::size_t f = 0; f < is_sought_.size(); ++f) {
-      if (!is_sought_[f]) continue;
-      if (area[f] >= kMost * area_of(static_cast<int>(f))) is_sought_[f] = 0;  // found
-    }
+    for (const FaceId f : is_sought_.ids())
+      if (is_sought_[f] && area[f] >= kMost * area_of(f)) is_sought_[f] = 0;  // found
     std::vector<InnerFace> result;
     for (const auto& some : found)
       for (const Candidate& one : some)
@@ -139,7 +137,7 @@ class Search {
     return result;
   }
 
-  double area_of(int face) const {
+  double area_of(FaceId face) const {
     const CadFace& of = base_.faces()[face];
     double sum = 0;
     for (const Vector2d& uv : sample_domain(base_, face, kProbes)) {
@@ -161,7 +159,7 @@ class Search {
               .first(std::size_t(corner_count(facets[f].type, std::ssize(facets[f].nodes))));
       if (!std::ranges::all_of(corners, is_near)) continue;
       const Vector3d vector = area_vector(corners);
-      for (const int on : faces_below(corners, vector))
+      for (const FaceId on : faces_below(corners, vector))
         found.push_back({{c, static_cast<Index>(f)}, on, vector.norm()});
     }
   }
@@ -175,7 +173,7 @@ class Search {
   }
 
   // The CAD faces that a facet lies on: two where solids that touch have one each.
-  std::vector<int> faces_below(std::span<const Index> corners, const Vector3d& vector) const {
+  std::vector<FaceId> faces_below(std::span<const Index> corners, const Vector3d& vector) const {
     double edge = std::numeric_limits<double>::infinity();
     Vector3d middle = Vector3d::Zero();
     for (std::size_t i = 0; i < corners.size(); ++i) {
@@ -183,7 +181,7 @@ class Search {
       edge = std::min(edge, (position(corners[(i + 1) % corners.size()]) - x).norm());
       middle += x / double(corners.size());
     }
-    std::vector<int> result;
+    std::vector<FaceId> result;
     for (const Lies& first : lies_[corners[0]]) {
       const bool is_on = std::ranges::all_of(corners, [&](Index node) {
         const auto lies = std::ranges::find(lies_[node], first.face, &Lies::face);
@@ -203,7 +201,7 @@ class Search {
 
   // Whether most of a face lies amid cells: the nodes next to it are not those of the outside. One
   // that lies where another does, which has facets, is its twin.
-  bool is_inside(int face) {
+  bool is_inside(FaceId face) {
     if (!nodes_) {
       nodes_.emplace(unit_ * mesh_.points);
       all_.emplace(samples_.points);
@@ -220,9 +218,9 @@ class Search {
     return double(inside) > kInside * double(probes.size());
   }
 
-  bool is_on_other(int face, const Vector3d& x) const {
+  bool is_on_other(FaceId face, const Vector3d& x) const {
     for (const Neighbour& near : all_->within(x.data(), 2 * samples_.spacing)) {
-      const int other = samples_.face[near.index];
+      const FaceId other = samples_.face[near.index];
       if (other == face || is_sought_[other]) continue;
       const FaceFoot foot = project_on_face(base_, other, x, samples_.uv[near.index]);
       if (foot.distance <= kSamePlace * base_.diagonal() &&
@@ -237,7 +235,7 @@ class Search {
   const CellNeighbours& neighbours_;
   const Boundary& boundary_;
   double unit_, tolerance_;
-  std::vector<char> is_sought_;  ///< CAD faces without a facet
+  IdVector<FaceId, char> is_sought_;  ///< CAD faces without a facet
   FaceSamples samples_;
   std::vector<Index> near_;  ///< samples of the faces sought, as tree_ has them
   std::optional<KdTree> tree_, nodes_, all_;

@@ -13,7 +13,7 @@ namespace cadmorph {
 /// Faces of the CAD inside of the mesh that its file tells nothing of: it names no regions.
 struct UnnamedInterfaces {
   std::vector<InnerFace> faces;  ///< of cells, that lie on them
-  std::vector<int> crossed;      ///< CAD faces that run through the mesh where no face of a cell is
+  std::vector<FaceId> crossed;   ///< CAD faces that run through the mesh where no face of a cell is
 };
 
 /// Looks for faces between two cells of a region on those CAD faces that no facet of `boundary`

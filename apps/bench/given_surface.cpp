@@ -25,10 +25,11 @@ std::map<Index, Index> row_numbers(const Boundary& boundary) {
 }
 
 // Triangles of each face, in rows. A quad counts as both its pairs of triangles.
-std::vector<std::vector<Triangle>> face_triangles(const Boundary& boundary,
-                                                  const Association& association, int faces) {
+IdVector<FaceId, std::vector<Triangle>> face_triangles(const Boundary& boundary,
+                                                       const Association& association,
+                                                       std::size_t faces) {
   const auto rows = row_numbers(boundary);
-  std::vector<std::vector<Triangle>> result(faces);
+  IdVector<FaceId, std::vector<Triangle>> result(faces);
   for (Index f = 0; f < boundary.facet_count(); ++f) {
     if (association.facet_face[f] < 0) continue;
     auto& triangles = result[association.facet_face[f]];
@@ -59,7 +60,7 @@ void add_triangle(const Points& base, const Triangle& triangle, const std::map<I
   }
 }
 
-Vector3d nearest_on_face(const CadModel& variant, int face, const Vector3d& x,
+Vector3d nearest_on_face(const CadModel& variant, FaceId face, const Vector3d& x,
                          const Eigen::Vector2d& seed) {
   const FaceFoot near = project_on_face(variant, face, x, seed);
   if (near.distance < kFarFoot * variant.diagonal()) return near.point;
@@ -73,16 +74,15 @@ Points harmonic_surface(const Points& base, const Boundary& boundary,
                         const Association& association, const CadModel& variant,
                         const TopologyMatch& match, const Points& positions) {
   Points result = positions;
-  const auto faces = face_triangles(boundary, association, static_cast<int>(match.faces.size()));
-  for (std::size_t face = 0; face < faces.size(); ++face) {
+  const auto faces = face_triangles(boundary, association, match.faces.size());
+  for (const FaceId face : faces.ids()) {
     std::map<Index, int> local;
     for (const Triangle& triangle : faces[face])
       for (const Index row : triangle) local.emplace(row, static_cast<int>(local.size()));
     std::vector<MatrixEntry> entries;
     for (const Triangle& triangle : faces[face]) add_triangle(base, triangle, local, entries);
     const auto is_inside = [&](Index row) {
-      return association.dimension[row] == CadDimension::Face &&
-             association.entity[row] == static_cast<int>(face);
+      return association.dimension[row] == CadDimension::Face && association.face(row) == face;
     };
     std::vector<Index> held;
     Points displacements(local.size(), 3);

@@ -62,19 +62,19 @@ std::string contents_of(const CadModel& cad) {
     samples.insert(samples.end(), point.data(), point.data() + point.size());
   };
   for (const CadVertex& vertex : cad.vertices()) add(vertex.point);
-  for (int i = 0; const CadEdge& edge : cad.edges()) {
+  for (const EdgeId id : cad.edges().ids()) {
+    const CadEdge& edge = cad.edges()[id];
     for (const double t : {0.0, 0.2, 0.4, 0.6, 0.8, 1.0})
       if (!edge.is_degenerate)
-        add(cad.evaluate_edge(i, edge.first + t * (edge.last - edge.first)).point);
-    ++i;
+        add(cad.evaluate_edge(id, edge.first + t * (edge.last - edge.first)).point);
   }
-  for (int i = 0; const CadFace& face : cad.faces()) {
+  for (const FaceId id : cad.faces().ids()) {
+    const CadFace& face = cad.faces()[id];
     for (const double u : {0.0, 0.3, 0.7, 1.0})
       for (const double v : {0.0, 0.3, 0.7, 1.0}) {
         const Eigen::Vector2d weight(u, v), size = face.upper - face.lower;
-        add(cad.evaluate(i, face.lower + weight.cwiseProduct(size)).point);
+        add(cad.evaluate(id, face.lower + weight.cwiseProduct(size)).point);
       }
-    ++i;
   }
   return hash_of(samples);
 }

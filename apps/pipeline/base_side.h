@@ -55,9 +55,9 @@ struct BaseSide {
   QualityReport quality;
   ValidityReport validity;
   QualityChecks checks;
-  std::vector<Index> misordered;   ///< see misordered_cells
-  std::vector<int> crossed_faces;  ///< see UnnamedInterfaces
-  PipelineReport report;           ///< the figures of the base side
+  std::vector<Index> misordered;      ///< see misordered_cells
+  std::vector<FaceId> crossed_faces;  ///< see UnnamedInterfaces
+  PipelineReport report;              ///< the figures of the base side
 
  private:
   friend class BaseCache;

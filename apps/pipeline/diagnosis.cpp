@@ -12,16 +12,17 @@ namespace {
 constexpr double kShareTolerance = 0.01;
 
 // Counts as pairs (key, count), the largest count first, equal ones by key.
-std::vector<std::pair<int, Index>> most_first(const std::map<int, Index>& counts) {
-  std::vector<std::pair<int, Index>> result(counts.begin(), counts.end());
-  std::ranges::stable_sort(result, std::greater{}, &std::pair<int, Index>::second);
+template <class Key>
+std::vector<std::pair<Key, Index>> most_first(const std::map<Key, Index>& counts) {
+  std::vector<std::pair<Key, Index>> result(counts.begin(), counts.end());
+  std::ranges::stable_sort(result, std::greater{}, &std::pair<Key, Index>::second);
   return result;
 }
 
-int most_frequent_face(const BaseSide& base, const std::vector<Index>& bad_cells) {
+FaceId most_frequent_face(const BaseSide& base, const std::vector<Index>& bad_cells) {
   const Mesh& mesh = base.mesh();
   const NearestFace nearest(base.boundary, base.association().facet_face, mesh.points);
-  std::map<int, Index> votes;
+  std::map<FaceId, Index> votes;
   for (const Index c : bad_cells) ++votes[nearest(centre_of(mesh.cell(c), mesh.points))];
   return most_first(votes).front().first;
 }

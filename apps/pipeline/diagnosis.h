@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "cad/ids.h"
 #include "core/types.h"
 
 namespace cadmorph {
@@ -26,7 +27,7 @@ struct Diagnosis {
   std::string worst_name;                              ///< with its number in the file
   Eigen::Vector3d location = Eigen::Vector3d::Zero();  ///< of its centroid, in the mesh's unit
   std::vector<std::pair<int, Index>> regions;  ///< region id and bad cells in it, most first
-  int face = -1;                               ///< base CAD face nearest to most bad cells
+  FaceId face;                                 ///< base CAD face nearest to most bad cells
   std::string face_type, face_name;
   /// Share of the parameter change in (0, 1] at which a one-step morph first inverts an element; 1
   /// when only the quality was too low, 0 when the input has inverted elements.

@@ -79,13 +79,13 @@ MorphDetails gather_details(const MorphResult& result, const DetailOptions& opti
   const NearestFace nearest(base.boundary, base.association().facet_face, result.positions);
   for (const Index c : worst_cells(result.quality, options.worst)) {
     const Eigen::Vector3d centre = centre_of(base.mesh().cell(c), result.positions);
-    const int face = nearest(centre);
+    const FaceId face = nearest(centre);
     details.worst.push_back({.cell = c,
                              .name = cell_name(base.mesh(), c),
                              .before = base.quality.values[c],
                              .after = result.quality.values[c],
                              .centre = centre,
-                             .face = face < 0 ? -1 : result.match.faces[face]});
+                             .face = face < 0 ? face : result.match.faces[face]});
   }
   return details;
 }

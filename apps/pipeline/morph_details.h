@@ -25,7 +25,7 @@ struct WorstElement {
   std::string name;              ///< with its number in the file
   double before = 0, after = 0;  ///< scaled Jacobian
   Eigen::Vector3d centre;        ///< mean of its nodes after the morph, in the mesh's unit
-  int face = -1;                 ///< variant CAD face nearest to it, from 0; -1 for none
+  FaceId face;                   ///< variant CAD face nearest to it
 };
 
 /// What of a morph needs more than a figure to tell.

@@ -8,7 +8,7 @@ Eigen::Vector3d centre_of(std::span<const Index> nodes, const Points& positions)
   return sum / static_cast<double>(nodes.size());
 }
 
-NearestFace::NearestFace(const Boundary& boundary, const std::vector<int>& facet_face,
+NearestFace::NearestFace(const Boundary& boundary, const std::vector<FaceId>& facet_face,
                          const Points& positions) {
   std::vector<Index> facets;
   for (Index f = 0; f < boundary.facet_count(); ++f) {
@@ -23,8 +23,8 @@ NearestFace::NearestFace(const Boundary& boundary, const std::vector<int>& facet
   tree_.emplace(centres);
 }
 
-int NearestFace::operator()(const Eigen::Vector3d& x) const {
-  return tree_ ? faces_[tree_->nearest(x.data(), 1).front().index] : -1;
+FaceId NearestFace::operator()(const Eigen::Vector3d& x) const {
+  return tree_ ? faces_[tree_->nearest(x.data(), 1).front().index] : FaceId();
 }
 
 }  // namespace cadmorph

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "cad/ids.h"
 #include "core/boundary.h"
 #include "core/kd_tree.h"
 
@@ -16,14 +17,14 @@ Eigen::Vector3d centre_of(std::span<const Index> nodes, const Points& positions)
 class NearestFace {
  public:
   /// `facet_face`: see Association; `positions` (N x 3) of the mesh's nodes.
-  NearestFace(const Boundary& boundary, const std::vector<int>& facet_face,
+  NearestFace(const Boundary& boundary, const std::vector<FaceId>& facet_face,
               const Points& positions);
 
-  /// The number of the face in `facet_face`; -1 where no facet lies on any.
-  int operator()(const Eigen::Vector3d& x) const;
+  /// The face in `facet_face`; none where no facet lies on any.
+  FaceId operator()(const Eigen::Vector3d& x) const;
 
  private:
-  std::vector<int> faces_;  // one a facet in the tree
+  std::vector<FaceId> faces_;  // one a facet in the tree
   std::optional<KdTree> tree_;
 };
 

@@ -19,8 +19,8 @@ class EntityNumbers {
   // 0 for no entity, and for a vertex that only cuts a smooth edge of `match`.
   int operator()(CadDimension dimension, int entity) const {
     if (entity < 0) return 0;
-    if (dimension == CadDimension::Vertex) return skeleton_.corner_of_vertex[entity] + 1;
-    if (dimension == CadDimension::Edge) return skeleton_.curve_of_edge[entity] + 1;
+    if (dimension == CadDimension::Vertex) return skeleton_.corner_of_vertex[VertexId(entity)] + 1;
+    if (dimension == CadDimension::Edge) return skeleton_.curve_of_edge[EdgeId(entity)] + 1;
     return entity + 1;
   }
 

@@ -251,16 +251,16 @@ std::vector<MatchTable> match_tables(const CadModel& base, const CadModel& varia
                                      const TopologyMatch& match) {
   MatchTable faces{.kind = "Faces", .rows = {}}, edges{.kind = "Edges", .rows = {}},
       vertices{.kind = "Vertices", .rows = {}};
-  const auto face = [](const CadModel& model, int f) {
+  const auto face = [](const CadModel& model, FaceId f) {
     return std::to_string(f + 1) + " " + to_string(model.faces()[f].type);
   };
-  for (std::size_t f = 0; f < match.faces.size(); ++f)
-    faces.rows.push_back({face(base, static_cast<int>(f)), face(variant, match.faces[f]),
+  for (const FaceId f : match.faces.ids())
+    faces.rows.push_back({face(base, f), face(variant, match.faces[f]),
                           format("%.2f", match.face_confidence[f]), base.faces()[f].name});
-  for (std::size_t c = 0; c < match.curves.size(); ++c)
+  for (const CurveId c : match.curves.ids())
     edges.rows.push_back({std::to_string(c + 1), std::to_string(match.curves[c] + 1),
                           format("%.2f", match.curve_confidence[c]), ""});
-  for (std::size_t v = 0; v < match.corners.size(); ++v)
+  for (const CornerId v : match.corners.ids())
     vertices.rows.push_back({std::to_string(v + 1), std::to_string(match.corners[v] + 1),
                              format("%.2f", match.corner_confidence[v]), ""});
   return {std::move(faces), std::move(edges), std::move(vertices)};

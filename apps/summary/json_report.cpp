@@ -184,11 +184,11 @@ const char* outcome_name(Outcome outcome) {
 // Edges are the physical ones (CadSkeleton::curves), numbered from 1.
 Json matched_edges(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   Json edges = Json::array();
-  for (std::size_t c = 0; c < match.curves.size(); ++c) {
+  for (const CurveId c : match.curves.ids()) {
     const CadCurve& from = base.skeleton().curves[c];
     const CadCurve& to = variant.skeleton().curves[match.curves[c]];
     Json faces = Json::array();
-    for (const int f : from.faces) faces.push_back(f + 1);
+    for (const FaceId f : from.faces) faces.push_back(f + 1);
     edges.push_back({{"base", c + 1},
                      {"variant", match.curves[c] + 1},
                      {"base_faces", faces},
@@ -200,12 +200,12 @@ Json matched_edges(const CadModel& base, const CadModel& variant, const Topology
 }
 
 Json matched_vertices(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
-  const auto point = [](const CadModel& model, std::size_t corner) {
+  const auto point = [](const CadModel& model, CornerId corner) {
     const Eigen::Vector3d& p = model.vertices()[model.skeleton().corners[corner]].point;
     return Json{json_number(p.x()), json_number(p.y()), json_number(p.z())};
   };
   Json vertices = Json::array();
-  for (std::size_t c = 0; c < match.corners.size(); ++c)
+  for (const CornerId c : match.corners.ids())
     vertices.push_back({{"base", c + 1},
                         {"variant", match.corners[c] + 1},
                         {"base_point", point(base, c)},
@@ -323,7 +323,7 @@ std::string match_json(const CadModel& base, const CadModel& variant, const Topo
   json["merged_faces"] = {{"base", base.merged_face_count()},
                           {"variant", variant.merged_face_count()}};
   Json faces = Json::array();
-  for (std::size_t f = 0; f < match.faces.size(); ++f)
+  for (const FaceId f : match.faces.ids())
     faces.push_back({{"base", f + 1},
                      {"variant", match.faces[f] + 1},
                      {"base_type", to_string(base.faces()[f].type)},

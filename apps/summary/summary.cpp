@@ -193,7 +193,7 @@ std::string quality_hint(const PipelineReport& report) {
 // The physical edges and vertices, numbered from 1.
 std::string edge_table(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   std::vector<Row> rows = {{"base edge", "length", "variant edge", "length", "confidence"}};
-  for (std::size_t c = 0; c < match.curves.size(); ++c)
+  for (const CurveId c : match.curves.ids())
     rows.push_back({std::to_string(c + 1), millimetres(base.skeleton().curves[c].length),
                     std::to_string(match.curves[c] + 1),
                     millimetres(variant.skeleton().curves[match.curves[c]].length),
@@ -201,12 +201,12 @@ std::string edge_table(const CadModel& base, const CadModel& variant, const Topo
   std::string text("\n");
   text += align(rows);
   if (match.corners.empty()) return text;
-  const auto place = [](const CadModel& model, std::size_t corner) {
+  const auto place = [](const CadModel& model, CornerId corner) {
     const Eigen::Vector3d& p = model.vertices()[model.skeleton().corners[corner]].point;
     return format("%.6g %.6g %.6g", p.x(), p.y(), p.z());
   };
   rows = {{"base vertex", "at (mm)", "variant vertex", "at (mm)", "confidence"}};
-  for (std::size_t c = 0; c < match.corners.size(); ++c)
+  for (const CornerId c : match.corners.ids())
     rows.push_back({std::to_string(c + 1), place(base, c), std::to_string(match.corners[c] + 1),
                     place(variant, match.corners[c]), format("%.2f", match.corner_confidence[c])});
   return text.append("\n").append(align(rows));
@@ -454,7 +454,7 @@ std::string match_text(const CadModel& base, const CadModel& variant, const Topo
                                   "same surface",
                                   base.merged_face_count(), variant.merged_face_count()));
   std::vector<Row> rows = {{"base face", "type", "variant face", "type", "confidence", "name"}};
-  for (std::size_t f = 0; f < match.faces.size(); ++f) {
+  for (const FaceId f : match.faces.ids()) {
     const CadFace& from = base.faces()[f];
     const CadFace& to = variant.faces()[match.faces[f]];
     rows.push_back({std::to_string(f + 1), to_string(from.type), std::to_string(match.faces[f] + 1),

@@ -102,8 +102,8 @@ TEST_CASE("The bore's hexahedra are valid at 220 % where surface nodes may slide
     const int entity = result.surface.entity[i];
     const Eigen::Vector2d uv = result.surface.uv.row(i);
     const double off = job.base().association().dimension[i] == CadDimension::Face
-                           ? project_globally(variant, entity, at).distance
-                           : project_on_edge(variant, entity, at, uv[0]).distance;
+                           ? project_globally(variant, FaceId(entity), at).distance
+                           : project_on_edge(variant, EdgeId(entity), at, uv[0]).distance;
     CHECK(off < 1e-9 * variant.diagonal());
   }
   CHECK(moved == slid);

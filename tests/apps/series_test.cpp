@@ -119,7 +119,7 @@ TEST_CASE("A pipe's wall gets to the same places by one leg or many", "[apps][se
   double worst = 0;
   for (std::size_t i = 0; i < job.base().boundary.nodes.size(); ++i) {
     const bool is_on_end = association.dimension[i] == CadDimension::Face &&
-                           base.faces()[association.entity[i]].type == SurfaceType::Plane;
+                           base.faces()[association.face(i)].type == SurfaceType::Plane;
     if (is_on_end) continue;
     const Index node = job.base().boundary.nodes[i];
     worst = std::max(worst, (written.mesh().points.row(node) - direct.row(node)).norm());

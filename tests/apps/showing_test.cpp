@@ -113,7 +113,7 @@ TEST_CASE("The worst elements are listed worst first, with the CAD face nearest 
     // The face is that of the nearest facet: within an element's size as near as any.
     const double size = 2 * 4.6;  // millimetres: the mesh's edge length, doubled by the morph
     const double distance = project_globally(variant, element.face, element.centre).distance;
-    for (int f = 0; f < static_cast<int>(variant.faces().size()); ++f) {
+    for (const FaceId f : variant.faces().ids()) {
       const FaceFoot foot = project_globally(variant, f, element.centre);
       if (variant.is_inside(f, foot.uv)) CHECK(distance <= foot.distance + size);
     }

@@ -88,9 +88,9 @@ TEST_CASE("STEP bytes give to the bit the model of the file", "[cad][step]") {
   REQUIRE(memory.faces().size() == file.faces().size());
   CHECK(memory.lower() == file.lower());
   CHECK(memory.upper() == file.upper());
-  for (std::size_t f = 0; f < file.faces().size(); ++f) {
+  for (const FaceId f : file.faces().ids()) {
     const Eigen::Vector2d middle = 0.5 * (file.faces()[f].lower + file.faces()[f].upper);
     CHECK(memory.faces()[f].name == file.faces()[f].name);
-    CHECK(memory.evaluate(int(f), middle).point == file.evaluate(int(f), middle).point);
+    CHECK(memory.evaluate(FaceId(f), middle).point == file.evaluate(FaceId(f), middle).point);
   }
 }

@@ -69,10 +69,10 @@ std::vector<Vector2d> random_parameters(const CadFace& face, int count, unsigned
 
 /// Least distance of parameters to the pcurves of a face, in parts of the domain.
 double distance_to_wires(const CadModel& model, int face, const Vector2d& uv) {
-  const Vector2d size = model.faces()[face].upper - model.faces()[face].lower;
+  const Vector2d size = model.faces()[FaceId(face)].upper - model.faces()[FaceId(face)].lower;
   double least = 1e300;
-  for (const auto& wire : model.faces()[face].wires)
-    for (const int c : wire) {
+  for (const auto& wire : model.faces()[FaceId(face)].wires)
+    for (const CoedgeId c : wire) {
       const CadEdge& e = model.edges()[model.coedges()[c].edge];
       for (int i = 0; i <= 400; ++i) {
         const Vector2d p = model.pcurve(c, e.first + (e.last - e.first) * i / 400);
@@ -137,7 +137,7 @@ TEST_CASE("a torus has two seams and no physical curve", "[cad][brep]") {
   CHECK(seams(torus) == 2);
   CHECK(torus.skeleton().curves.empty());
   CHECK(torus.skeleton().corners.empty());
-  CHECK((torus.faces()[0].period - Vector2d(2 * pi, 2 * pi)).norm() < 1e-9);
+  CHECK((torus.faces()[FaceId(0)].period - Vector2d(2 * pi, 2 * pi)).norm() < 1e-9);
 }
 
 TEST_CASE("a sphere has a seam and two poles", "[cad][brep]") {
@@ -147,8 +147,8 @@ TEST_CASE("a sphere has a seam and two poles", "[cad][brep]") {
   CHECK(degenerate_edges(sphere) == 2);
   CHECK(sphere.skeleton().curves.empty());
   CHECK(sphere.skeleton().corners.empty());
-  CHECK(std::abs(sphere.faces()[0].period.x() - 2 * pi) < 1e-9);
-  CHECK(sphere.faces()[0].period.y() == 0);
+  CHECK(std::abs(sphere.faces()[FaceId(0)].period.x() - 2 * pi) < 1e-9);
+  CHECK(sphere.faces()[FaceId(0)].period.y() == 0);
 }
 
 TEST_CASE("a cone has a seam and its apex as a pole", "[cad][brep]") {
@@ -184,13 +184,12 @@ TEST_CASE("pcurves run along their edges", "[cad][brep]") {
   for (const auto& name : kShapes) {
     DYNAMIC_SECTION(name) {
       const CadModel model = to_model(shape(name));
-      for (std::size_t c = 0; c < model.coedges().size(); ++c) {
+      for (const CoedgeId c : model.coedges().ids()) {
         const CadCoedge& use = model.coedges()[c];
         const CadEdge& e = model.edges()[use.edge];
         for (int i = 0; i <= 10; ++i) {
           const double t = e.first + (e.last - e.first) * i / 10;
-          const Vector3d on_face =
-              model.evaluate(use.face, model.pcurve(static_cast<int>(c), t)).point;
+          const Vector3d on_face = model.evaluate(use.face, model.pcurve(CoedgeId(c), t)).point;
           CHECK((on_face - model.evaluate_edge(use.edge, t).point).norm() <=
                 std::max(e.tolerance, 1e-7));
         }
@@ -232,13 +231,13 @@ TEST_CASE("normals point out of the solids", "[cad][brep]") {
         solids.push_back(it.Current());
       const FaceOracle oracle(part);
       for (int f = 0; f < oracle.face_count(); ++f)
-        for (const Vector2d& uv : random_parameters(model.faces()[f], 8, 5)) {
+        for (const Vector2d& uv : random_parameters(model.faces()[FaceId(f)], 8, 5)) {
           if (oracle.side(f, uv) != 1) continue;
-          const Vector3d n = model.normal(f, uv), x = model.evaluate(f, uv).point;
+          const Vector3d n = model.normal(FaceId(f), uv), x = model.evaluate(FaceId(f), uv).point;
           if (n.isZero(0)) continue;  // a pole
           CHECK(std::abs(n.norm() - 1) < 1e-12);
           const auto state = [&](const Vector3d& p) {
-            BRepClass3d_SolidClassifier inside(solids[model.faces()[f].solid],
+            BRepClass3d_SolidClassifier inside(solids[model.faces()[FaceId(f)].solid],
                                                gp_Pnt(p.x(), p.y(), p.z()), 1e-9);
             return inside.State();
           };
@@ -254,7 +253,7 @@ TEST_CASE("derivatives agree with differences of points", "[cad][brep]") {
   for (const std::string name : {"bracket", "torus", "cone_frustum", "blade", "sphere"}) {
     DYNAMIC_SECTION(name) {
       const CadModel model = to_model(shape(name));
-      for (int f = 0; f < static_cast<int>(model.faces().size()); ++f) {
+      for (const FaceId f : model.faces().ids()) {
         const CadFace& face = model.faces()[f];
         const Vector2d uv = face.lower + Vector2d(0.37, 0.59).cwiseProduct(face.upper - face.lower);
         const Vector2d h = kStep * (face.upper - face.lower);
@@ -291,11 +290,11 @@ TEST_CASE("is_inside agrees with OCCT's classifier", "[cad][brep]") {
       const FaceOracle oracle(part);
       int compared = 0, different = 0;
       for (int f = 0; f < oracle.face_count(); ++f)
-        for (const Vector2d& uv : random_parameters(model.faces()[f], 150, 7u + f)) {
+        for (const Vector2d& uv : random_parameters(model.faces()[FaceId(f)], 150, 7u + f)) {
           if (distance_to_wires(model, f, uv) < 1e-5) continue;
-          const Vector2d wrapped = model.into_domain(f, uv);
+          const Vector2d wrapped = model.into_domain(FaceId(f), uv);
           ++compared;
-          different += model.is_inside(f, uv) != (oracle.side(f, wrapped) == 1);
+          different += model.is_inside(FaceId(f), uv) != (oracle.side(f, wrapped) == 1);
         }
       CHECK(different == 0);
       CHECK(compared > 50 * oracle.face_count());
@@ -311,10 +310,10 @@ TEST_CASE("is_inside follows curved wires beyond their chords", "[cad][brep]") {
       const CadModel model = to_model(part);
       const FaceOracle oracle(part);
       int compared = 0, different = 0;
-      for (int c = 0; c < static_cast<int>(model.coedges().size()); ++c) {
+      for (const CoedgeId c : model.coedges().ids()) {
         const int f = model.coedges()[c].face;
         const CadEdge& e = model.edges()[model.coedges()[c].edge];
-        const Vector2d size = model.faces()[f].upper - model.faces()[f].lower;
+        const Vector2d size = model.faces()[FaceId(f)].upper - model.faces()[FaceId(f)].lower;
         const auto at = [&](double share) -> Vector2d {
           return model.pcurve(c, e.first + (e.last - e.first) * share).cwiseQuotient(size);
         };
@@ -324,11 +323,11 @@ TEST_CASE("is_inside follows curved wires beyond their chords", "[cad][brep]") {
           for (const double off : {-1e-3, -1e-4, -1e-5, 1e-5, 1e-4, 1e-3}) {
             const Vector2d uv =
                 (at(share) + off * Vector2d(-along.y(), along.x())).cwiseProduct(size);
-            const CadFace& face = model.faces()[f];
+            const CadFace& face = model.faces()[FaceId(f)];
             if ((uv - face.lower).cwiseMin(face.upper - uv).minCoeff() < 2e-6 * size.maxCoeff())
               continue;  // beyond a seam or a pole
             ++compared;
-            different += model.is_inside(f, uv) != (oracle.side(f, uv) == 1);
+            different += model.is_inside(FaceId(f), uv) != (oracle.side(f, uv) == 1);
           }
         }
       }
@@ -352,7 +351,7 @@ TEST_CASE("a strip that winds round its cylinder several times keeps its turns",
   BRepLib::BuildCurves3d(strip);
   const CadModel model = through_step(strip);
   REQUIRE(model.faces().size() == 1);
-  const CadFace& face = model.faces()[0];
+  const CadFace& face = model.faces()[FaceId(0)];
   REQUIRE(face.upper[0] - face.lower[0] > 0.99 * end);
   int missed = 0;
   for (int i = 1; i < 400; ++i)
@@ -361,9 +360,9 @@ TEST_CASE("a strip that winds round its cylinder several times keeps its turns",
       const Vector3d x =
           Vector3d(1, 2, 3) + Vector3d(kRadius * std::cos(turn), kRadius * std::sin(turn), z);
       const Vector2d seed(face.lower[0] + (face.upper[0] - face.lower[0]) * i / 400, z + 0.01);
-      const FaceFoot foot = project_on_face(model, 0, x, seed);
-      missed +=
-          foot.distance > 1e-9 || !model.is_inside(0, foot.uv) || std::abs(foot.uv[1] - z) > 1e-9;
+      const FaceFoot foot = project_on_face(model, FaceId(0), x, seed);
+      missed += foot.distance > 1e-9 || !model.is_inside(FaceId(0), foot.uv) ||
+                std::abs(foot.uv[1] - z) > 1e-9;
     }
   CHECK(missed == 0);
 }
@@ -391,15 +390,16 @@ TEST_CASE("a seam that wavers within its tolerance leaves no gap", "[cad][brep]"
   }
   const CadModel model = to_model(cylinder);
   int mantle = 0;
-  while (model.faces()[mantle].period.isZero(0)) ++mantle;
-  REQUIRE(model.faces()[mantle].upper[0] - model.faces()[mantle].lower[0] > 2 * pi + 1.5 * kWave);
+  while (model.faces()[FaceId(mantle)].period.isZero(0)) ++mantle;
+  REQUIRE(model.faces()[FaceId(mantle)].upper[0] - model.faces()[FaceId(mantle)].lower[0] >
+          2 * pi + 1.5 * kWave);
   int outside = 0, beyond = 0;
   for (int i = 0; i < 1000; ++i)
     for (const double u : {-1.7, -0.9, -0.3, 0.0, 0.2, 0.8, 1.9}) {
       const double v = kHeight * (i + 0.5) / 1000;
       for (const double turn : {0.0, 2 * pi})
-        outside += !model.is_inside(mantle, {turn + u * kWave, v});
-      beyond += model.is_inside(mantle, {u * kWave, v + kHeight});
+        outside += !model.is_inside(FaceId(mantle), {turn + u * kWave, v});
+      beyond += model.is_inside(FaceId(mantle), {u * kWave, v + kHeight});
     }
   CHECK(outside == 0);
   CHECK(beyond == 0);
@@ -412,10 +412,10 @@ TEST_CASE("crossings bound the inside along lines of constant v", "[cad][brep]")
       const CadModel model = to_model(part);
       const FaceOracle oracle(part);
       for (int f = 0; f < oracle.face_count(); ++f) {
-        const CadFace& face = model.faces()[f];
+        const CadFace& face = model.faces()[FaceId(f)];
         for (const double part_of : {0.137, 0.481, 0.873}) {
           const double v = face.lower.y() + part_of * (face.upper.y() - face.lower.y());
-          const auto u = model.crossings(f, v);
+          const auto u = model.crossings(FaceId(f), v);
           REQUIRE(u.size() % 2 == 0);
           REQUIRE(!u.empty());
           CHECK(std::is_sorted(u.begin(), u.end()));
@@ -432,11 +432,11 @@ TEST_CASE("crossings bound the inside along lines of constant v", "[cad][brep]")
 
 TEST_CASE("parameters wrap into the domain of periodic faces", "[cad][brep]") {
   const CadModel torus = to_model(shape("torus"));
-  const CadFace& face = torus.faces()[0];
+  const CadFace& face = torus.faces()[FaceId(0)];
   const Vector2d uv = face.lower + Vector2d(0.3, 0.8).cwiseProduct(face.upper - face.lower);
   for (const int i : {-3, -1, 0, 1, 2})
     for (const int j : {-2, 0, 1})
-      CHECK((torus.into_domain(0, uv + 2 * pi * Vector2d(i, j)) - uv).norm() < 1e-9);
+      CHECK((torus.into_domain(FaceId(0), uv + 2 * pi * Vector2d(i, j)) - uv).norm() < 1e-9);
 }
 
 TEST_CASE("vertices that only end a seam are no corners", "[cad][brep][skeleton]") {
@@ -446,6 +446,6 @@ TEST_CASE("vertices that only end a seam are no corners", "[cad][brep][skeleton]
   // Rings of the outline: every corner of the half profile off the axis turns into a circle.
   CHECK(shaft.skeleton().curves.size() == 7);
   const CadModel bracket = to_model(shape("bracket"));
-  for (int e = 0; e < static_cast<int>(bracket.edges().size()); ++e)
+  for (const EdgeId e : bracket.edges().ids())
     CHECK((bracket.skeleton().curve_of_edge[e] >= 0) == bracket.edges()[e].is_physical());
 }

@@ -181,7 +181,7 @@ class Rebuilder {
     TopExp::MapShapes(result, TopAbs_FACE, after);
     Shuffled shuffled{result, {}};
     for (int f = 1; f <= before.Extent(); ++f)
-      shuffled.faces.push_back(after.FindIndex(faces_.Find(before(f))) - 1);
+      shuffled.faces.emplace_back(after.FindIndex(faces_.Find(before(f))) - 1);
     return shuffled;
   }
 

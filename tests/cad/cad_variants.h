@@ -81,7 +81,8 @@ struct ShuffleOptions {
 
 struct Shuffled {
   TopoDS_Shape shape;
-  std::vector<int> faces;  ///< face of the base (in the order of its CadModel) -> face of the shape
+  IdVector<FaceId, FaceId>
+      faces;  ///< face of the base (in the order of its CadModel) -> face of the shape
 };
 
 /// The same part as another exporter may write it.

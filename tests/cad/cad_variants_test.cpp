@@ -42,7 +42,7 @@ TEST_CASE("shuffled and reversed shapes are valid and the same", "[cad][variants
         CHECK(BRepCheck_Analyzer(variant.shape).IsValid());
         // Gauss points of curved faces move with the wires: not exact.
         CHECK(volume(variant.shape) == Approx(volume(shape)).epsilon(1e-4));
-        std::vector<int> sorted = variant.faces;
+        std::vector<int> sorted(variant.faces.begin(), variant.faces.end());
         std::sort(sorted.begin(), sorted.end());
         for (std::size_t f = 0; f < sorted.size(); ++f) CHECK(sorted[f] == static_cast<int>(f));
       }

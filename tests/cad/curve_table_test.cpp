@@ -21,7 +21,7 @@ CadModel model(const std::string& name) {
 
 TEST_CASE("length fractions on a circle are angles", "[cad][curve]") {
   const CadModel cylinder = model("cylinder");
-  for (int c = 0; c < 2; ++c) {
+  for (const CurveId c : {CurveId(0), CurveId(1)}) {
     const CurveTable table(cylinder, c);
     CHECK(table.is_closed());
     CHECK(std::abs(table.length() / (2 * pi * 15) - 1) < 1e-3);
@@ -43,7 +43,7 @@ TEST_CASE("fractions and locations are inverse", "[cad][curve]") {
   for (const std::string name : {"bracket", "blade", "cylinder", "plate_4_holes"}) {
     DYNAMIC_SECTION(name) {
       const CadModel part = model(name);
-      for (int c = 0; c < static_cast<int>(part.skeleton().curves.size()); ++c) {
+      for (const CurveId c : part.skeleton().curves.ids()) {
         const CurveTable table(part, c);
         for (const double fraction : {0.013, 0.25, 0.5001, 0.77, 0.99})
           CHECK(std::abs(table.fraction(table.locate(fraction)) - fraction) < 1e-9);
@@ -54,10 +54,10 @@ TEST_CASE("fractions and locations are inverse", "[cad][curve]") {
 
 TEST_CASE("open curves clamp at their ends, which are their corners", "[cad][curve]") {
   const CadModel box = model("box");
-  for (int c = 0; c < 12; ++c) {
+  for (const CurveId c : box.skeleton().curves.ids()) {
     const CurveTable table(box, c);
     const CadCurve& curve = box.skeleton().curves[c];
-    const auto corner = [&](int i) { return box.vertices()[box.skeleton().corners[i]].point; };
+    const auto corner = [&](CornerId i) { return box.vertices()[box.skeleton().corners[i]].point; };
     CHECK(!table.is_closed());
     CHECK((table.point(0) - corner(curve.start)).norm() < 1e-9);
     CHECK((table.point(1) - corner(curve.end)).norm() < 1e-9);
@@ -74,7 +74,7 @@ TEST_CASE("the nearest point of a curve agrees with brute force", "[cad][curve]"
   for (const std::string name : {"bracket", "blade", "cylinder"}) {
     DYNAMIC_SECTION(name) {
       const CadModel part = model(name);
-      for (int c = 0; c < static_cast<int>(part.skeleton().curves.size()); ++c) {
+      for (const CurveId c : part.skeleton().curves.ids()) {
         const CurveTable table(part, c);
         for (int i = 0; i < 12; ++i) {
           const Vector3d x = table.point((i + 0.3) / 12) +

@@ -121,7 +121,7 @@ KnownModel saved(NamedShape part, const std::string& how, unsigned seed) {
     const Shuffled shuffled = shuffle(part.shape, options);
     const std::vector<std::string> before = part.names;
     for (std::size_t f = 0; f < before.size(); ++f)
-      part.names[static_cast<std::size_t>(shuffled.faces[f])] = before[f];
+      part.names[static_cast<std::size_t>(shuffled.faces[FaceId(f)])] = before[f];
     part.shape = shuffled.shape;
   }
   if (!has("cut") && !has("step"))
@@ -137,7 +137,7 @@ std::vector<std::string> names_by_place(const CadModel& model, const CadModel& k
   const auto to = entity_features(known);
   const auto from = entity_features(model);
   std::vector<std::string> found;
-  for (std::size_t f = 0; f < model.faces().size(); ++f) {
+  for (const FaceId f : model.faces().ids()) {
     const auto distance = [&](const EntityFeature& other) {
       return (from[f].centre - other.centre).norm() + std::abs(from[f].size - other.size);
     };
@@ -159,7 +159,7 @@ SkeletonNames names_of(const CadModel& model, const std::vector<std::string>& fa
   SkeletonNames names;
   for (const CadCurve& curve : skeleton.curves) {
     std::multiset<std::string> beside;
-    for (const int f : curve.faces) beside.insert(faces[static_cast<std::size_t>(f)]);
+    for (const FaceId f : curve.faces) beside.insert(faces[static_cast<std::size_t>(f)]);
     std::string name;
     for (const std::string& face : beside) name += face + ' ';
     names.curves.push_back(name);
@@ -172,7 +172,7 @@ SkeletonNames names_of(const CadModel& model, const std::vector<std::string>& fa
     for (const std::string& face : corner) name += face + ' ';
     names.corners.push_back(name);
   }
-  for (std::size_t c = 0; c < skeleton.curves.size(); ++c) {
+  for (const CurveId c : skeleton.curves.ids()) {
     const CadCurve& curve = skeleton.curves[c];
     std::set<std::string> ends;
     for (const int corner : {curve.start, curve.end})
@@ -182,11 +182,11 @@ SkeletonNames names_of(const CadModel& model, const std::vector<std::string>& fa
   return names;
 }
 
+template <class Id>
 int wrong_pairs(const std::vector<std::string>& base, const std::vector<std::string>& variant,
-                const std::vector<int>& map) {
+                const IdVector<Id, Id>& map) {
   int wrong = 0;
-  for (std::size_t i = 0; i < map.size(); ++i)
-    wrong += base[i] != variant[static_cast<std::size_t>(map[i])];
+  for (const Id id : map.ids()) wrong += base[id] != variant[map[id]];
   return wrong;
 }
 

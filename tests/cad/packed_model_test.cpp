@@ -24,13 +24,13 @@ void check_same_topology(const CadModel& a, const CadModel& b) {
   REQUIRE(a.vertices().size() == b.vertices().size());
   REQUIRE(a.coedges().size() == b.coedges().size());
   CHECK(a.solid_count() == b.solid_count());
-  for (std::size_t f = 0; f < a.faces().size(); ++f) {
+  for (const FaceId f : a.faces().ids()) {
     CHECK(a.faces()[f].wires == b.faces()[f].wires);
     CHECK(a.faces()[f].type == b.faces()[f].type);
     CHECK(a.faces()[f].is_reversed == b.faces()[f].is_reversed);
     CHECK(a.faces()[f].tolerance == b.faces()[f].tolerance);
   }
-  for (std::size_t e = 0; e < a.edges().size(); ++e) {
+  for (const EdgeId e : a.edges().ids()) {
     CHECK(a.edges()[e].start == b.edges()[e].start);
     CHECK(a.edges()[e].end == b.edges()[e].end);
     CHECK(a.edges()[e].first == b.edges()[e].first);
@@ -41,17 +41,19 @@ void check_same_topology(const CadModel& a, const CadModel& b) {
 
 void check_same_geometry(const CadModel& a, const CadModel& b) {
   const double rounding = 1e-14 * a.diagonal();
-  for (std::size_t f = 0; f < a.faces().size(); ++f)
+  for (const FaceId f : a.faces().ids())
     for (const double s : {0.0, 0.3, 1.0}) {
       const CadFace& face = a.faces()[f];
       const Eigen::Vector2d uv = face.lower + s * (face.upper - face.lower);
       const int id = static_cast<int>(f);
-      CHECK((a.evaluate(id, uv).point - b.evaluate(id, uv).point).norm() < 10 * rounding);
+      CHECK((a.evaluate(FaceId(id), uv).point - b.evaluate(FaceId(id), uv).point).norm() <
+            10 * rounding);
     }
-  for (std::size_t e = 0; e < a.edges().size(); ++e) {
+  for (const EdgeId e : a.edges().ids()) {
     const int id = static_cast<int>(e);
     const double t = 0.7 * a.edges()[e].first + 0.3 * a.edges()[e].last;
-    CHECK((a.evaluate_edge(id, t).point - b.evaluate_edge(id, t).point).norm() < 10 * rounding);
+    CHECK((a.evaluate_edge(EdgeId(id), t).point - b.evaluate_edge(EdgeId(id), t).point).norm() <
+          10 * rounding);
   }
 }
 

@@ -84,7 +84,7 @@ TopoDS_Edge circle(const TopoDS_Face& face, double z) {
 /// The distance of the pcurves of all edges from their edges, in their inner parts.
 double worst_deviation(const CadModel& model) {
   double worst = 0;
-  for (int c = 0; c < static_cast<int>(model.coedges().size()); ++c) {
+  for (const CoedgeId c : model.coedges().ids()) {
     const CadCoedge& use = model.coedges()[c];
     const CadEdge& edge = model.edges()[use.edge];
     for (int i = 1; i < 40; ++i) {
@@ -101,13 +101,13 @@ double worst_deviation(const CadModel& model) {
 void check_tube(const TopoDS_Face& face) {
   const CadModel model = to_model(face);
   REQUIRE(model.faces().size() == 1);
-  const CadFace& f = model.faces()[0];
+  const CadFace& f = model.faces()[FaceId(0)];
   CHECK(f.period[0] == Approx(2 * pi).margin(1e-5));
   CHECK(f.period[1] == 0);
   CHECK(f.upper[0] - f.lower[0] == Approx(2 * pi).margin(1e-5));
   for (const double u : {0.3, 2.0, 4.0, 6.0}) {
-    CHECK(model.is_inside(0, {u, 4}));
-    CHECK(!model.is_inside(0, {u, 9}));
+    CHECK(model.is_inside(FaceId(0), {u, 4}));
+    CHECK(!model.is_inside(FaceId(0), {u, 9}));
   }
   CHECK(f.wires.size() == 1);
   CHECK(f.wires[0].size() == 4);
@@ -189,7 +189,7 @@ TEST_CASE("both seams of a torus on the wrong sides are put right", "[cad][pcurv
     BRep_Builder().UpdateEdge(edge, two, one, face, 1e-7);
   }
   const CadModel model = to_model(face);
-  CHECK(model.is_inside(0, {1, 2}));
+  CHECK(model.is_inside(FaceId(0), {1, 2}));
   CHECK(model.diagonal() == Approx(std::hypot(52, 52, 12)).epsilon(1e-3));
 }
 
@@ -211,7 +211,7 @@ TEST_CASE("at a pole the edges beside it tell the parameters", "[cad][pcurves][p
   const TopoDS_Shape octant = BRepPrimAPI_MakeSphere(10, 0, pi / 2, pi / 2).Solid();
   const TopoDS_Face face =
       TopoDS::Face(TopExp_Explorer(octant, TopAbs_FACE).Current().Oriented(TopAbs_FORWARD));
-  REQUIRE(to_model(face).faces()[0].type == SurfaceType::Sphere);
+  REQUIRE(to_model(face).faces()[FaceId(0)].type == SurfaceType::Sphere);
   int blurred = 0;
   for (const TopoDS_Edge& edge : edges_of(face)) {
     double first, last;
@@ -235,7 +235,7 @@ TEST_CASE("at a pole the edges beside it tell the parameters", "[cad][pcurves][p
   }
   REQUIRE(blurred == 2);
   const CadModel model = to_model(face);
-  for (int c = 0; c < static_cast<int>(model.coedges().size()); ++c) {
+  for (const CoedgeId c : model.coedges().ids()) {
     const CadEdge& edge = model.edges()[model.coedges()[c].edge];
     for (const double t : {edge.first, edge.last}) {
       const double u = model.pcurve(c, t).x();

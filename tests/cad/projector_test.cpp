@@ -29,14 +29,14 @@ struct Probe {
 std::vector<Probe> probes(const CadModel& model, const FaceOracle& oracle, int face, double reach) {
   std::mt19937 random(17u + static_cast<unsigned>(face));
   std::uniform_real_distribution<double> unit(0, 1);
-  const CadFace& f = model.faces()[face];
+  const CadFace& f = model.faces()[FaceId(face)];
   std::vector<Probe> all;
   for (int tries = 0; all.size() < 20 && tries < 400; ++tries) {
     const double a = unit(random), b = unit(random), offset = reach * (2 * unit(random) - 1);
     const Vector2d uv = f.lower + Vector2d(a, b).cwiseProduct(f.upper - f.lower);
-    const Vector3d n = model.normal(face, uv);
+    const Vector3d n = model.normal(FaceId(face), uv);
     if (oracle.side(face, uv) != 1 || n.isZero(0)) continue;
-    all.push_back({uv, model.evaluate(face, uv).point + offset * n, offset});
+    all.push_back({uv, model.evaluate(FaceId(face), uv).point + offset * n, offset});
   }
   return all;
 }
@@ -52,14 +52,14 @@ TEST_CASE("projection from a near seed finds the foot that OCCT's global search 
         const CadModel model = to_model(part);
         const FaceOracle oracle(part);
         for (int f = 0; f < oracle.face_count(); ++f) {
-          const CadFace& face = model.faces()[f];
+          const CadFace& face = model.faces()[FaceId(f)];
           for (const Probe& p : probes(model, oracle, f, 0.01 * model.diagonal())) {
             const Vector2d seed =
                 p.uv + Vector2d(0.02, -0.015).cwiseProduct(face.upper - face.lower);
-            const FaceFoot foot = project_on_face(model, f, p.x, seed);
+            const FaceFoot foot = project_on_face(model, FaceId(f), p.x, seed);
             const Vector3d known = oracle.point(f, oracle.parameters(f, p.x));
             CHECK(foot.distance <= (known - p.x).norm() + 1e-9 * model.diagonal());
-            CHECK((model.evaluate(f, foot.uv).point - foot.point).norm() <
+            CHECK((model.evaluate(FaceId(f), foot.uv).point - foot.point).norm() <
                   1e-12 * model.diagonal());
             CHECK(std::abs((foot.point - p.x).norm() - foot.distance) < 1e-12 * model.diagonal());
           }
@@ -76,9 +76,9 @@ TEST_CASE("points on a face project onto themselves to rounding", "[cad][project
       const FaceOracle oracle(part);
       for (int f = 0; f < oracle.face_count(); ++f)
         for (const Probe& p : probes(model, oracle, f, 0)) {
-          const CadFace& face = model.faces()[f];
+          const CadFace& face = model.faces()[FaceId(f)];
           const Vector2d seed = p.uv + Vector2d(-0.03, 0.01).cwiseProduct(face.upper - face.lower);
-          CHECK(project_on_face(model, f, p.x, seed).distance < 1e-10 * model.diagonal());
+          CHECK(project_on_face(model, FaceId(f), p.x, seed).distance < 1e-10 * model.diagonal());
         }
     }
   }
@@ -91,7 +91,7 @@ TEST_CASE("a foot beyond the seam of a closed surface that is not periodic is fo
     return {x.x() + 0.1 * x.y(), x.y(), x.z()};
   }));
   for (const CadModel* model : {&part, &twisted})
-    for (int f = 0; f < static_cast<int>(model->faces().size()); ++f) {
+    for (const FaceId f : model->faces().ids()) {
       const CadFace& face = model->faces()[f];
       if (face.period[0] <= 0) continue;
       const double v = 0.4 * face.lower[1] + 0.6 * face.upper[1];
@@ -117,7 +117,7 @@ TEST_CASE("the distance of a surface's point from the trimmed face is what OCCT 
     const CadModel model = to_model(part);
     const FaceOracle oracle(part);
     int outside = 0;
-    for (int f = 0; f < static_cast<int>(model.faces().size()); ++f)
+    for (const FaceId f : model.faces().ids())
       for (int i = 0; i < 20; ++i) {
         const CadFace& face = model.faces()[f];
         const Vector2d uv =
@@ -139,7 +139,7 @@ TEST_CASE("global projection needs no seed and agrees with brute force", "[cad][
   for (const std::string name : {"torus", "sphere", "blade", "cone_frustum"}) {
     DYNAMIC_SECTION(name) {
       const CadModel model = to_model(shape(name));
-      for (int f = 0; f < static_cast<int>(model.faces().size()); ++f) {
+      for (const FaceId f : model.faces().ids()) {
         const CadFace& face = model.faces()[f];
         for (int i = 0; i < 15; ++i) {
           const double a = unit(random), b = unit(random), c = unit(random);
@@ -168,7 +168,7 @@ TEST_CASE("projection on an edge agrees with brute force and stays on the edge",
   for (const std::string name : {"bracket", "blade", "cylinder"}) {
     DYNAMIC_SECTION(name) {
       const CadModel model = to_model(shape(name));
-      for (int edge = 0; edge < static_cast<int>(model.edges().size()); ++edge) {
+      for (const EdgeId edge : model.edges().ids()) {
         const CadEdge& e = model.edges()[edge];
         if (!e.is_physical()) continue;
         for (int i = 0; i < 10; ++i) {
@@ -210,7 +210,7 @@ TEST_CASE("samples lie inside their faces and leave no gap above their spacing",
         const int f = samples.face[i];
         ++count[f];
         const Vector3d x = samples.points.row(i);
-        off = std::max(off, (model.evaluate(f, samples.uv[i]).point - x).norm());
+        off = std::max(off, (model.evaluate(FaceId(f), samples.uv[i]).point - x).norm());
         if (i % 7 == 0) outside = std::max(outside, oracle.distance(f, x));
       }
       CHECK(off < 1e-12 * model.diagonal());
@@ -220,7 +220,7 @@ TEST_CASE("samples lie inside their faces and leave no gap above their spacing",
       CHECK(outside <= tolerance);
 
       for (int f = 0; f < oracle.face_count(); ++f) {
-        if (model.faces()[f].type != SurfaceType::Plane) CHECK(count[f] >= 25);
+        if (model.faces()[FaceId(f)].type != SurfaceType::Plane) CHECK(count[f] >= 25);
         for (const Probe& p : probes(model, oracle, f, 0)) {
           double least = 1e300;
           for (Index i = 0; i < samples.points.rows(); ++i)

@@ -181,8 +181,9 @@ TEST_CASE("the order of faces is that of OCCT's own map, time and again", "[cad]
     const CadModel model = read_step(path);
     REQUIRE(static_cast<int>(model.faces().size()) == oracle.face_count());
     for (int f = 0; f < oracle.face_count(); ++f) {
-      const Eigen::Vector2d uv = 0.5 * (model.faces()[f].lower + model.faces()[f].upper);
-      CHECK((model.evaluate(f, uv).point - oracle.point(f, uv)).norm() < 1e-12);
+      const Eigen::Vector2d uv =
+          0.5 * (model.faces()[FaceId(f)].lower + model.faces()[FaceId(f)].upper);
+      CHECK((model.evaluate(FaceId(f), uv).point - oracle.point(f, uv)).norm() < 1e-12);
     }
   }
 }

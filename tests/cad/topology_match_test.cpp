@@ -41,7 +41,7 @@ using Eigen::Vector3d;
 namespace {
 
 /// Middle of a curve: mean of points along its edges.
-Vector3d middle(const CadModel& model, int curve) {
+Vector3d middle(const CadModel& model, CurveId curve) {
   constexpr int kSamples = 40;
   Vector3d sum = Vector3d::Zero();
   double weight = 0;
@@ -57,10 +57,11 @@ Vector3d middle(const CadModel& model, int curve) {
   return sum / weight;
 }
 
-bool is_permutation(std::vector<int> map, std::size_t size) {
+template <class Id>
+bool is_permutation(IdVector<Id, Id> map, std::size_t size) {
   std::sort(map.begin(), map.end());
-  std::vector<int> all(size);
-  std::iota(all.begin(), all.end(), 0);
+  IdVector<Id, Id> all(size);
+  std::iota(all.begin(), all.end(), Id(0));
   return map == all;
 }
 
@@ -78,15 +79,14 @@ int misplaced(const CadModel& base, const CadModel& variant, const TopologyMatch
               const gp_Trsf& map) {
   int count = 0;
   const double near = 1e-6 * variant.diagonal();
-  for (std::size_t c = 0; c < match.corners.size(); ++c) {
+  for (const CornerId c : match.corners.ids()) {
     const auto b = base.vertices()[base.skeleton().corners[c]].point;
     const auto v = variant.vertices()[variant.skeleton().corners[match.corners[c]]].point;
     count += (apply(map, b) - v).norm() > near;
   }
-  for (std::size_t c = 0; c < match.curves.size(); ++c)
+  for (const CurveId c : match.curves.ids())
     count +=
-        (apply(map, middle(base, static_cast<int>(c))) - middle(variant, match.curves[c])).norm() >
-        near;
+        (apply(map, middle(base, CurveId(c))) - middle(variant, match.curves[c])).norm() > near;
   return count;
 }
 
@@ -98,9 +98,9 @@ std::vector<Vector2d> grid(int columns, int rows, double pitch) {
 }
 
 /// The cylinder face whose axis passes nearest to (x, y).
-int hole_at(const CadModel& model, const Vector2d& centre) {
-  std::pair<double, int> best{1e300, -1};
-  for (int f = 0; f < static_cast<int>(model.faces().size()); ++f) {
+FaceId hole_at(const CadModel& model, const Vector2d& centre) {
+  std::pair<double, FaceId> best{1e300, FaceId()};
+  for (const FaceId f : model.faces().ids()) {
     const CadFace& face = model.faces()[f];
     if (face.type != SurfaceType::Cylinder) continue;
     const Vector2d a = face.lower, b{0.5 * (face.lower.x() + face.upper.x()), face.lower.y()};
@@ -227,8 +227,8 @@ TEST_CASE("shapes match themselves in any order, entity by entity", "[cad][match
         CHECK(match.face_confidence.size() == match.faces.size());
         CHECK(match.curve_confidence.size() == match.curves.size());
         CHECK(match.corner_confidence.size() == match.corners.size());
-        for (const auto& all :
-             {match.face_confidence, match.curve_confidence, match.corner_confidence})
+        for (const std::vector<double>& all : std::initializer_list<std::vector<double>>{
+                 match.face_confidence, match.curve_confidence, match.corner_confidence})
           for (const double confidence : all) {
             CHECK(confidence > 0);
             CHECK(confidence <= 1);
@@ -248,7 +248,7 @@ TEST_CASE("equal holes are matched by position when they move and the operands c
     const CadModel variant = to_model(drilled_plate(62, 60, 11, 8.5, drilled));
     const TopologyMatch match = match_topology(base, variant);
     for (int i = 0; i < 4; ++i) {
-      const int from = hole_at(base, kFourHoles[i]), to = hole_at(variant, moved[i]);
+      const FaceId from = hole_at(base, kFourHoles[i]), to = hole_at(variant, moved[i]);
       CHECK(match.faces[from] == to);
     }
   } while (std::next_permutation(order.begin(), order.end()));
@@ -304,8 +304,8 @@ TEST_CASE("a part that changes in its own frame is matched in place", "[cad][mat
         const CadModel base = read_step(model_file(family + "/base.step"));
         const Shuffled variant =
             shuffle(read_shape(model_file(family + "/" + step + ".step")), {.seed = 3});
-        std::vector<int> expected;
-        for (const int f : known) expected.push_back(variant.faces[f]);
+        IdVector<FaceId, FaceId> expected;
+        for (const int f : known) expected.push_back(variant.faces[FaceId(f)]);
         CHECK(match_topology(base, to_model(variant.shape)).faces == expected);
       }
     }
@@ -329,7 +329,7 @@ TEST_CASE("a sheet in a plane is not turned over", "[cad][match]") {
       INFO("from corner " << first << (is_reversed ? ", reversed" : ""));
       const CadModel variant = to_model(angle(100, 80, first, is_reversed));
       const TopologyMatch match = match_topology(base, variant);
-      for (std::size_t c = 0; c < match.corners.size(); ++c) {
+      for (const CornerId c : match.corners.ids()) {
         const Vector3d from = base.vertices()[base.skeleton().corners[c]].point;
         const Vector3d to = variant.vertices()[variant.skeleton().corners[match.corners[c]]].point;
         CHECK((to - from).norm() <= 20 + 1e-9);
@@ -341,9 +341,9 @@ TEST_CASE("unique names in the STEP files decide before position does", "[cad][m
   const NamedPair pair(
       half_turn(30, 30), [](int f) { return "side " + std::to_string(7 * f % 11); },
       [](int f) { return "side " + std::to_string(7 * f % 11); });
-  std::vector<int> same(pair.base.faces().size());
-  std::iota(same.begin(), same.end(), 0);
-  CHECK(pair.base.faces()[1].name == "side 7");
+  IdVector<FaceId, FaceId> same;
+  for (const FaceId f : pair.base.faces().ids()) same.push_back(f);
+  CHECK(pair.base.faces()[FaceId(1)].name == "side 7");
   // The same set of points, each face opposite to where it was.
   CHECK(match_topology(pair.base, pair.variant).faces == same);
 }
@@ -351,7 +351,7 @@ TEST_CASE("unique names in the STEP files decide before position does", "[cad][m
 TEST_CASE("names that only number the faces of a file don't mislead", "[cad][match]") {
   const auto number = [](int f) { return "Face" + std::to_string(f + 1); };
   const NamedPair pair(half_turn(30, 30), number, number);
-  const int hole = hole_at(pair.base, kFourHoles[0]);
+  const FaceId hole = hole_at(pair.base, kFourHoles[0]);
   CHECK(match_topology(pair.base, pair.variant).faces[hole] ==
         hole_at(pair.variant, kFourHoles[0]));
 }
@@ -359,7 +359,7 @@ TEST_CASE("names that only number the faces of a file don't mislead", "[cad][mat
 TEST_CASE("names that contradict the positions don't mislead", "[cad][match]") {
   std::vector<int> holes;
   const CadModel plate = read_step(model_file("shapes/plate_4_holes.step"));
-  for (int f = 0; f < static_cast<int>(plate.faces().size()); ++f)
+  for (const FaceId f : plate.faces().ids())
     if (plate.faces()[f].type == SurfaceType::Cylinder) holes.push_back(f);
   REQUIRE(holes.size() == 4);
   const auto name = [](int f) { return "side " + std::to_string(7 * f % 11); };
@@ -367,18 +367,18 @@ TEST_CASE("names that contradict the positions don't mislead", "[cad][match]") {
   const NamedPair pair({}, name, [&](int f) {
     return name(f == holes[0] ? holes[1] : f == holes[1] ? holes[0] : f);
   });
-  std::vector<int> same(pair.base.faces().size());
-  std::iota(same.begin(), same.end(), 0);
+  IdVector<FaceId, FaceId> same;
+  for (const FaceId f : pair.base.faces().ids()) same.push_back(f);
   CHECK(match_topology(pair.base, pair.variant).faces == same);
 }
 
 TEST_CASE("pairs of a map file decide before position does", "[cad][match]") {
   const TopoDS_Shape plate = read_shape(model_file("shapes/plate_4_holes.step"));
   const CadModel base = to_model(plate), variant = to_model(transformed(plate, half_turn(30, 30)));
-  const int hole = hole_at(base, kFourHoles[0]);
+  const FaceId hole = hole_at(base, kFourHoles[0]);
   REQUIRE(hole >= 0);
-  std::vector<int> same(base.faces().size());
-  std::iota(same.begin(), same.end(), 0);
+  IdVector<FaceId, FaceId> same;
+  for (const FaceId f : base.faces().ids()) same.push_back(f);
   // By position each hole meets the one opposite in the file's order.
   CHECK(match_topology(base, variant).faces[hole] != hole);
   MatchOptions options;
@@ -393,7 +393,7 @@ TEST_CASE("pairs of a map file decide before position does", "[cad][match]") {
 TEST_CASE("impossible pairs of a map file are refused", "[cad][match][errors]") {
   const CadModel base = to_model(read_shape(model_file("shapes/bracket.step")));
   int plane = -1, cylinder = -1;
-  for (int f = 0; f < static_cast<int>(base.faces().size()); ++f)
+  for (const FaceId f : base.faces().ids())
     (base.faces()[f].wires.size() > 1 ? plane : cylinder) = f;
   REQUIRE(plane >= 0);
   REQUIRE(cylinder >= 0);
@@ -565,10 +565,10 @@ TEST_CASE("bodies that stay are matched in place while others turn and change",
     const CadModel variant = motor(11, turn, {7, 2, 4, 0, 9, 3, 8, 5, 1, 6});
     const TopologyMatch match = match_topology(base, variant);
     int of_coils = 0;
-    for (std::size_t c = 0; c < corners.size(); ++c) {
+    for (const CornerId c : corners.ids()) {
       const Vector3d at = base.vertices()[corners[c]].point;
       if (at.head<2>().norm() < 22) continue;
-      const int partner = variant.skeleton().corners[match.corners[c]];
+      const VertexId partner = variant.skeleton().corners[match.corners[c]];
       CHECK((variant.vertices()[partner].point - at).norm() < 1e-6);
       ++of_coils;
     }

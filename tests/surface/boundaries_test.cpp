@@ -533,7 +533,7 @@ TEST_CASE("nodes off the CAD keep their offset, and snapping removes it", "[surf
       for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
         if (clean.dimension[i] != CadDimension::Face) continue;
         const auto row = static_cast<Index>(i);
-        const Vector3d normal = c.base->normal(clean.entity[i], clean.uv.row(row).transpose());
+        const Vector3d normal = c.base->normal(clean.face(row), clean.uv.row(row).transpose());
         const double offset = 0.02 * (i % 3 - 1.0) * 1.5;  // millimetres; h is 1.5 to 4.5
         c.mesh.points.row(c.boundary.nodes[i]) += offset * normal.transpose();
         largest = std::max(largest, std::abs(offset));
@@ -910,9 +910,9 @@ TEST_CASE("every node is associated with an entity that it lies on", "[surface][
         const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
         if (a.dimension[i] == CadDimension::Face) CHECK(oracle.is_near(a.entity[i], x, tolerance));
         if (a.dimension[i] == CadDimension::Vertex)
-          CHECK((c.base->vertices()[a.entity[i]].point - x).norm() <= tolerance);
+          CHECK((c.base->vertices()[a.vertex(i)].point - x).norm() <= tolerance);
         if (a.dimension[i] == CadDimension::Edge)
-          CHECK((c.base->evaluate_edge(a.entity[i], a.uv(i, 0)).point - x).norm() <= tolerance);
+          CHECK((c.base->evaluate_edge(a.edge(i), a.uv(i, 0)).point - x).norm() <= tolerance);
         CHECK(a.dimension[i] != CadDimension::None);
       }
       for (Index f = 0; f < c.boundary.facet_count(); ++f) {

@@ -27,13 +27,13 @@ double largest_turn(const char* part, const char* change, int& curves) {
   double most = 0;
   curves = 0;
   for (std::size_t c = 0; c < maps.size(); ++c) {
-    if (!maps[c].is_closed()) continue;
+    if (!maps[CurveId(c)].is_closed()) continue;
     ++curves;
-    for (const CurveLink& link : base.skeleton().curves[c].links) {
+    for (const CurveLink& link : base.skeleton().curves[CurveId(c)].links) {
       const CadEdge& edge = base.edges()[link.edge];
       for (int i = 0; i < kPlaces; ++i) {
         const double t = edge.first + (i + 0.3) / kPlaces * (edge.last - edge.first);
-        const CurveLocation to = maps[c]({link.edge, t});
+        const CurveLocation to = maps[CurveId(c)]({link.edge, t});
         const Vector3d x = base.evaluate_edge(link.edge, t).point;
         const Vector3d y = variant.evaluate_edge(to.edge, to.t).point;
         most = std::max(most, std::abs(std::atan2(x.x() * y.y() - x.y() * y.x(),

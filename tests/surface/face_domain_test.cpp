@@ -42,8 +42,8 @@ TopoDS_Face sheet() {
 
 TEST_CASE("The rim of a face with hundreds of holes keeps its samples", "[surface][face_domain]") {
   const CadModel model = to_model(sheet());
-  REQUIRE(model.faces()[0].wires.size() > 400);
-  const FaceDomain domain(model, 0, 200);
+  REQUIRE(model.faces()[FaceId(0)].wires.size() > 400);
+  const FaceDomain domain(model, FaceId(0), 200);
   // The rim grows by a tenth, the holes stay.
   Parameters values = Parameters::Zero(static_cast<Index>(domain.samples().size()), 2);
   for (Index i = 0; i < values.rows(); ++i) {
@@ -64,7 +64,7 @@ TEST_CASE("A hole that grows in a wide face moves nothing farther than itself, i
   BRepBuilderAPI_MakeFace face(gp_Pln(gp::XOY()), circle(0, 0, kRim));
   face.Add(TopoDS::Wire(circle(0, 0, kHole).Reversed()));
   const CadModel model = to_model(face.Face());
-  const FaceDomain domain(model, 0, 100);
+  const FaceDomain domain(model, FaceId(0), 100);
   Parameters values = Parameters::Zero(static_cast<Index>(domain.samples().size()), 2);
   for (Index i = 0; i < values.rows(); ++i) {
     const Eigen::Vector2d& uv = domain.samples()[static_cast<std::size_t>(i)].uv;
@@ -108,7 +108,7 @@ TEST_CASE("A short edge that grows many times over carries only what is near alo
     const Parameters moved = domain.interpolate(values, nodes);
     return (moved.col(0) - 0.3 * nodes.col(0)).cwiseAbs().maxCoeff();
   };
-  const FaceDomain all(model, 0, 16), asked(model, 0, 16, Parameters(0, 2), nodes);
+  const FaceDomain all(model, FaceId(0), 16), asked(model, FaceId(0), 16, Parameters(0, 2), nodes);
   CHECK(farthest(all) > 1.5);
   // The side itself moves by up to 1 more than that.
   CHECK(farthest(asked) < 0.5);

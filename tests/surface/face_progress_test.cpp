@@ -25,7 +25,7 @@ TEST_CASE("the angle about a hole tells how far along its rim a place is", "[sur
     const bool is_intersection = model.edges()[curve.links.front().edge].is_free_form;
     if (!is_intersection) continue;
     ++rims;
-    for (const int face : curve.faces) {
+    for (const FaceId face : curve.faces) {
       const auto progress = FaceProgress::along(model, curve, face, 0);
       CHECK_FALSE(FaceProgress::along(model, curve, face, 1));
       const auto& f = model.faces()[face];

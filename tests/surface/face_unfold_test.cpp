@@ -34,7 +34,7 @@ struct Side {
       if (at(n, 2) == 0 && at.row(n).head<2>().minCoeff() > 0 && at.row(n).head<2>().maxCoeff() < 1)
         rows.push_back(n);
     const Vector3d middle = map(Vector3d(0.5, 0.5, 0));
-    for (int f = 0; f < std::ssize(model.faces()); ++f)
+    for (const FaceId f : model.faces().ids())
       if (project_on_face(model, f, middle, Eigen::Vector2d(0, 0)).distance < 1e-9) face = f;
     REQUIRE(face >= 0);
     uv.resize(std::ssize(rows), 2);
@@ -63,7 +63,7 @@ struct Side {
   CadModel model;
   SurfaceMesh surface;
   std::vector<int> facets, rows;
-  int face = -1;
+  FaceId face;
   Parameters uv;
 };
 

@@ -77,8 +77,8 @@ void check_family(const std::string& family, const std::string& mesh_name,
     double worst = 0;
     for (std::size_t i = 0; i < touched.size(); ++i)
       for (const int f : touched[i])
-        worst = std::max(
-            worst, oracle.distance(match.faces[f], result.positions.row(static_cast<Index>(i))));
+        worst = std::max(worst, oracle.distance(match.faces[FaceId(f)],
+                                                result.positions.row(static_cast<Index>(i))));
     CHECK(worst <= cad_tolerance(variant));
     CHECK(result.warnings.empty());
     CHECK(result.folds.empty());
@@ -161,7 +161,7 @@ TEST_CASE("the pipe's walls stretch evenly in angle and length", "[surface][fami
     double worst = 0;
     for (Index n = 0; n < known.rows(); ++n) {
       const bool is_on_end = a.dimension[n] == CadDimension::Face &&
-                             c.base->faces()[a.entity[n]].type == SurfaceType::Plane;
+                             c.base->faces()[a.face(n)].type == SurfaceType::Plane;
       if (!is_on_end) worst = std::max(worst, (known.row(n) - result.positions.row(n)).norm());
     }
     CHECK(worst <= 1e-8 * variant.diagonal());
@@ -178,11 +178,12 @@ TEST_CASE("the bore's wall turns and grows with its parameters", "[surface][fami
   const TopologyMatch match = match_topology(*c.base, read_step(model_file("bore/step20.step")));
   Index on_wall = 0;
   for (int f = 0; f < oracle.face_count(); ++f) {
-    if (c.base->faces()[f].type != SurfaceType::Cylinder) continue;
+    if (c.base->faces()[FaceId(f)].type != SurfaceType::Cylinder) continue;
     for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
       if (!oracle.is_near(f, c.mesh.points.row(c.boundary.nodes[i]), 1e-6)) continue;
       ++on_wall;
-      CHECK(variant.distance(match.faces[f], result.positions.row(static_cast<Index>(i))) < 1e-6);
+      CHECK(variant.distance(match.faces[FaceId(f)], result.positions.row(static_cast<Index>(i))) <
+            1e-6);
     }
   }
   CHECK(on_wall > 100);

@@ -109,12 +109,12 @@ OnCad judge(const MorphCase& c, const Points& surface, const TopologyMatch& matc
   OnCad result;
   for (Index t = 0; t < c.mesh.cell_count(); ++t) {
     const auto n = c.mesh.cell(t);
-    const int face = match.faces[c.mesh.region(t)];
+    const int face = match.faces[FaceId(c.mesh.region(t))];
     const Vector3d a = points.row(n[0]), b = points.row(n[1]), d = points.row(n[2]);
     for (const Vector3d& x : {a, b, d})
       result.farthest = std::max(result.farthest, oracle.distance(face, x));
     const Vector3d middle = (a + b + d) / 3;
-    const Vector3d normal = variant.normal(face, oracle.parameters(face, middle));
+    const Vector3d normal = variant.normal(FaceId(face), oracle.parameters(face, middle));
     result.folded += (b - a).cross(d - a).dot(normal) <= 0;
   }
   return result;

@@ -25,7 +25,7 @@ struct Body {
       int side;
       const double farthest = (centre - Vector3d::Constant(0.5)).cwiseAbs().maxCoeff(&side);
       REQUIRE(farthest > 0.5 - 1e-9);
-      patch.push_back(2 * side + (centre[side] > 0.5));
+      patch.emplace_back(2 * side + (centre[side] > 0.5));
     }
     start.resize(static_cast<Index>(boundary.nodes.size()), 3);
     for (Index i = 0; i < start.rows(); ++i) start.row(i) = mesh.points.row(boundary.nodes[i]);
@@ -40,7 +40,7 @@ struct Body {
 
   Mesh mesh;
   Boundary boundary;
-  std::vector<int> patch;
+  std::vector<FaceId> patch;
   Points start;
 };
 

@@ -33,9 +33,11 @@ struct Slide {
     const int entity = moved.entity[row];
     const Vector2d uv = moved.uv.row(row);
     if (surface.association().dimension[row] == CadDimension::Face)
-      return project_on_face(*c.base, entity, c.base->evaluate(entity, uv).point + way, uv)
+      return project_on_face(*c.base, FaceId(entity),
+                             c.base->evaluate(FaceId(entity), uv).point + way, uv)
           .distance;
-    return project_on_edge(*c.base, entity, c.base->evaluate_edge(entity, uv[0]).point + way, uv[0])
+    return project_on_edge(*c.base, EdgeId(entity),
+                           c.base->evaluate_edge(EdgeId(entity), uv[0]).point + way, uv[0])
         .distance;
   }
 
@@ -127,9 +129,10 @@ TEST_CASE("Nodes that slide off their edge or face are seen", "[surface][slide]"
   for (Index i = 0; i < static_cast<Index>(s.nodes.nodes.size()); ++i) {
     const int entity = s.moved.entity[s.row(i)];
     const bool is_on_edge = s.surface.association().dimension[s.row(i)] == CadDimension::Edge;
-    const bool is_flat = !is_on_edge && s.c.base->faces()[entity].type == SurfaceType::Plane;
-    const bool is_open =
-        is_on_edge && s.c.base->edges()[entity].start != s.c.base->edges()[entity].end;
+    const bool is_flat =
+        !is_on_edge && s.c.base->faces()[FaceId(entity)].type == SurfaceType::Plane;
+    const bool is_open = is_on_edge && s.c.base->edges()[EdgeId(entity)].start !=
+                                           s.c.base->edges()[EdgeId(entity)].end;
     if (is_flat || is_open) CHECK_FALSE(s.nodes.is_within(i, Vector2d(far, 0)));
   }
 }
