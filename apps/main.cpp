@@ -56,6 +56,7 @@ void name_remedies() {
   set_remedy_words(
       {{Remedy::MeshUnit, "--mesh-unit"},
        {Remedy::AssociationTolerance, "--association-tolerance"},
+       {Remedy::Snap, "--snap"},
        {Remedy::Unmatched, "--unmatched"},
        {Remedy::KeepUnmatched, "--unmatched auto or fix"},
        {Remedy::SlideUnmatched, "--slide NAME or --unmatched slide"},

@@ -1,5 +1,7 @@
 #include "core/finite_volumes.h"
 
+#include <algorithm>
+
 #include "core/plane_mesh.h"
 
 namespace cadmorph {
@@ -25,4 +27,54 @@ const Points& FiniteVolumes::place(const Points& points, Points& scratch) const 
   return scratch;
 }
 
+namespace finite_volume {
+namespace {
+
+// Of all faces of a cell but those without area.
+bool are_faces_sound(std::span<const FaceShape> faces, int orientation) {
+  Vector3d guess = Vector3d::Zero();
+  for (const FaceShape& face : faces) guess += face.centre / static_cast<double>(faces.size());
+  double volume = 0;
+  Vector3d moment = Vector3d::Zero();
+  for (const FaceShape& face : faces) {
+    const double part = orientation * face.area.dot(face.centre - guess) / 3;
+    volume += part;
+    moment += part * (0.75 * face.centre + 0.25 * guess);
+  }
+  if (!(volume > 0)) return false;
+  const Vector3d centre = moment / volume;
+  return std::ranges::all_of(faces, [&](const FaceShape& face) {
+    return orientation * face.area.dot(face.centre - centre) > 0;
+  });
+}
+
+}  // namespace
+
+bool is_sound(const Mesh& mesh, const Points& points, Index c, int orientation) {
+  if (mesh.types[c] == CellType::Polyhedron) {
+    std::vector<FaceShape> faces;
+    std::vector<Vector3d> corners;
+    for_each_polyhedron_face(mesh, c, [&](std::span<const Index> nodes) {
+      corners.clear();
+      for (const Index n : nodes) corners.push_back(points.row(n).transpose());
+      const FaceShape face = face_shape(corners);
+      if (!face.area.isZero(0)) faces.push_back(face);
+    });
+    return are_faces_sound(faces, orientation);
+  }
+  const auto cell = mesh.cell(c);
+  std::array<FaceShape, 6> faces;
+  std::size_t count = 0;
+  std::array<Vector3d, 4> corners;
+  for (const LocalFace& local : local_faces(mesh.types[c])) {
+    const auto corner_number = static_cast<std::size_t>(corner_count(local.type, local.count));
+    for (std::size_t i = 0; i < corner_number; ++i)
+      corners[i] = points.row(cell[local.nodes[i]]).transpose();
+    faces[count] = face_shape({corners.data(), corner_number});
+    if (!faces[count].area.isZero(0)) ++count;
+  }
+  return are_faces_sound({faces.data(), count}, orientation);
+}
+
+}  // namespace finite_volume
 }  // namespace cadmorph

@@ -232,5 +232,18 @@ inline CellShape cell_shape(PlacedCells& cells, Index c, std::vector<FaceShape>&
   return cell;
 }
 
+/// Whether solid cells of a type are what their plane-edged faces enclose, in a mesh for solvers by
+/// finite volumes.
+inline bool is_volume(const Mesh& mesh, CellType type) {
+  const CellInfo& info = info_of(type);
+  return mesh.is_of_finite_volumes && info.dimension == 3 &&
+         (type == CellType::Polyhedron || info.corners == info.nodes);
+}
+
+/// Whether such a cell `c` is sound as checkMesh tells it: its volume is positive, and so is each
+/// face's pyramid over the cell's centroid (primitiveMeshCheck::checkFacePyramids). `orientation`:
+/// 1 or -1, see Orientation.
+bool is_sound(const Mesh& mesh, const Points& points, Index c, int orientation);
+
 }  // namespace finite_volume
 }  // namespace cadmorph

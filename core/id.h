@@ -31,11 +31,9 @@ class Id {
 };
 
 template <class A, class B>
-  requires(!std::same_as<A, B>)
-bool operator==(Id<A>, Id<B>) = delete;
+requires(!std::same_as<A, B>) bool operator==(Id<A>, Id<B>) = delete;
 template <class A, class B>
-  requires(!std::same_as<A, B>)
-std::strong_ordering operator<=>(Id<A>, Id<B>) = delete;
+requires(!std::same_as<A, B>) std::strong_ordering operator<=>(Id<A>, Id<B>) = delete;
 
 /// A vector whose places are counted by Ids of one kind, and found by nothing else.
 template <class Key, class T>

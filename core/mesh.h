@@ -63,6 +63,9 @@ struct Mesh {
   std::vector<int> regions;  ///< region id of each cell; empty when the mesh has no regions
   std::string region_array;  ///< name of the cell array that `regions` came from; may be empty
   std::vector<NodeGroup> groups = {};  ///< in the file's order
+  /// Whether solvers take a cell for what its faces enclose, as finite volumes do: no map, no
+  /// corners.
+  bool is_of_finite_volumes = false;
   /// The numbers of nodes and cells in their file; empty where it has none but their order.
   Numbering node_numbers = {}, cell_numbers = {};
 

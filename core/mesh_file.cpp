@@ -85,7 +85,6 @@ Mesh checked(Mesh mesh, const std::string& name) {
 struct MeshFile::Impl {
   fs::path path;
   std::string format;
-  bool is_of_finite_volumes = false;
   ReadMesh contents;
   bool is_file = true;
 };
@@ -94,9 +93,9 @@ MeshFile::MeshFile(const fs::path& path) : impl_(std::make_unique<Impl>()) {
   const MeshFormat& format = format_of(path);
   impl_->path = path;
   impl_->format = format.name;
-  impl_->is_of_finite_volumes = format.is_of_finite_volumes;
   impl_->contents = format.read(path);
   impl_->contents.mesh = checked(std::move(impl_->contents.mesh), path.string());
+  impl_->contents.mesh.is_of_finite_volumes = format.is_of_finite_volumes;
 }
 
 MeshFile::MeshFile(Mesh mesh, std::string name) : impl_(std::make_unique<Impl>()) {
@@ -117,8 +116,6 @@ const Mesh& MeshFile::mesh() const { return impl_->contents.mesh; }
 const fs::path& MeshFile::path() const { return impl_->path; }
 
 const std::string& MeshFile::format() const { return impl_->format; }
-
-bool MeshFile::is_of_finite_volumes() const { return impl_->is_of_finite_volumes; }
 
 const std::vector<std::string>& MeshFile::remarks() const { return impl_->contents.remarks; }
 

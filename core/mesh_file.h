@@ -61,8 +61,6 @@ class MeshFile {
   const std::filesystem::path& path() const;
   /// "SU2", "VTK", ...
   const std::string& format() const;
-  /// Whether the solvers that read the format work by finite volumes, the cells themselves.
-  bool is_of_finite_volumes() const;
   /// What the file's user should know, a sentence each: what in it is of the base, what was left
   /// out.
   const std::vector<std::string>& remarks() const;

@@ -12,6 +12,7 @@
 
 #include "core/cell_topology.h"
 #include "core/errors.h"
+#include "core/finite_volumes.h"
 #include "core/isoparametric.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
@@ -320,7 +321,9 @@ std::vector<Index> measure_cells(const Mesh& mesh, const Points& points,
       const int sign = orientation.at(static_cast<std::size_t>(mesh.types[c]));
       const CellMeasure m = measure_cell(mesh, points, c, sign);
       values[c] = m.value;
-      if (m.is_inverted) inverted[begin / kGrain].push_back(c);
+      if (m.is_inverted && !(finite_volume::is_volume(mesh, mesh.types[c]) &&
+                             finite_volume::is_sound(mesh, points, c, sign)))
+        inverted[begin / kGrain].push_back(c);
     }
   });
   std::vector<Index> all;

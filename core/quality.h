@@ -39,7 +39,8 @@ void check_positions(const Mesh& mesh, const Points& points);
 
 /// Measures all cells of highest dimension at node positions `points` (N x 3). A cell counts as
 /// inverted when any sampled Jacobian determinant, times the orientation of its type, is not
-/// positive: at the corners, in quadratic cells at all nodes and the centre (docs/quality.md).
+/// positive: at the corners, in quadratic cells at all nodes and the centre (docs/quality.md), but
+/// not where finite volumes take it for sound (finite_volume::is_sound).
 /// Shell cells have no sign in 3D: they are inverted only when degenerate or self-folded, in a
 /// plane mesh also when turned over (turned_cells). Throws InvalidInputError when sizes differ or a
 /// position is not finite. Parallel; O(cells).

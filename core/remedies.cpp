@@ -10,6 +10,7 @@ auto& all_words() {
   static std::array<std::string, static_cast<std::size_t>(Remedy::Count)> words = {
       "the mesh's unit",
       "the tolerance of association",
+      "snapping",
       "the setting of unmatched patches",
       "have unmatched patches fixed",
       "have unmatched patches slide",

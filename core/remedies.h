@@ -12,6 +12,7 @@ namespace cadmorph {
 enum class Remedy {
   MeshUnit,              ///< say what the mesh's unit is
   AssociationTolerance,  ///< allow surface nodes farther off the CAD
+  Snap,                  ///< put surface nodes exactly on the CAD
   Unmatched,             ///< choose what boundary patches on no CAD face do
   KeepUnmatched,         ///< let them be
   SlideUnmatched,        ///< let them slide on their own surface

@@ -9,6 +9,7 @@
 #include <ranges>
 #include <span>
 
+#include "core/finite_volumes.h"
 #include "core/jacobian_samples.h"
 #include "core/orient3d.h"
 #include "core/parallel.h"
@@ -247,6 +248,9 @@ void test_cells(const Mesh& mesh, const Points& points, const Orientation& orien
     if (dimension(type) != 3) continue;
     if (type == CellType::Tetra)
       signs[c] = tetra_sign(mesh, points, c, sign);
+    else if (finite_volume::is_volume(mesh, type))
+      signs[c] =
+          finite_volume::is_sound(mesh, points, c, sign) ? Sign::Positive : Sign::NotPositive;
     else if (type == CellType::Polyhedron)
       signs[c] = polyhedron_sign(mesh, points, c, sign);
     else if (type != CellType::Hexahedron || !is_surely_valid_hexahedron(mesh, points, c, sign))

@@ -24,10 +24,11 @@ struct ValidityReport {
 /// Tetrahedra: by the exact sign of the volume. Cells with a polynomial map: the Bernstein
 /// coefficients bound the determinant; the cell is cut in parts until all are positive or a value
 /// is not (Johnen, Remacle, Geuzaine 2013). Polyhedra: each face's pyramid over the mean of the
-/// nodes, or over the centroid of the volume (as finite volumes take it), has positive volume. A
-/// cell that names a node twice (a hexahedron collapsed to a wedge) may vanish where it collapses.
-/// Shell, line and vertex cells are not tested. Throws InvalidInputError when sizes differ or a
-/// position is not finite. Parallel; O(cells).
+/// nodes, or over the centroid of the volume, has positive volume. Straight-edged cells of a mesh
+/// for finite volumes (Mesh::is_of_finite_volumes): by finite_volume::is_sound alone. A cell that
+/// names a node twice (a hexahedron collapsed to a wedge) may vanish where it collapses. Shell,
+/// line and vertex cells are not tested. Throws InvalidInputError when sizes differ or a position
+/// is not finite. Parallel; O(cells).
 ValidityReport check_validity(const Mesh& mesh, const Points& points,
                               const Orientation& orientation);
 

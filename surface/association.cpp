@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "core/errors.h"
 #include "core/parallel.h"
@@ -18,15 +19,23 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Where a face of a touching solid holds the node, only within this multiple of its distance from
-// the voted faces: the curve is as near where they meet at 30 degrees or more.
+// A node off its faces goes to their curve only within this multiple of its distance from them: the
+// curve is as near where they meet at 30 degrees or more. Farther off it lies beside the curve,
+// where faces meet smoothly or a touching solid's pass by, and the mesh does not follow the curve.
 constexpr double kMeetingFaces = 2;
+// Of the gaps between a node off the CAD and its faces: what the digits of a mesh or the chords of
+// the triangles that it was snapped to make of one.
+constexpr double kAsNear = 2;
 // A facet's corners tell more than its centroid: a chord across a thin wall's inside comes near the
 // other side, or beyond it.
 constexpr double kCorners = 2;
 // Decides between faces that fit equally, far below what a worse fit costs.
 constexpr double kOtherSide = 1e-2;
 constexpr Index kGrain = 512;
+// Strays are off by up to a mesh edge, as the mean of those at the node: what a mesher leaves where
+// it did not snap. Their facets look the CAD's way by this cosine, on the mean, which those of an
+// inlet across a narrow duct don't. More of them, or most of a face, tell of another part.
+constexpr double kStray = 1, kAlike = 0.5, kMostStrays = 0.05, kMostOfFace = 0.5;
 
 class Associator {
  public:
@@ -38,12 +47,42 @@ class Associator {
         body_(std::move(body)),
         finder_(model, surface, options.tolerance) {}
 
-  Association run() {
+  void run() {
     const Index nodes = surface_.points.rows();
     feet_.resize(static_cast<std::size_t>(nodes));
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
       for (Index n = begin; n < end; ++n) feet_[n] = finder_.find(n);
     });
+    classify();
+  }
+
+  /// Nodes on no entity that lie by the CAD, amid others that are on one, are put on one, too,
+  /// unless `is_expected`. `outer` marks the facets of the outside.
+  void take_strays(const std::vector<char>& outer, const std::vector<char>& is_expected) {
+    const std::vector<int> strays = find_strays(outer, is_expected);
+    if (strays.empty()) return;
+    std::map<int, NodeFeet> before;
+    for (const int n : strays) before.emplace(n, std::exchange(feet_[n], wide_feet(n)));
+    classify();
+    if (are_most_of_a_face(strays)) {
+      for (auto& [n, feet] : before) feet_[n] = std::move(feet);
+      return classify();
+    }
+    for (const int n : strays) {
+      if (result_.dimension[n] == CadDimension::None) continue;
+      ++result_.stray_nodes;
+      Index& farthest = result_.farthest_stray;
+      if (farthest < 0 || result_.distance[n] > result_.distance[farthest]) farthest = n;
+    }
+  }
+
+  Association take() { return std::move(result_); }
+
+ private:
+  using Votes = std::map<FaceId, int>;
+
+  void classify() {
+    const Index nodes = surface_.points.rows();
     prepare(nodes);
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
       for (Index n = begin; n < end; ++n) classify_by_distance(n);
@@ -57,13 +96,87 @@ class Associator {
       for (Index n = begin; n < end; ++n) classify_by_vote(n);
     });
     find_straight_nodes(model_, surface_, is_off_voted_, result_);
-    return std::move(result_);
   }
 
- private:
-  using Votes = std::map<FaceId, int>;
+  bool is_unmatched(int n) const {
+    return result_.dimension[n] == CadDimension::None && !result_.is_amid[n];
+  }
+
+  NodeFeet wide_feet(int n) const {
+    double sum = 0;
+    int count = 0;
+    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i) {
+      const int f = surface_.incident_facets[i], corners = surface_.corners[f];
+      const std::vector<int>& facet = surface_.facets[f];
+      const auto at = std::find(facet.begin(), facet.begin() + corners, n) - facet.begin();
+      if (at == corners) continue;
+      for (const Index other : {facet[(at + 1) % corners], facet[(at + corners - 1) % corners]})
+        sum += (point(other) - point(n)).norm();
+      count += 2;
+    }
+    return finder_.find(n, kStray * (count > 0 ? sum / count : surface_.own_length[n]));
+  }
+
+  // Nodes that only others by the CAD, and matched ones, surround: unlike those of a far field or a
+  // symmetry plane, which go somewhere.
+  std::vector<int> find_strays(const std::vector<char>& outer,
+                               const std::vector<char>& is_expected) const {
+    const int nodes = static_cast<int>(surface_.points.rows());
+    std::vector<char> is_seen(nodes, 0);
+    std::vector<int> strays;
+    int outside = 0;
+    for (int seed = 0; seed < nodes; ++seed) {
+      const auto first = surface_.incident_facets.begin() + surface_.incident_offsets[seed];
+      const auto last = surface_.incident_facets.begin() + surface_.incident_offsets[seed + 1];
+      const bool is_outside = std::any_of(first, last, [&](int f) { return outer[f] != 0; });
+      outside += is_outside;
+      if (!is_outside || !is_unmatched(seed) || is_seen[seed]) continue;
+      std::vector<int> patch{seed};
+      is_seen[seed] = 1;
+      bool is_by_cad = true, is_amid_others = false;
+      double area = 0, facing = 0;
+      for (std::size_t k = 0; k < patch.size(); ++k) {
+        const int n = patch[k];
+        Vector3d normal = Vector3d::Zero();
+        if (is_by_cad) {
+          const NodeFeet feet = wide_feet(n);
+          is_by_cad = !is_expected[n] && !feet.faces.empty();
+          if (is_by_cad) normal = model_.normal(feet.faces[0].face, feet.faces[0].uv);
+        }
+        for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i) {
+          const int f = surface_.incident_facets[i];
+          if (!outer[f]) continue;
+          const Vector3d own = area_vector(surface_, surface_.points, f);
+          area += own.norm();
+          facing += std::abs(own.dot(normal));
+          for (const int other : surface_.facets[f]) {
+            is_amid_others |= !is_unmatched(other);
+            if (is_unmatched(other) && !std::exchange(is_seen[other], 1)) patch.push_back(other);
+          }
+        }
+      }
+      if (is_by_cad && is_amid_others && facing >= kAlike * area)
+        strays.insert(strays.end(), patch.begin(), patch.end());
+    }
+    if (double(strays.size()) > kMostStrays * outside) strays.clear();
+    return strays;
+  }
+
+  bool are_most_of_a_face(const std::vector<int>& strays) const {
+    IdVector<FaceId, Index> all(model_.faces().size(), 0), of_strays(model_.faces().size(), 0);
+    const auto count = [&](int n, IdVector<FaceId, Index>& counts) {
+      if (result_.dimension[n] == CadDimension::Face) ++counts[result_.face(n)];
+    };
+    for (int n = 0; n < static_cast<int>(surface_.points.rows()); ++n) count(n, all);
+    for (const int n : strays) count(n, of_strays);
+    for (const FaceId f : all.ids())
+      if (double(of_strays[f]) > kMostOfFace * double(all[f])) return true;
+    return false;
+  }
 
   void prepare(Index nodes) {
+    result_ = {};
+    senses_.clear();
     result_.dimension.assign(static_cast<std::size_t>(nodes), CadDimension::None);
     result_.entity.assign(static_cast<std::size_t>(nodes), -1);
     result_.uv.setZero(nodes, 2);
@@ -244,11 +357,27 @@ class Associator {
     if (result_.dimension[n] == CadDimension::Edge) return take_voted_edge(n, votes);
     is_off_voted_[n] = votes.size() > 1 && is_off_any(n, votes);
     if (is_off_voted_[n] && take_voted_entity(n, votes)) return;
-    const auto most =
-        std::max_element(votes.begin(), votes.end(),
-                         [](const auto& a, const auto& b) { return a.second < b.second; });
-    for (const FaceCandidate& c : feet_[n].faces)
-      if (c.face == most->first) assign(n, CadDimension::Face, c.face, c.uv, c.distance);
+    take_voted_face(n, votes);
+  }
+
+  // The face with the most votes of those that the node lies on, or as good as: facets that cut an
+  // edge off vote for either side of it.
+  void take_voted_face(Index n, const Votes& votes) {
+    const auto& faces = feet_[n].faces;
+    if (faces.empty()) return;
+    const double least = std::ranges::min_element(faces, {}, &FaceCandidate::gap)->gap;
+    const FaceCandidate* best = nullptr;
+    int most = 0;
+    for (const FaceCandidate& c : faces) {
+      const double reach = on_entity(n, model_.faces()[c.face].tolerance);
+      if (c.gap > std::max(reach, kAsNear * least)) continue;
+      const auto vote = votes.find(c.face);
+      const int count = vote != votes.end() ? vote->second : 0;
+      if (best && (count < most || (count == most && best->face < c.face))) continue;
+      best = &c;
+      most = count;
+    }
+    assign(n, CadDimension::Face, best->face, best->uv, best->gap);
   }
 
   static int count_voted(const std::vector<FaceId>& faces, const Votes& votes) {
@@ -295,18 +424,12 @@ class Associator {
     });
   }
 
-  // Whether the voted faces may meet at a corner or edge of `faces`, `distance` from the node. A
-  // touching solid's faces pass through nodes of other faces without meeting there.
-  bool may_meet(Index n, const Votes& votes, const std::vector<FaceId>& faces,
-                double distance) const {
+  // Whether a node may belong where the voted faces meet, `distance` from it.
+  bool may_meet(Index n, const Votes& votes, double distance) const {
     double off = 0;
-    bool is_held = false;
-    for (const FaceCandidate& c : feet_[n].faces) {
+    for (const FaceCandidate& c : feet_[n].faces)
       if (votes.contains(c.face)) off = std::max(off, c.distance);
-      is_held |= c.gap <= on_entity(n, model_.faces()[c.face].tolerance) &&
-                 std::find(faces.begin(), faces.end(), c.face) == faces.end();
-    }
-    return !is_held || distance <= kMeetingFaces * off;
+    return distance <= kMeetingFaces * off;
   }
 
   // A node off the CAD between facets of several faces: their common corner or curve.
@@ -314,15 +437,15 @@ class Associator {
     const double limit = finder_.edge_reach(n);
     if (votes.size() > 2) {
       const auto [corner, distance] = nearest_corner(n);
-      if (corner >= 0 && distance <= limit && may_meet(n, votes, faces_at(n, corner), distance)) {
+      if (corner >= 0 && distance <= limit && may_meet(n, votes, distance)) {
         assign(n, CadDimension::Vertex, corner, Vector2d::Zero(), distance);
         return true;
       }
     }
     for (const EdgeFoot& foot : feet_[n].edges) {
       if (foot.distance > limit) break;
-      const std::vector<FaceId> faces = faces_of(foot.edge);
-      if (count_voted(faces, votes) < 2 || !may_meet(n, votes, faces, foot.distance)) continue;
+      if (count_voted(faces_of(foot.edge), votes) < 2 || !may_meet(n, votes, foot.distance))
+        continue;
       assign(n, CadDimension::Edge, foot.edge, {foot.t, 0}, foot.distance);
       return true;
     }
@@ -383,9 +506,18 @@ Association associate(const CadModel& base, const Mesh& mesh, const Boundary& bo
       options.mesh_unit_mm > 0 ? options.mesh_unit_mm : detect_mesh_unit(base, mesh, boundary);
   const SurfaceMesh surface = make_surface_mesh(mesh, boundary, unit);
   if (options.progress) options.progress("associating", 0);
-  Association result = Associator(base, surface, bodies_of(mesh, boundary), options).run();
+  Associator associator(base, surface, bodies_of(mesh, boundary), options);
+  associator.run();
+  if (options.takes_strays) {
+    std::vector<char> outer, is_expected;
+    for (const Index neighbour : boundary.neighbour) outer.push_back(neighbour < 0);
+    for (const Index node : boundary.nodes)
+      is_expected.push_back(std::ranges::binary_search(options.expected_off, node));
+    associator.take_strays(outer, is_expected);
+  }
+  Association result = associator.take();
   result.mesh_unit_mm = unit;
-  check_unmatched(base, mesh, boundary, surface, options.expected_off, result);
+  check_unmatched(base, mesh, boundary, surface, options, result);
   count(result);
   if (options.progress) options.progress("associating", 1);
   return result;

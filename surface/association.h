@@ -21,6 +21,8 @@ struct AssociationOptions {
   /// Nodes of the mesh that are known to be off the CAD or not to matter, ascending: nothing is
   /// refused for them alone.
   std::vector<Index> expected_off = {};
+  bool expects_any_off = false;  ///< the same of all nodes
+  bool takes_strays = true;      ///< see Association::stray_nodes
   Progress progress = {};
 };
 
@@ -39,7 +41,10 @@ struct Association {
   Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0;
   Index unmatched_nodes = 0;  ///< on the outside but on no CAD face
   Index amid_nodes = 0;
-  double max_distance = 0;  ///< millimetres
+  /// Of the nodes on an entity: farther off than the tolerance, few amid nodes that are not.
+  Index stray_nodes = 0;
+  Index farthest_stray = -1;  ///< row
+  double max_distance = 0;    ///< millimetres
   double mean_distance = 0;
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
 
@@ -51,15 +56,17 @@ struct Association {
   template <class Archive>
   void serialize(Archive& archive) {
     archive(dimension, entity, uv, distance, is_free, is_amid, facet_face, vertex_nodes, edge_nodes,
-            face_nodes, unmatched_nodes, amid_nodes, max_distance, mean_distance, mesh_unit_mm);
+            face_nodes, unmatched_nodes, amid_nodes, stray_nodes, farthest_stray, max_distance,
+            mean_distance, mesh_unit_mm);
   }
 };
 
 /// Finds the CAD vertex, edge or face of each surface node and its parameters (Sieger et al. 2013,
 /// sect. 4): dense samples of the faces give seeds, Newton steps the foot; nodes on a corner or a
-/// curve to within its tolerance belong to it, facets vote for the rest. Throws AssociationError
-/// where the unmatched outside can be no far field or symmetry plane (check_unmatched). Parallel;
-/// about 10 us a node and core.
+/// curve to within its tolerance belong to it, facets vote for the rest. Few nodes farther off,
+/// amid others that are not, belong to what is next to them. Throws AssociationError where the
+/// unmatched outside can be no far field or symmetry plane (check_unmatched). Parallel; about 10 us
+/// a node and core.
 Association associate(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
                       const AssociationOptions& options = {});
 

@@ -141,7 +141,7 @@ IdVector<FaceId, FaceNodes> collect_face_nodes(const CadModel& base, const Surfa
     nodes.domain =
         std::make_unique<FaceDomain>(base, f, nodes.samples_per_curve, nodes.joint_uv, nodes.uv);
     nodes.border = collect_border(base, surface, association, nodes);
-    nodes.folds = FaceFolds(surface, nodes.facets, nodes.rows, {base, f, nodes.uv, surface.points});
+    nodes.folds = FaceFolds(surface, nodes.facets, nodes.rows, {base, f, nodes.uv, feet});
   }
   return faces;
 }

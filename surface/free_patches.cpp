@@ -12,6 +12,7 @@
 
 #include "cad/alignment.h"
 #include "cad/face_sampler.h"
+#include "cad/projector.h"
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/remedies.h"
@@ -286,6 +287,26 @@ struct NodesOff {
   Index count, outside;  ///< so many of those on the outside
 };
 
+// Of a node that is off the CAD: how far, and the part of the mesh that names it.
+std::string describe_off(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
+                         const SurfaceMesh& surface, int row) {
+  const FaceSamples samples = sample_faces(base, kSamples);
+  const Vector3d x = surface.points.row(row);
+  const Index near = KdTree(samples.points).nearest(x.data(), 1)[0].index;
+  const FaceFoot foot = project_on_face(base, samples.face[near], x, samples.uv[near]);
+  const double distance =
+      std::hypot(foot.distance, distance_to_trimmed(base, samples.face[near], foot.uv));
+  std::ostringstream text;
+  text.precision(3);
+  text << distance << " mm from face " << samples.face[near] + 1 << " ("
+       << distance / surface.local_length[row] << " of its shortest mesh edge)";
+  const auto group = std::ranges::find_if(mesh.groups, [&](const NodeGroup& one) {
+    return std::ranges::binary_search(one.nodes, boundary.nodes[row]);
+  });
+  if (group != mesh.groups.end()) text << ", of " << group->kind << " '" << group->name << "'";
+  return text.str();
+}
+
 [[noreturn]] void refuse(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
                          const SurfaceMesh& surface, const NodesOff& off, const std::string& why) {
   std::ostringstream text;
@@ -306,8 +327,9 @@ struct NodesOff {
   text << "the mesh does not lie on " << base.file_name() << ": " << off.count << " of "
        << off.outside << " surface nodes are on no CAD face, such as "
        << node_name(mesh, boundary.nodes[off.row]) << " at " << plain(surface.points.row(off.row))
-       << " mm" << why << " Mesh bounds " << plain(lower) << " .. " << plain(upper)
-       << " mm, CAD bounds " << plain(base.lower()) << " .. " << plain(base.upper())
+       << " mm, " << describe_off(base, mesh, boundary, surface, off.row) << why << " Mesh bounds "
+       << plain(lower) << " .. " << plain(upper) << " mm, CAD bounds " << plain(base.lower())
+       << " .. " << plain(base.upper())
        << " mm. Check that the mesh belongs to this CAD model, its unit ("
        << words_for(Remedy::MeshUnit) << "), and " << words_for(Remedy::AssociationTolerance)
        << ".";
@@ -467,7 +489,7 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
 }
 
 void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
-                     const SurfaceMesh& surface, const std::vector<Index>& expected_off,
+                     const SurfaceMesh& surface, const AssociationOptions& options,
                      Association& association) {
   Index outside = 0, unmatched = 0, unexpected = 0;
   int example = -1;
@@ -483,7 +505,8 @@ void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& bou
     association.is_free[n] = !is_outside;
     if (!is_outside) continue;
     ++unmatched;
-    const bool is_unexpected = !std::ranges::binary_search(expected_off, boundary.nodes[n]);
+    const bool is_unexpected = !options.expects_any_off &&
+                               !std::ranges::binary_search(options.expected_off, boundary.nodes[n]);
     if (example < 0 || (is_unexpected && unexpected == 0)) example = n;
     unexpected += is_unexpected;
   }

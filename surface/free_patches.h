@@ -62,10 +62,10 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
 /// Marks unmatched nodes on interfaces between regions and on cracks as free, and throws
 /// AssociationError where the unmatched outside can't be a far field or a symmetry plane: the mesh
 /// covers less than a quarter of the CAD's faces by half their area, or, of nodes that are not
-/// expected to be off the CAD (`expected_off`, of the mesh, ascending): it reaches no further than
+/// expected to be off the CAD (`options`): it reaches no further than
 /// 1.2 times the CAD, or they lie by the CAD amid matched ones.
 void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
-                     const SurfaceMesh& surface, const std::vector<Index>& expected_off,
+                     const SurfaceMesh& surface, const AssociationOptions& options,
                      Association& association);
 
 /// How far nodes of a plane may lie off it, millimetres: coordinates are rounded in proportion to

@@ -121,12 +121,12 @@ void FootFinder::sample_edges() {
   near_edges_ = SpacedSamples(edge_points_, spacing);
 }
 
-NodeFeet FootFinder::find(Index n) const {
+NodeFeet FootFinder::find(Index n, double reach) const {
   const Vector3d x = surface_.points.row(n);
   NodeFeet feet;
-  find_edge_feet(n, x, feet);
+  find_edge_feet(x, edge_reach(n, reach), feet);
   std::vector<FaceSheets> found;
-  const std::vector<Neighbour> samples = near_faces_.near(x, reach(n));
+  const std::vector<Neighbour> samples = near_faces_.near(x, reach);
   for (const Neighbour& near : samples) {
     const FaceId face = faces_.face[near.index];
     FaceSheets& sheets = entry_of(found, face);
@@ -138,29 +138,27 @@ NodeFeet FootFinder::find(Index n) const {
   }
   for (const FaceSheets& sheets : found) {
     const FaceFoot& foot = sheets.nearest();
-    if (foot.distance <= reach(n) + model_.faces()[sheets.id].tolerance)
+    if (foot.distance <= reach + model_.faces()[sheets.id].tolerance)
       feet.faces.push_back({sheets.id, foot.uv, foot.distance, foot.distance});
   }
   if (feet.faces.empty() && !found.empty() &&
-      std::sqrt(samples.front().squared_distance) <= faces_.face_spacing[found[0].id] + reach(n))
-    retry_globally(n, x, found[0].id, feet);
+      std::sqrt(samples.front().squared_distance) <= faces_.face_spacing[found[0].id] + reach) {
+    // The local iteration may have left the basin; the nearest face deserves a global search.
+    const FaceId face = found[0].id;
+    const FaceFoot foot = project_globally(model_, face, x);
+    if (foot.distance <= reach + model_.faces()[face].tolerance)
+      feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
+  }
   std::sort(feet.faces.begin(), feet.faces.end(),
             [](const FaceCandidate& a, const FaceCandidate& b) { return a.distance < b.distance; });
-  drop_outside(n, feet);
+  drop_outside(edge_reach(n, reach), feet);
   return feet;
 }
 
-// The local iteration may have left the basin; the nearest face deserves a global search.
-void FootFinder::retry_globally(Index n, const Vector3d& x, FaceId face, NodeFeet& feet) const {
-  const FaceFoot foot = project_globally(model_, face, x);
-  if (foot.distance <= reach(n) + model_.faces()[face].tolerance)
-    feet.faces.push_back({face, foot.uv, foot.distance, foot.distance});
-}
-
-void FootFinder::find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) const {
+void FootFinder::find_edge_feet(const Vector3d& x, double reach, NodeFeet& feet) const {
   std::vector<EdgeStrands> found;
   for (const Neighbour& near :
-       near_edges_.within(x, [&](double spacing) { return spacing + edge_reach(n); })) {
+       near_edges_.within(x, [&](double spacing) { return spacing + reach; })) {
     const auto [edge, t] = edge_seeds_[near.index];
     EdgeStrands& strands = entry_of(found, edge);
     if (strands.is_exact(kExact * model_.diagonal()) ||
@@ -173,22 +171,18 @@ void FootFinder::find_edge_feet(Index n, const Vector3d& x, NodeFeet& feet) cons
             [](const EdgeFoot& a, const EdgeFoot& b) { return a.distance < b.distance; });
 }
 
-// The nearest near edge of a face; null without one.
-const EdgeFoot* FootFinder::near_wire(Index n, FaceId face, const NodeFeet& feet) const {
-  for (const EdgeFoot& foot : feet.edges)
-    if (foot.distance <= edge_reach(n) + model_.edges()[foot.edge].tolerance)
-      for (const CoedgeId c : model_.edges()[foot.edge].coedges)
-        if (model_.coedges()[c].face == face) return &foot;
-  return nullptr;
-}
-
 // A foot on the carrier surface outside the wires belongs to another face, or to none.
-void FootFinder::drop_outside(Index n, NodeFeet& feet) const {
-  for (FaceCandidate& c : feet.faces) {
-    if (model_.is_inside(c.face, c.uv)) continue;
-    const EdgeFoot* foot = near_wire(n, c.face, feet);
-    c.gap = foot ? foot->distance : std::numeric_limits<double>::infinity();
-  }
+void FootFinder::drop_outside(double edge_reach, NodeFeet& feet) const {
+  // To the nearest near edge of a face; infinite without one.
+  const auto distance_to_wire = [&](FaceId face) {
+    for (const EdgeFoot& foot : feet.edges)
+      if (foot.distance <= edge_reach + model_.edges()[foot.edge].tolerance)
+        for (const CoedgeId c : model_.edges()[foot.edge].coedges)
+          if (model_.coedges()[c].face == face) return foot.distance;
+    return std::numeric_limits<double>::infinity();
+  };
+  for (FaceCandidate& c : feet.faces)
+    if (!model_.is_inside(c.face, c.uv)) c.gap = distance_to_wire(c.face);
   std::erase_if(feet.faces, [](const FaceCandidate& c) { return std::isinf(c.gap); });
 }
 

@@ -164,13 +164,23 @@ FaceId face_between_solids_off_mesh(const CadModel& base, const Association& ass
 // What the options say of nodes on no CAD face vouches for these.
 AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& options) {
   AssociationOptions result = options.association;
-  if (options.unmatched == UnmatchedPolicy::Fix || options.unmatched == UnmatchedPolicy::Slide) {
-    result.expected_off.resize(static_cast<std::size_t>(mesh.node_count()));
-    std::iota(result.expected_off.begin(), result.expected_off.end(), Index{0});
-  } else {
-    result.expected_off = named_nodes(mesh, options.groups);
-  }
+  result.expects_any_off =
+      options.unmatched == UnmatchedPolicy::Fix || options.unmatched == UnmatchedPolicy::Slide;
+  result.takes_strays = options.unmatched != UnmatchedPolicy::Error;
+  result.expected_off = named_nodes(mesh, options.groups);
   return result;
+}
+
+std::string describe_strays(const Mesh& mesh, const Boundary& boundary, const Association& found) {
+  const Index row = found.farthest_stray;
+  std::ostringstream text;
+  text.precision(4);
+  text << found.stray_nodes
+       << " surface nodes lie farther off the CAD than the tolerance, by up to "
+       << found.distance[row] << " mm (" << node_name(mesh, boundary.nodes[row])
+       << "): amid nodes that lie on it they go with what is nearest, as far off as they are ("
+       << words_for(Remedy::Snap) << " puts them on it)";
+  return text.str();
 }
 
 std::string name_of(const CadModel& base, const TopologyMatch& match, FaceId face) {
@@ -210,7 +220,7 @@ struct SurfaceMorph::Impl {
   std::vector<RigidGroup> rigid;
   std::vector<PeriodicSides> periodic;  // those that have names
   std::string crack;                    // what to tell of one inside of the mesh
-  std::vector<std::string> idle;        // of groups that no constraint reaches
+  std::vector<std::string> idle;        // what to tell of the base with every variant
   IdVector<FaceId, FaceNodes> faces;
   Joints joints;
   Points feet;     // of all nodes on the base CAD, millimetres
@@ -774,6 +784,8 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association,
                                      impl_->patches);
   std::ranges::move(unpaired, std::back_inserter(impl_->idle));
+  if (impl_->association.stray_nodes > 0)
+    impl_->idle.push_back(describe_strays(mesh, boundary, impl_->association));
   // With regions, who holds an interface takes its facets from the CAD.
   if (const FaceId face = face_between_solids_off_mesh(*impl_->base, impl_->association);
       face >= 0 && mesh.regions.empty())

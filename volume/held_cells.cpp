@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "core/finite_volumes.h"
 #include "core/jacobian_samples.h"
 
 namespace cadmorph {
@@ -56,7 +57,9 @@ bool is_held(const Mesh& mesh, const Points& positions, const std::vector<char>&
              const Orientation& orientation, Index c) {
   const auto fixed = [&](Index node) { return is_fixed[node] != 0; };
   if (std::ranges::all_of(mesh.cell(c), fixed)) return true;
-  if (dimension(mesh.types[c]) != 3 || mesh.types[c] == CellType::Polyhedron) return false;
+  if (dimension(mesh.types[c]) != 3 || mesh.types[c] == CellType::Polyhedron ||
+      finite_volume::is_volume(mesh, mesh.types[c]))
+    return false;
   const int sign = orientation[static_cast<std::size_t>(mesh.types[c])];
   return has_set_inversion(mesh, positions, is_fixed, c, sign) ||
          std::ranges::any_of(cell_facets(mesh, c), [&](const Facet& facet) {

@@ -204,8 +204,7 @@ class BatchRun {
       job_.emplace(base, mesh, options);
     } catch (const AssociationError& error) {
       const double given = options.surface.association.mesh_unit_mm;
-      throw AssociationError(likely_mistake(*base, mesh->mesh(), given > 0 ? given : 1.0) +
-                             error.what());
+      throw AssociationError(likely_mistake(*base, mesh->mesh(), given) + error.what());
     }
     check_folders(*mesh);
     *is_set_up = true;

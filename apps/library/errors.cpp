@@ -11,6 +11,7 @@ namespace {
 const bool kHasWords = [] {
   set_remedy_words({{Remedy::MeshUnit, "mesh_unit_mm"},
                     {Remedy::AssociationTolerance, "association_tolerance"},
+                    {Remedy::Snap, "the option snap"},
                     {Remedy::Unmatched, "the option unmatched"},
                     {Remedy::KeepUnmatched, "unmatched auto or fix"},
                     {Remedy::SlideUnmatched, "slide or unmatched slide"},

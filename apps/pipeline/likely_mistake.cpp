@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "core/boundary.h"
+#include "core/errors.h"
 #include "core/remedies.h"
 #include "core/validity.h"
 #include "surface/mesh_unit.h"
@@ -26,10 +27,21 @@ std::string wrong_node_order(const Mesh& mesh) {
          "mesh comes from; ";
 }
 
+// What was given, or what is taken without.
+double unit_of(const CadModel& base, const Mesh& mesh, const Boundary& boundary, double given_mm) {
+  if (given_mm > 0) return given_mm;
+  try {
+    return detect_mesh_unit(base, mesh, boundary);
+  } catch (const AssociationError&) {
+    return 1;
+  }
+}
+
 }  // namespace
 
-std::string likely_mistake(const CadModel& base, const Mesh& mesh, double mm) {
+std::string likely_mistake(const CadModel& base, const Mesh& mesh, double given_mm) {
   const Boundary boundary = extract_boundary(mesh);
+  const double mm = unit_of(base, mesh, boundary, given_mm);
   const auto place = find_place(base, mesh, boundary, mm);
   if (!place) return wrong_node_order(mesh);
   const bool is_shifted = place->shift.norm() > kNoShift * base.diagonal();
@@ -51,10 +63,11 @@ std::string likely_mistake(const CadModel& base, const Mesh& mesh, double mm) {
 }
 
 std::string likely_mistake(const CadModel& base, const CadModel& variant, const Mesh& mesh,
-                           double mm) {
-  std::string mistake = likely_mistake(base, mesh, mm);
+                           double given_mm) {
+  std::string mistake = likely_mistake(base, mesh, given_mm);
   if (!mistake.empty() || variant.file_name() == base.file_name()) return mistake;
   const Boundary boundary = extract_boundary(mesh);
+  const double mm = unit_of(base, mesh, boundary, given_mm);
   // A mesh that fits both as well lies on neither.
   if (find_place(base, mesh, boundary, mm)) return "";
   const auto place = find_place(variant, mesh, boundary, mm);

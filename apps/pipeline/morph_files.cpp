@@ -110,9 +110,8 @@ class Trip {
     } catch (const AssociationError& error) {
       if (leg_ > 0) throw;
       const double given = options_.surface.association.mesh_unit_mm;
-      throw AssociationError(
-          likely_mistake(*base_, variant_.get(), mesh_->mesh(), given > 0 ? given : 1.0) +
-          error.what());
+      throw AssociationError(likely_mistake(*base_, variant_.get(), mesh_->mesh(), given) +
+                             error.what());
     }
   }
 

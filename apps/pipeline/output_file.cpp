@@ -28,11 +28,17 @@ fs::path folder_of(const fs::path& file) {
   throw OutputError("can't write " + output.string() + ": " + why);
 }
 
-/// The suffix before the extension that tells the mesh's format.
+// That tells the mesh's format; the name of a folder may hold a point.
+std::string extension_of(const fs::path& path) {
+  std::error_code error;
+  return is_mesh_name(path) || fs::is_regular_file(path, error) ? mesh_extension(path) : "";
+}
+
+/// The suffix before the extension.
 fs::path with_suffix(fs::path path, const std::string& suffix) {
   path = trimmed(path);
   if (path.filename() == "." || path.filename() == "..") path = fs::canonical(path);
-  const std::string name = path.filename().string(), extension = mesh_extension(path);
+  const std::string name = path.filename().string(), extension = extension_of(path);
   return path.parent_path() / (name.substr(0, name.size() - extension.size()) + suffix + extension);
 }
 
@@ -85,8 +91,7 @@ fs::path failed_path(const fs::path& output) {
 fs::path vtu_path(const fs::path& output, const std::string& suffix) {
   const fs::path path = with_suffix(output, suffix);
   const std::string name = path.filename().string();
-  return path.parent_path() /
-         (name.substr(0, name.size() - mesh_extension(output).size()) + ".vtu");
+  return path.parent_path() / (name.substr(0, name.size() - extension_of(output).size()) + ".vtu");
 }
 
 std::string read_bytes(const fs::path& path) {

@@ -220,7 +220,7 @@ std::vector<char> on_cad(const BaseSide& base) {
 bool is_for_finite_volumes(const BaseSide& base) {
   const MeshUse use = base.options.mesh_use;
   return use == MeshUse::FiniteVolumes ||
-         (use == MeshUse::OfFormat && base.mesh_file->is_of_finite_volumes());
+         (use == MeshUse::OfFormat && base.mesh().is_of_finite_volumes);
 }
 
 // Second-order cells of plane meshes and shells that the curve of an edge turned over: those with

@@ -173,7 +173,9 @@ std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
   const bool has_lost = after < kLoss * before, is_poor = after < kPoor;
-  if (report.outcome != Outcome::Done || !report.can_repair || (report.improving && !is_poor))
+  // Cells of finite volumes may have no Jacobian to speak of in the input already.
+  if (report.outcome != Outcome::Done || !report.can_repair || before <= 0 ||
+      (report.improving && !is_poor))
     return "";
   if (!has_lost && !(is_poor && (report.improving || before < kPoor))) return "";
   const std::string worst = format("the worst element's scaled Jacobian is %.4f", after);

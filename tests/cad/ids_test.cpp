@@ -1,8 +1,9 @@
+#include "cad/ids.h"
+
 #include <catch2/catch.hpp>
 #include <concepts>
 #include <vector>
 
-#include "cad/ids.h"
 #include "cad/topology_match.h"
 
 using namespace cadmorph;
@@ -10,9 +11,13 @@ using namespace cadmorph;
 namespace {
 
 template <class Vector, class Key>
-concept FoundBy = requires(Vector vector, Key key) { vector[key]; };
+concept FoundBy = requires(Vector vector, Key key) {
+  vector[key];
+};
 template <class A, class B>
-concept Comparable = requires(A a, B b) { a == b; };
+concept Comparable = requires(A a, B b) {
+  a == b;
+};
 
 }  // namespace
 

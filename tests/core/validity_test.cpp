@@ -302,4 +302,33 @@ TEST_CASE("A hexahedron in a wrong node order is told by the faces it misses", "
   CHECK(misordered(moved).empty());
 }
 
+TEST_CASE("Finite volumes take a cell for what its faces enclose", "[core][validity]") {
+  Mesh mesh;
+  mesh.points.resize(8, 3);
+  mesh.points << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1;
+  add_cell(mesh, CellType::Hexahedron, std::array<Index, 8>{0, 1, 2, 3, 4, 5, 6, 7});
+  const Orientation orientation = detect_orientation(mesh);
+  const auto invalid = [&](bool is_of_finite_volumes) {
+    mesh.is_of_finite_volumes = is_of_finite_volumes;
+    const Index inverted = measure_quality(mesh, mesh.points, orientation).inverted;
+    CHECK(inverted == check_validity(mesh, mesh.points, orientation).invalid);
+    return inverted;
+  };
+  CHECK(invalid(true) == 0);
+  CHECK(invalid(false) == 0);
+  // Past the plane through its three neighbours a corner's Jacobian is negative.
+  mesh.points.row(6).setConstant(0.6);
+  CHECK(invalid(true) == 0);
+  CHECK(invalid(false) == 1);
+  // Its three faces look inwards from the cell's centroid.
+  mesh.points.row(6).setConstant(-1.5);
+  CHECK(invalid(true) == 1);
+  CHECK(invalid(false) == 1);
+  // Inside out.
+  mesh.points.row(6).setConstant(1);
+  mesh.points.col(0) *= -1;
+  CHECK(invalid(true) == 1);
+  CHECK(invalid(false) == 1);
+}
+
 }  // namespace cadmorph

@@ -100,7 +100,7 @@ TEST_CASE("An OpenFOAM mesh gives its cells, patches and zones", "[core][formats
   const MeshFile file(folder / "case");
   const Mesh& mesh = file.mesh();
   CHECK(file.format() == "OpenFOAM");
-  CHECK(file.is_of_finite_volumes());
+  CHECK(file.mesh().is_of_finite_volumes);
   CHECK(mesh.types == std::vector{CellType::Polyhedron, CellType::Tetra, CellType::Tetra});
   CHECK(faces_of(mesh, 0) == Faces{{4, 5, 6},
                                    {4, 6, 7},

@@ -1,0 +1,134 @@
+#include <BRepFilletAPI_MakeFillet.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRep_Builder.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Compound.hxx>
+#include <catch2/catch.hpp>
+
+#include "cad/topology_match.h"
+#include "core/errors.h"
+#include "morph_case.h"
+#include "triangulation.h"
+
+using namespace cadmorph;
+using namespace cadmorph::testing;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kSize = 40, kRadius = 10;
+
+// A box about the origin with all edges rounded.
+TopoDS_Shape rounded_box(double radius = kRadius) {
+  const double half = kSize / 2;
+  const TopoDS_Shape box =
+      BRepPrimAPI_MakeBox(gp_Pnt(-half, -half, -half), gp_Pnt(half, half, half)).Shape();
+  BRepFilletAPI_MakeFillet fillet(box);
+  for (TopExp_Explorer edge(box, TopAbs_EDGE); edge.More(); edge.Next())
+    fillet.Add(radius, TopoDS::Edge(edge.Current()));
+  return fillet.Shape();
+}
+
+// Nodes exactly on the rounded box, few of them on the edges where its faces meet smoothly.
+Vector3d in_rounded_box(const Vector3d& s) {
+  const double half = kSize / 2, core = half - kRadius;
+  const Vector3d x = kSize * (s - Vector3d::Constant(0.5));
+  const double out = x.cwiseAbs().maxCoeff();
+  if (out < 1e-9) return Vector3d::Zero();
+  const Vector3d on_cube = x * (half / out);
+  const Vector3d inner = on_cube.cwiseMax(-core).cwiseMin(core);
+  return out / half * (inner + kRadius * (on_cube - inner).normalized());
+}
+
+MorphCase rounded_case(int cells) {
+  return mesh_case(to_model(rounded_box()), hex_grid({cells, cells, cells}, in_rounded_box));
+}
+
+}  // namespace
+
+TEST_CASE("a mesh that does not follow edges where faces meet smoothly stays on its faces",
+          "[surface][association]") {
+  for (const int cells : {7, 9, 12}) {
+    const MorphCase c = rounded_case(cells);
+    const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+    const Association& a = surface.association();
+    CHECK(a.max_distance < 1e-6 * kSize);
+    CHECK(a.unmatched_nodes == 0);
+    CHECK(a.stray_nodes == 0);
+    const auto still = surface.morph(*c.base, match_topology(*c.base, *c.base));
+    CHECK(still.positions == surface_points(c.boundary, c.mesh.points));
+    CHECK(still.beyond_wires.maxCoeff() < 1e-6 * kSize);
+    CHECK(still.folded_facets.empty());
+    gp_Trsf shift;
+    shift.SetTranslation(gp_Vec(3, -20, 7));
+    const CadModel moved = to_model(transformed(rounded_box(), shift));
+    const auto result = surface.morph(moved, match_topology(*c.base, moved));
+    const Points expected =
+        surface_points(c.boundary, c.mesh.points).rowwise() + Eigen::RowVector3d(3, -20, 7);
+    CHECK(largest_difference(result.positions, expected) < 1e-7 * kSize);
+  }
+}
+
+TEST_CASE("few nodes off the CAD go with what is next to them, as far off as they are",
+          "[surface][association][strays]") {
+  MorphCase c = rounded_case(16);
+  const double cell = kSize / 16;
+  std::vector<Index> off;
+  for (std::size_t i = 0; i < c.boundary.nodes.size(); i += 61) off.push_back(c.boundary.nodes[i]);
+  const Points before = c.mesh.points;
+  for (const Index node : off) c.mesh.points.row(node) *= 1 + 0.6 * cell / before.row(node).norm();
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const Association& a = surface.association();
+  CHECK(a.stray_nodes == std::ssize(off));
+  CHECK(a.unmatched_nodes == 0);
+  CHECK(a.max_distance > 0.3 * cell);
+  CHECK(a.max_distance < 0.61 * cell);
+  const auto still = surface.morph(*c.base, match_topology(*c.base, *c.base));
+  CHECK(still.positions == surface_points(c.boundary, c.mesh.points));
+  CHECK(std::ranges::any_of(still.warnings, [](const std::string& text) {
+    return text.find("farther off the CAD than the tolerance") != std::string::npos;
+  }));
+  // A part of another size: what lay on it does so, and the others are about as far off.
+  gp_Trsf scale;
+  scale.SetScaleFactor(1.25);
+  const CadModel larger = to_model(transformed(rounded_box(), scale));
+  const auto result = surface.morph(larger, match_topology(*c.base, larger));
+  const Points expected = 1.25 * surface_points(c.boundary, c.mesh.points);
+  CHECK(largest_difference(result.positions, expected) < 1e-6 * kSize);
+  SurfaceMorphOptions strict;
+  strict.unmatched = UnmatchedPolicy::Error;
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, strict), AssociationError);
+}
+
+TEST_CASE("a face of the mesh that is another one than the CAD's is refused",
+          "[surface][association][strays]") {
+  MorphCase c = rounded_case(16);
+  const double cell = kSize / 16;
+  for (const Index node : c.boundary.nodes)
+    if (c.mesh.points(node, 2) > kSize / 2 - 1e-6) c.mesh.points(node, 2) += 0.4 * cell;
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary), AssociationError);
+}
+
+TEST_CASE("the open ends of a narrow gap are no strays of its walls",
+          "[surface][association][strays]") {
+  // Two sheets; the mesh between them is two cells high.
+  TopoDS_Compound walls;
+  BRep_Builder builder;
+  builder.MakeCompound(walls);
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(20, 20, 1).Shape();
+  for (TopExp_Explorer face(box, TopAbs_FACE); face.More(); face.Next()) {
+    const CadModel one = to_model(face.Current());
+    if (one.upper().z() - one.lower().z() < 0.5) builder.Add(walls, face.Current());
+  }
+  const MorphCase c =
+      mesh_case(to_model(walls), hex_grid({20, 20, 2}, [](const Vector3d& s) -> Vector3d {
+                  return {20 * s.x(), 20 * s.y(), s.z()};
+                }));
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary), AssociationError);
+  SurfaceMorphOptions fixed;
+  fixed.unmatched = UnmatchedPolicy::Fix;
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary, fixed);
+  CHECK(surface.association().stray_nodes == 0);
+  CHECK(surface.association().unmatched_nodes == 80);
+}
