@@ -30,27 +30,29 @@ const Points& FiniteVolumes::place(const Points& points, Points& scratch) const 
 namespace finite_volume {
 namespace {
 
-// Of all faces of a cell but those without area.
-bool are_faces_sound(std::span<const FaceShape> faces, int orientation) {
+// By all faces of a cell but those without area.
+double soundness_of(std::span<const FaceShape> faces, int orientation) {
   Vector3d guess = Vector3d::Zero();
   for (const FaceShape& face : faces) guess += face.centre / static_cast<double>(faces.size());
-  double volume = 0;
+  double volume = 0, size = 0;
   Vector3d moment = Vector3d::Zero();
   for (const FaceShape& face : faces) {
     const double part = orientation * face.area.dot(face.centre - guess) / 3;
     volume += part;
+    size += std::abs(part);
     moment += part * (0.75 * face.centre + 0.25 * guess);
   }
-  if (!(volume > 0)) return false;
+  if (!(volume > 0)) return size > 0 ? volume / size - 1 : -1;
   const Vector3d centre = moment / volume;
-  return std::ranges::all_of(faces, [&](const FaceShape& face) {
-    return orientation * face.area.dot(face.centre - centre) > 0;
-  });
+  double least = 1;
+  for (const FaceShape& face : faces)
+    least = std::min(least, orientation * face.area.dot(face.centre - centre) / (3 * volume));
+  return least;
 }
 
 }  // namespace
 
-bool is_sound(const Mesh& mesh, const Points& points, Index c, int orientation) {
+double soundness(const Mesh& mesh, const Points& points, Index c, int orientation) {
   if (mesh.types[c] == CellType::Polyhedron) {
     std::vector<FaceShape> faces;
     std::vector<Vector3d> corners;
@@ -60,7 +62,7 @@ bool is_sound(const Mesh& mesh, const Points& points, Index c, int orientation) 
       const FaceShape face = face_shape(corners);
       if (!face.area.isZero(0)) faces.push_back(face);
     });
-    return are_faces_sound(faces, orientation);
+    return soundness_of(faces, orientation);
   }
   const auto cell = mesh.cell(c);
   std::array<FaceShape, 6> faces;
@@ -73,7 +75,7 @@ bool is_sound(const Mesh& mesh, const Points& points, Index c, int orientation) 
     faces[count] = face_shape({corners.data(), corner_number});
     if (!faces[count].area.isZero(0)) ++count;
   }
-  return are_faces_sound({faces.data(), count}, orientation);
+  return soundness_of({faces.data(), count}, orientation);
 }
 
 }  // namespace finite_volume

@@ -240,10 +240,13 @@ inline bool is_volume(const Mesh& mesh, CellType type) {
          (type == CellType::Polyhedron || info.corners == info.nodes);
 }
 
-/// Whether such a cell `c` is sound as checkMesh tells it: its volume is positive, and so is each
-/// face's pyramid over the cell's centroid (primitiveMeshCheck::checkFacePyramids). `orientation`:
-/// 1 or -1, see Orientation.
-bool is_sound(const Mesh& mesh, const Points& points, Index c, int orientation);
+/// How sound such a cell `c` is: the smallest pyramid of a face over the cell's centroid, in
+/// volumes of the cell. Not positive where that is not, or the volume, as checkMesh tells it
+/// (primitiveMeshCheck::checkFacePyramids). `orientation`: 1 or -1, see Orientation.
+double soundness(const Mesh& mesh, const Points& points, Index c, int orientation);
+inline bool is_sound(const Mesh& mesh, const Points& points, Index c, int orientation) {
+  return soundness(mesh, points, c, orientation) > 0;
+}
 
 }  // namespace finite_volume
 }  // namespace cadmorph

@@ -12,6 +12,10 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+// Sine of the turn at a straight corner, as where a coarser cell's edge meets those of two finer
+// ones: what the digits of a mesh file leave of it. It may come out on either side.
+constexpr double kStraight = 1e-4;
+
 // At a pole one parameter is arbitrary, and so is the normal that it gives.
 bool is_at_pole(const FaceSide& side, Index i, double local_length) {
   const CadFace& f = side.model.faces()[side.face];
@@ -34,10 +38,11 @@ FaceFolds::FaceFolds(const SurfaceMesh& surface, const std::vector<int>& facets,
       if (!is_at_pole(before, i, surface.local_length[rows[i]])) normals[i] = normal_at(before, i);
   });
   for (const int f : facets) {
-    facets_.push_back(
-        {.facet = f,
-         .inward_corners = surface.corners[f] > 3 ? inward_corners(surface, before.points, f) : 0,
-         .first = static_cast<int>(witnesses_.size())});
+    facets_.push_back({.facet = f,
+                       .inward_corners = surface.corners[f] > 3
+                                             ? inward_corners(surface, before.points, f, kStraight)
+                                             : 0,
+                       .first = static_cast<int>(witnesses_.size())});
     const Vector3d area = area_vector(surface, before.points, f);
     for (const int n : surface.facets[f]) {
       const auto it = std::ranges::lower_bound(rows, n);

@@ -126,7 +126,7 @@ Eigen::Vector3d area_vector(const SurfaceMesh& surface, const Points& points, In
   return sum;
 }
 
-int inward_corners(const SurfaceMesh& surface, const Points& points, Index facet) {
+int inward_corners(const SurfaceMesh& surface, const Points& points, Index facet, double sine) {
   const auto& nodes = surface.facets[facet];
   const int corners = surface.corners[facet];
   const Eigen::Vector3d normal = area_vector(surface, points, facet);
@@ -135,7 +135,7 @@ int inward_corners(const SurfaceMesh& surface, const Points& points, Index facet
     const Eigen::Vector3d here = points.row(nodes[i]);
     const Eigen::Vector3d next = points.row(nodes[(i + 1) % corners]).transpose() - here;
     const Eigen::Vector3d last = points.row(nodes[(i + corners - 1) % corners]).transpose() - here;
-    count += next.cross(last).dot(normal) <= 0;
+    count += next.cross(last).dot(normal) <= sine * next.norm() * last.norm() * normal.norm();
   }
   return count;
 }

@@ -29,8 +29,9 @@ SurfaceMesh make_surface_mesh(const Mesh& mesh, const Boundary& boundary, double
 /// Area vector of a facet's corner polygon (its direction: the facet's normal).
 Eigen::Vector3d area_vector(const SurfaceMesh& surface, const Points& points, Index facet);
 
-/// Number of a facet's corners that turn against its area vector; none in a convex facet.
-int inward_corners(const SurfaceMesh& surface, const Points& points, Index facet);
+/// Number of a facet's corners that turn against its area vector, or with it by `sine` at most;
+/// without, none in a convex facet.
+int inward_corners(const SurfaceMesh& surface, const Points& points, Index facet, double sine = 0);
 
 /// Mean of a facet's corners.
 Eigen::Vector3d centroid(const SurfaceMesh& surface, const Points& points, Index facet);

@@ -407,7 +407,8 @@ class BestMesh {
   // Nodes of solid cells without a shape to start from, that no move here is to make worse.
   void hold_flat_cells() {
     for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (result_.quality.values[c] <= kFlat || came_.quality.values[c] <= kFlat)
+      if (result_.quality.values[c] <= kFlat ||
+          (options_.volumes && came_.quality.values[c] <= kFlat))
         for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
     for (const Index c : all_invalid_cells())
       for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;

@@ -12,6 +12,7 @@
 #include "volume/distortion.h"
 #include "volume/held_cells.h"
 #include "volume/node_cells.h"
+#include "volume/sound_volumes.h"
 
 namespace cadmorph {
 namespace {
@@ -234,8 +235,16 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   UntangleReport& report = result.report;
   report.validity = check_validity(mesh, positions, orientation);
   report.before = report.validity.invalid;
-  if (report.before > 0 || !options.poor_cells.empty()) {
-    Repair repair(mesh, positions, is_fixed, orientation, options);
+  if (mesh.is_of_finite_volumes && report.before > 0) {
+    result.positions =
+        mend_volumes(mesh, positions, is_fixed, orientation, report.validity.invalid_cells);
+    report.validity = check_validity(mesh, result.positions, orientation);
+    const auto moves = (result.positions - positions).rowwise().squaredNorm().array() > 0;
+    report.moved_nodes = moves.count();
+  }
+  if (report.validity.invalid > 0 || !options.poor_cells.empty()) {
+    const Points start = result.positions;
+    Repair repair(mesh, start, is_fixed, orientation, options);
     repair.run(report);
     result.positions = repair.positions();
     result.slides = repair.slides();
