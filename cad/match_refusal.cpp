@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <numeric>
 #include <sstream>
 
@@ -58,6 +59,52 @@ std::vector<std::string> leftovers(const MatchSide& base, const MatchSide& varia
   return result;
 }
 
+// A solid of a part: its faces' mean centroid and their number.
+struct Body {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  int faces = 0;
+};
+
+std::vector<Body> bodies_of(const MatchSide& side) {
+  std::vector<Body> bodies(static_cast<std::size_t>(side.model.solid_count()));
+  for (const FaceId f : side.model.faces().ids())
+    for (const int solid : {side.model.faces()[f].solid, side.model.faces()[f].other_solid}) {
+      if (solid < 0) continue;
+      bodies[solid].centre += side.features[f].centre;
+      ++bodies[solid].faces;
+    }
+  for (Body& body : bodies) body.centre /= std::max(body.faces, 1);
+  return bodies;
+}
+
+// The solids that one part has more than the other: those farthest from any of the other's.
+std::vector<std::string> leftover_bodies(const MatchSide& base, const MatchSide& variant,
+                                         const Similarity& t) {
+  std::vector<Body> b = bodies_of(base), v = bodies_of(variant);
+  for (Body& body : b) body.centre = t(body.centre);
+  const bool is_of_base = b.size() > v.size();
+  const std::vector<Body>&more = is_of_base ? b : v, &less = is_of_base ? v : b;
+  std::vector<std::pair<double, std::size_t>> alone;  // distance from the nearest, and which
+  for (std::size_t i = 0; i < more.size(); ++i) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Body& other : less)
+      nearest = std::min(nearest, (other.centre - more[i].centre).norm());
+    alone.emplace_back(-nearest, i);
+  }
+  std::ranges::sort(alone);
+  std::vector<std::string> result;
+  for (std::size_t k = 0; k < more.size() - less.size(); ++k) {
+    const Body& body = more[alone[k].second];
+    std::ostringstream text;
+    text.precision(4);
+    text << (is_of_base ? "base" : "variant") << " solid " << alone[k].second + 1 << " ("
+         << body.faces << " faces, about " << body.centre.x() << ' ' << body.centre.y() << ' '
+         << body.centre.z() << " mm)";
+    result.push_back(text.str());
+  }
+  return result;
+}
+
 // Physical edges with a face on one side alone.
 int open_edges(const CadModel& model) {
   const auto& curves = model.skeleton().curves;
@@ -86,7 +133,11 @@ void refuse_match(const MatchSide& base, const MatchSide& variant) {
                                0.1 * base.model.diagonal()
                            ? Similarity{}
                            : align_bounds(base.model, variant.model);
-  std::vector<std::string> lost = leftovers(base, variant, t, {0, b.faces}, {0, v.faces});
+  const int b_solids = base.model.solid_count(), v_solids = variant.model.solid_count();
+  std::vector<std::string> lost;
+  if (b_solids != v_solids && std::min(b_solids, v_solids) > 0)
+    lost = leftover_bodies(base, variant, t);
+  if (lost.empty()) lost = leftovers(base, variant, t, {0, b.faces}, {0, v.faces});
   if (lost.empty())
     lost =
         leftovers(base, variant, t, {b.faces, b.faces + b.curves}, {v.faces, v.faces + v.curves});
@@ -95,9 +146,9 @@ void refuse_match(const MatchSide& base, const MatchSide& variant) {
                      {v.faces + v.curves, v.entity_count()});
   std::ostringstream text;
   text << variant.model.file_name() << " does not correspond to " << base.model.file_name()
-       << ": base has " << b.faces << " faces, " << b.curves << " edges, " << b.corners
-       << " vertices, variant " << v.faces << ", " << v.curves << ", " << v.corners
-       << " (seams not counted). "
+       << ": base has " << b_solids << " solids, " << b.faces << " faces, " << b.curves
+       << " edges, " << b.corners << " vertices, variant " << v_solids << ", " << v.faces << ", "
+       << v.curves << ", " << v.corners << " (seams not counted). "
        << (lost.empty() ? "The counts agree but the faces are connected differently"
                         : "Without a partner: " + list(lost))
        << ". " << remedy(base, variant);

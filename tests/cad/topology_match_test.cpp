@@ -445,6 +445,21 @@ TEST_CASE("an added hole is refused and named", "[cad][match][errors]") {
   CHECK_THAT(refusal(variant, base), Contains("base face " + std::to_string(added + 1) + " "));
 }
 
+TEST_CASE("a removed solid is refused and named", "[cad][match][errors]") {
+  const auto bars = [](const std::vector<int>& places) {
+    TopoDS_Compound all;
+    BRep_Builder builder;
+    builder.MakeCompound(all);
+    for (const int place : places)
+      builder.Add(all, BRepPrimAPI_MakeBox(gp_Pnt(10.0 * place, 0, 0), 4, 3, 2).Shape());
+    return to_model(all);
+  };
+  const CadModel base = bars({0, 1, 2, 3}), variant = bars({0, 1, 3});
+  CHECK_THAT(refusal(base, variant), Contains("4 solids"));
+  CHECK_THAT(refusal(base, variant), Contains("base solid 3 (6 faces, about 22 1.5 1 mm)"));
+  CHECK_THAT(refusal(variant, base), Contains("variant solid 3 (6 faces, about 22 1.5 1 mm)"));
+}
+
 TEST_CASE("a removed fillet is refused and named", "[cad][match][errors]") {
   const CadModel base = to_model(with_fillets(2)), variant = to_model(with_fillets(1));
   REQUIRE(base.faces().size() == variant.faces().size() + 1);
