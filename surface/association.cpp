@@ -34,8 +34,28 @@ constexpr double kOtherSide = 1e-2;
 constexpr Index kGrain = 512;
 // Strays are off by up to a mesh edge, as the mean of those at the node: what a mesher leaves where
 // it did not snap. Their facets look the CAD's way by this cosine, on the mean, which those of an
-// inlet across a narrow duct don't. More of them, or most of a face, tell of another part.
-constexpr double kStray = 1, kAlike = 0.5, kMostStrays = 0.05, kMostOfFace = 0.5;
+// inlet across a narrow duct don't. More of them, or most of a face or an edge, tell of another
+// part.
+constexpr double kStray = 1, kAlike = 0.5, kMostStrays = 0.05, kMostOfEntity = 0.5;
+
+// Nodes of facet edges that no other facet has, ascending.
+std::vector<int> rim_nodes(const SurfaceMesh& surface) {
+  std::vector<std::pair<int, int>> edges;
+  for (std::size_t f = 0; f < surface.facets.size(); ++f)
+    for (int i = 0; i < surface.corners[f]; ++i)
+      edges.push_back(
+          std::minmax({surface.facets[f][i], surface.facets[f][(i + 1) % surface.corners[f]]}));
+  std::ranges::sort(edges);
+  std::vector<int> nodes;
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    const bool is_shared =
+        (i > 0 && edges[i - 1] == edges[i]) || (i + 1 < edges.size() && edges[i + 1] == edges[i]);
+    if (!is_shared) nodes.insert(nodes.end(), {edges[i].first, edges[i].second});
+  }
+  std::ranges::sort(nodes);
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  return nodes;
+}
 
 class Associator {
  public:
@@ -64,7 +84,7 @@ class Associator {
     std::map<int, NodeFeet> before;
     for (const int n : strays) before.emplace(n, std::exchange(feet_[n], wide_feet(n)));
     classify();
-    if (are_most_of_a_face(strays)) {
+    if (are_most_of_an_entity(strays)) {
       for (auto& [n, feet] : before) feet_[n] = std::move(feet);
       return classify();
     }
@@ -162,15 +182,24 @@ class Associator {
     return strays;
   }
 
-  bool are_most_of_a_face(const std::vector<int>& strays) const {
-    IdVector<FaceId, Index> all(model_.faces().size(), 0), of_strays(model_.faces().size(), 0);
-    const auto count = [&](int n, IdVector<FaceId, Index>& counts) {
-      if (result_.dimension[n] == CadDimension::Face) ++counts[result_.face(n)];
-    };
-    for (int n = 0; n < static_cast<int>(surface_.points.rows()); ++n) count(n, all);
-    for (const int n : strays) count(n, of_strays);
-    for (const FaceId f : all.ids())
-      if (double(of_strays[f]) > kMostOfFace * double(all[f])) return true;
+  // Of a face's nodes, or of those on the rim of a sheet by an edge.
+  bool are_most_of_an_entity(const std::vector<int>& strays) const {
+    IdVector<FaceId, Index> on_face(model_.faces().size(), 0), strays_on_face = on_face;
+    IdVector<EdgeId, Index> on_edge(model_.edges().size(), 0), strays_on_edge = on_edge;
+    for (int n = 0; n < static_cast<int>(surface_.points.rows()); ++n) {
+      if (result_.dimension[n] == CadDimension::Face) ++on_face[result_.face(n)];
+      if (result_.dimension[n] == CadDimension::Edge) ++on_edge[result_.edge(n)];
+    }
+    const std::vector<int> rim = rim_nodes(surface_);
+    for (const int n : strays) {
+      if (result_.dimension[n] == CadDimension::Face) ++strays_on_face[result_.face(n)];
+      if (!feet_[n].edges.empty() && std::ranges::binary_search(rim, n))
+        ++strays_on_edge[feet_[n].edges.front().edge];
+    }
+    for (const FaceId f : on_face.ids())
+      if (double(strays_on_face[f]) > kMostOfEntity * double(on_face[f])) return true;
+    for (const EdgeId e : on_edge.ids())
+      if (strays_on_edge[e] > on_edge[e]) return true;
     return false;
   }
 

@@ -5,6 +5,7 @@
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <catch2/catch.hpp>
+#include <optional>
 
 #include "cad/topology_match.h"
 #include "core/errors.h"
@@ -108,6 +109,34 @@ TEST_CASE("a face of the mesh that is another one than the CAD's is refused",
   for (const Index node : c.boundary.nodes)
     if (c.mesh.points(node, 2) > kSize / 2 - 1e-6) c.mesh.points(node, 2) += 0.4 * cell;
   CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary), AssociationError);
+}
+
+TEST_CASE("a sheet whose rim is another one than the CAD's is refused",
+          "[surface][association][strays]") {
+  constexpr int kCells = 40;
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(gp_Pnt(0, 0, -1), gp_Pnt(40, 40, 0)).Shape();
+  std::optional<CadModel> plate;
+  for (TopExp_Explorer face(box, TopAbs_FACE); face.More(); face.Next())
+    if (CadModel one = to_model(face.Current()); one.lower().z() > -0.5) plate.emplace(one);
+  REQUIRE(plate);
+  Mesh mesh;
+  mesh.points.resize((kCells + 1) * (kCells + 1), 3);
+  const auto node = [](int i, int j) { return Index{j} * (kCells + 1) + i; };
+  for (int j = 0; j <= kCells; ++j)
+    for (int i = 0; i <= kCells; ++i) mesh.points.row(node(i, j)) << i, j, 0;
+  for (int j = 0; j < kCells; ++j)
+    for (int i = 0; i < kCells; ++i)
+      add_cell(mesh, CellType::Quad,
+               std::array{node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)});
+  const auto moved = [&](int first, int last) {
+    Mesh result = mesh;
+    for (int j = first; j <= last; ++j) result.points(node(kCells, j), 0) += 0.7;
+    return mesh_case(*plate, result);
+  };
+  const MorphCase few = moved(10, 12);
+  CHECK(SurfaceMorph(few.base, few.mesh, few.boundary).association().stray_nodes == 3);
+  const MorphCase all = moved(0, kCells);
+  CHECK_THROWS_AS(SurfaceMorph(all.base, all.mesh, all.boundary), AssociationError);
 }
 
 TEST_CASE("the open ends of a narrow gap are no strays of its walls",
