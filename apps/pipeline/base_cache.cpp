@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 const FileKind kCacheFile{.mark = "cadmorph base side\n",
-                          .format = 2,
+                          .format = 3,
                           .name = "cache of cadmorph",
                           .remedy = "it is made anew"};
 
