@@ -80,15 +80,17 @@ std::vector<Body> bodies_of(const MatchSide& side) {
 // The solids that one part has more than the other: those farthest from any of the other's.
 std::vector<std::string> leftover_bodies(const MatchSide& base, const MatchSide& variant,
                                          const Similarity& t) {
-  std::vector<Body> b = bodies_of(base), v = bodies_of(variant);
-  for (Body& body : b) body.centre = t(body.centre);
+  const std::vector<Body> b = bodies_of(base), v = bodies_of(variant);
   const bool is_of_base = b.size() > v.size();
   const std::vector<Body>&more = is_of_base ? b : v, &less = is_of_base ? v : b;
+  const auto place = [&](const Body& body, bool of_base) {
+    return of_base ? t(body.centre) : body.centre;
+  };
   std::vector<std::pair<double, std::size_t>> alone;  // distance from the nearest, and which
   for (std::size_t i = 0; i < more.size(); ++i) {
     double nearest = std::numeric_limits<double>::infinity();
     for (const Body& other : less)
-      nearest = std::min(nearest, (other.centre - more[i].centre).norm());
+      nearest = std::min(nearest, (place(other, !is_of_base) - place(more[i], is_of_base)).norm());
     alone.emplace_back(-nearest, i);
   }
   std::ranges::sort(alone);

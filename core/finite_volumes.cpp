@@ -31,22 +31,14 @@ namespace finite_volume {
 namespace {
 
 // By all faces of a cell but those without area.
-double soundness_of(std::span<const FaceShape> faces, int orientation) {
-  Vector3d guess = Vector3d::Zero();
-  for (const FaceShape& face : faces) guess += face.centre / static_cast<double>(faces.size());
-  double volume = 0, size = 0;
-  Vector3d moment = Vector3d::Zero();
-  for (const FaceShape& face : faces) {
-    const double part = orientation * face.area.dot(face.centre - guess) / 3;
-    volume += part;
-    size += std::abs(part);
-    moment += part * (0.75 * face.centre + 0.25 * guess);
-  }
-  if (!(volume > 0)) return size > 0 ? volume / size - 1 : -1;
-  const Vector3d centre = moment / volume;
+double soundness_of(std::span<const FaceShape> faces, double sign) {
+  const CellShape cell = shape_of_faces(faces, sign);
+  // The more so, the less volume its faces enclose.
+  if (!(cell.volume > 0))
+    return faces.empty() ? -1 : cell.volume / std::pow(cell.projection.sum(), 1.5) - 1;
   double least = 1;
   for (const FaceShape& face : faces)
-    least = std::min(least, orientation * face.area.dot(face.centre - centre) / (3 * volume));
+    least = std::min(least, sign * face.area.dot(face.centre - cell.centre) / (3 * cell.volume));
   return least;
 }
 

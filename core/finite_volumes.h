@@ -210,18 +210,12 @@ inline CellShape tetra_shape(const Tetra& tetra, double sign) {
   return cell;
 }
 
-/// Of solid cell c; `faces` is memory to use.
-inline CellShape cell_shape(PlacedCells& cells, Index c, std::vector<FaceShape>& faces) {
-  if (is_proper_tetra(cells, c)) return tetra_shape(Tetra(cells, c), cells.sign(c));
-  faces.clear();
+/// Of the cell that `faces` enclose, whose areas look out of it where `sign` is 1.
+inline CellShape shape_of_faces(std::span<const FaceShape> faces, double sign) {
   Vector3d guess = Vector3d::Zero();
-  cells.for_each_face(c, [&](const PlacedFace& face) {
-    faces.push_back(face_shape(face.corners));
-    guess += faces.back().centre;
-  });
+  for (const FaceShape& face : faces) guess += face.centre;
   guess /= static_cast<double>(std::max<std::size_t>(faces.size(), 1));
   CellShape cell;
-  const double sign = cells.sign(c);
   for (const FaceShape& face : faces) {
     const double volume = sign * face.area.dot(face.centre - guess) / 3;
     cell.volume += volume;
@@ -230,6 +224,15 @@ inline CellShape cell_shape(PlacedCells& cells, Index c, std::vector<FaceShape>&
   }
   cell.centre = cell.volume != 0 ? Vector3d(cell.centre / cell.volume) : guess;
   return cell;
+}
+
+/// Of solid cell c; `faces` is memory to use.
+inline CellShape cell_shape(PlacedCells& cells, Index c, std::vector<FaceShape>& faces) {
+  if (is_proper_tetra(cells, c)) return tetra_shape(Tetra(cells, c), cells.sign(c));
+  faces.clear();
+  cells.for_each_face(c,
+                      [&](const PlacedFace& face) { faces.push_back(face_shape(face.corners)); });
+  return shape_of_faces(faces, cells.sign(c));
 }
 
 /// Whether solid cells of a type are what their plane-edged faces enclose, in a mesh for solvers by

@@ -137,46 +137,47 @@ class Associator {
     return finder_.find(n, kStray * (count > 0 ? sum / count : surface_.own_length[n]));
   }
 
-  // Nodes that only others by the CAD, and matched ones, surround: unlike those of a far field or a
-  // symmetry plane, which go somewhere.
+  // Calls visit(facet) for each facet of the outside at a node.
+  template <class Visit>
+  void for_each_outer(int n, const std::vector<char>& outer, Visit&& visit) const {
+    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
+      if (outer[surface_.incident_facets[i]]) visit(surface_.incident_facets[i]);
+  }
+
+  // Whether unmatched nodes that hang together are all by the CAD, amid others that are on it:
+  // unlike those of a far field or a symmetry plane, which go somewhere.
+  bool are_by_cad(const std::vector<int>& nodes, const std::vector<char>& outer) const {
+    double area = 0, facing = 0;
+    bool is_amid_others = false;
+    for (const int n : nodes) {
+      const NodeFeet feet = wide_feet(n);
+      if (feet.faces.empty()) return false;
+      const Vector3d normal = model_.normal(feet.faces[0].face, feet.faces[0].uv);
+      for_each_outer(n, outer, [&](int f) {
+        const Vector3d own = area_vector(surface_, surface_.points, f);
+        area += own.norm();
+        facing += std::abs(own.dot(normal));
+        is_amid_others |= !std::ranges::all_of(surface_.facets[f],
+                                               [&](int other) { return is_unmatched(other); });
+      });
+    }
+    return is_amid_others && facing >= kAlike * area;
+  }
+
   std::vector<int> find_strays(const std::vector<char>& outer,
                                const std::vector<char>& is_expected) const {
-    const int nodes = static_cast<int>(surface_.points.rows());
-    std::vector<char> is_seen(nodes, 0);
+    std::vector<char> is_seen(result_.dimension.size(), 0);
     std::vector<int> strays;
     int outside = 0;
-    for (int seed = 0; seed < nodes; ++seed) {
-      const auto first = surface_.incident_facets.begin() + surface_.incident_offsets[seed];
-      const auto last = surface_.incident_facets.begin() + surface_.incident_offsets[seed + 1];
-      const bool is_outside = std::any_of(first, last, [&](int f) { return outer[f] != 0; });
+    for (int seed = 0; seed < std::ssize(is_seen); ++seed) {
+      bool is_outside = false;
+      for_each_outer(seed, outer, [&](int) { is_outside = true; });
       outside += is_outside;
       if (!is_outside || !is_unmatched(seed) || is_seen[seed]) continue;
-      std::vector<int> patch{seed};
-      is_seen[seed] = 1;
-      bool is_by_cad = true, is_amid_others = false;
-      double area = 0, facing = 0;
-      for (std::size_t k = 0; k < patch.size(); ++k) {
-        const int n = patch[k];
-        Vector3d normal = Vector3d::Zero();
-        if (is_by_cad) {
-          const NodeFeet feet = wide_feet(n);
-          is_by_cad = !is_expected[n] && !feet.faces.empty();
-          if (is_by_cad) normal = model_.normal(feet.faces[0].face, feet.faces[0].uv);
-        }
-        for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i) {
-          const int f = surface_.incident_facets[i];
-          if (!outer[f]) continue;
-          const Vector3d own = area_vector(surface_, surface_.points, f);
-          area += own.norm();
-          facing += std::abs(own.dot(normal));
-          for (const int other : surface_.facets[f]) {
-            is_amid_others |= !is_unmatched(other);
-            if (is_unmatched(other) && !std::exchange(is_seen[other], 1)) patch.push_back(other);
-          }
-        }
-      }
-      if (is_by_cad && is_amid_others && facing >= kAlike * area)
-        strays.insert(strays.end(), patch.begin(), patch.end());
+      const auto nodes = unmatched_around(surface_, result_, outer, seed, is_seen);
+      if (std::ranges::none_of(nodes, [&](int n) { return is_expected[n] != 0; }) &&
+          are_by_cad(nodes, outer))
+        strays.insert(strays.end(), nodes.begin(), nodes.end());
     }
     if (double(strays.size()) > kMostStrays * outside) strays.clear();
     return strays;

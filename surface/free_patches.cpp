@@ -353,22 +353,6 @@ std::string other_part(const CadModel& base, const SurfaceMesh& surface, double 
   return text.str();
 }
 
-// Grows from an unmatched node over the outside through unmatched nodes only.
-std::vector<int> unmatched_around(const SurfaceMesh& surface, const Association& association,
-                                  const std::vector<char>& is_open, int seed,
-                                  std::vector<char>& is_seen) {
-  std::vector<int> nodes{seed};
-  is_seen[seed] = 1;
-  for (std::size_t k = 0; k < nodes.size(); ++k)
-    for (int i = surface.incident_offsets[nodes[k]]; i < surface.incident_offsets[nodes[k] + 1];
-         ++i) {
-      if (!is_open[surface.incident_facets[i]]) continue;
-      for (const int n : surface.facets[surface.incident_facets[i]])
-        if (is_unmatched_node(association, n) && !std::exchange(is_seen[n], 1)) nodes.push_back(n);
-    }
-  return nodes;
-}
-
 // A far field or symmetry plane goes somewhere. Nodes that all stay by the CAD belong to it, but
 // lie off: they would be left behind.
 void refuse_left_behind(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
@@ -458,6 +442,21 @@ std::string describe_cracks(const Mesh& mesh, const SurfaceMesh& surface, const 
 
 double plane_tolerance(const SurfaceMesh& surface) {
   return kSamePlane * std::max(size_of(surface), surface.points.cwiseAbs().maxCoeff());
+}
+
+std::vector<int> unmatched_around(const SurfaceMesh& surface, const Association& association,
+                                  const std::vector<char>& is_open, int seed,
+                                  std::vector<char>& is_seen) {
+  std::vector<int> nodes{seed};
+  is_seen[seed] = 1;
+  for (std::size_t k = 0; k < nodes.size(); ++k)
+    for (int i = surface.incident_offsets[nodes[k]]; i < surface.incident_offsets[nodes[k] + 1];
+         ++i) {
+      if (!is_open[surface.incident_facets[i]]) continue;
+      for (const int n : surface.facets[surface.incident_facets[i]])
+        if (is_unmatched_node(association, n) && !std::exchange(is_seen[n], 1)) nodes.push_back(n);
+    }
+  return nodes;
 }
 
 std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Boundary& boundary,

@@ -59,6 +59,12 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
                                          const Association& association,
                                          const PatchMarks& marks = {});
 
+/// An unmatched node of the outside and those that hang together with it through unmatched ones
+/// alone, over the facets that `is_open` marks. Marks them in `is_seen` (a node).
+std::vector<int> unmatched_around(const SurfaceMesh& surface, const Association& association,
+                                  const std::vector<char>& is_open, int seed,
+                                  std::vector<char>& is_seen);
+
 /// Marks unmatched nodes on interfaces between regions and on cracks as free, and throws
 /// AssociationError where the unmatched outside can't be a far field or a symmetry plane: the mesh
 /// covers less than a quarter of the CAD's faces by half their area, or, of nodes that are not

@@ -58,19 +58,20 @@ class Mender {
                                     orientation_[static_cast<std::size_t>(mesh_.types[c])]);
   }
 
-  // By how much the cells at a node are sounder than they have to be, the least of them.
-  double margin(Index node) const {
-    double least = 1;
-    for (const Index c : incidence_.cells(node)) {
-      const double enough = std::clamp(soundness(c, mesh_.points), 0.0, kEnough);
-      least = std::min(least, soundness(c, positions_) - enough);
-    }
-    return least;
-  }
-
   // A compass search. Returns whether the node moved.
   bool improve(Index node, Index c) {
-    double best = margin(node);
+    const auto cells = incidence_.cells(node);
+    std::vector<double> enough;
+    for (const Index other : cells)
+      enough.push_back(std::clamp(soundness(other, mesh_.points), 0.0, kEnough));
+    // By how much the cells at the node are sounder than they have to be, the least of them.
+    const auto margin = [&] {
+      double least = 1;
+      for (std::size_t i = 0; i < cells.size(); ++i)
+        least = std::min(least, soundness(cells[i], positions_) - enough[i]);
+      return least;
+    };
+    double best = margin();
     const Vector3d start = positions_.row(node);
     double size = 0;
     for (const Index other : mesh_.cell(c))
@@ -81,7 +82,7 @@ class Mender {
       Vector3d to = from;
       for (const Vector3d& way : directions()) {
         positions_.row(node) = from + step * way;
-        if (const double found = margin(node); found > best) {
+        if (const double found = margin(); found > best) {
           best = found;
           to = positions_.row(node);
         }
