@@ -22,6 +22,13 @@
 #endif
 #endif
 
+// What oneTBB hands to another thread is read before the order is known: see Order.
+#ifdef CADMORPH_THREAD_SANITIZER
+#define CADMORPH_UNSEEN __attribute__((no_sanitize("thread")))
+#else
+#define CADMORPH_UNSEEN
+#endif
+
 namespace cadmorph {
 namespace {
 
@@ -38,6 +45,16 @@ class Order {
   void release() {}
   void acquire() {}
 #endif
+};
+
+// At the end of a block, also where it throws.
+struct ReleaseAtEnd {
+  Order& order;
+  ~ReleaseAtEnd() { order.release(); }
+};
+struct AcquireAtEnd {
+  Order& order;
+  ~AcquireAtEnd() { order.acquire(); }
 };
 
 }  // namespace
@@ -66,13 +83,13 @@ void parallel_for(Index count, Index grain, const std::function<void(Index, Inde
     Order begin, end;
     const auto run = [&](const auto& range) {
       begin.acquire();
+      const ReleaseAtEnd done{end};
       for (Index c = range.begin(); c < range.end(); ++c)
         body(c * chunk, std::min(count, (c + 1) * chunk));
-      end.release();
     };
     begin.release();
+    const AcquireAtEnd all_done{end};
     tbb::parallel_for(tbb::blocked_range<Index>(0, chunks, 1), run, context);
-    end.acquire();
   });
 }
 
@@ -90,37 +107,40 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
       reading.acquire();
       const Index slot = count++ % slots;
       items[slot].acquire();
+      const ReleaseAtEnd has_read{reading}, has_item{items[slot]};
       if (!read(slot)) control.stop();
-      items[slot].release();
-      reading.release();
       return slot;
     };
     const auto second = [&](Index slot) {
       items[slot].acquire();
+      const ReleaseAtEnd done{items[slot]};
       work(slot);
-      items[slot].release();
       return slot;
     };
     const auto third = [&](Index slot) {
       items[slot].acquire();
       taking.acquire();
+      const ReleaseAtEnd done{items[slot]}, has_taken{taking};
       take(slot);
-      items[slot].release();
-      taking.release();
     };
     reading.release();
+    const AcquireAtEnd all_read{reading}, all_taken{taking};
     tbb::parallel_pipeline(
         std::size_t(slots),
         tbb::make_filter<void, Index>(tbb::filter_mode::serial_in_order, first) &
             tbb::make_filter<Index, Index>(tbb::filter_mode::parallel, second) &
             tbb::make_filter<Index, void>(tbb::filter_mode::serial_in_order, third),
         context);
-    reading.acquire();
-    taking.acquire();
   });
 }
 
 struct BackgroundLoop::Impl {
+  void run(Index item) {
+    begin.acquire();
+    const ReleaseAtEnd done{end};
+    body(item);
+  }
+
   std::function<void(Index)> body;
   Order begin, end;
   tbb::task_group_context context{tbb::task_group_context::isolated};  // see parallel_for
@@ -130,6 +150,7 @@ struct BackgroundLoop::Impl {
 BackgroundLoop::BackgroundLoop() : impl_(std::make_unique<Impl>()) {}
 
 BackgroundLoop::~BackgroundLoop() {
+  const AcquireAtEnd all_done{impl_->end};
   impl_->tasks.cancel();
   try {
     impl_->tasks.wait();
@@ -142,16 +163,12 @@ void BackgroundLoop::start(Index count, std::function<void(Index)> body) {
   impl.body = std::move(body);
   impl.begin.release();
   for (Index item = 0; item < count; ++item)
-    impl.tasks.run([&impl, item] {
-      impl.begin.acquire();
-      impl.body(item);
-      impl.end.release();
-    });
+    impl.tasks.run([&impl, item]() CADMORPH_UNSEEN { impl.run(item); });
 }
 
 void BackgroundLoop::wait() {
+  const AcquireAtEnd all_done{impl_->end};
   impl_->tasks.wait();
-  impl_->end.acquire();
 }
 
 }  // namespace cadmorph

@@ -1,4 +1,5 @@
 #include "surface/curve_map.h"
+#include "cad/alignment.h"
 
 #include <algorithm>
 #include <cmath>
@@ -29,6 +30,10 @@ constexpr double kPredictedBits = 2;
 // Kernels start the parameters of cylinders anywhere; those of free forms are their control points:
 // as much as any turn costs.
 constexpr double kFreeFormBits = 4.5;
+// What a change bends a curve by, of its size, that costs the first bit: parts change by some
+// hundredths, a profile laid on from elsewhere by tenths. A curve that one way bends by half as much
+// as another runs that way.
+constexpr double kBendUnit = 0.01, kClearlyLess = 1;
 // Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
@@ -237,6 +242,32 @@ double CurveMap::deviation(const Way& way, const Images& from) const {
   return root_mean_square(images(way), from);
 }
 
+// By how much the curve would bend, in bits: what is left of the probes' motion but for a
+// similarity.
+double CurveMap::bend(const Way& way) const {
+  const Images to = images(way);
+  Images turned;
+  for (const CurveLocation& l : probes_)
+    turned.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
+  const Similarity fit = fit_similarity(turned, to);
+  for (Vector3d& point : turned) point = fit(point);
+  const double size = root_mean_square(to, Images(kProbes, mean(to)));
+  return std::log2(1 + root_mean_square(turned, to) / (kBendUnit * size));
+}
+
+// The same by length, from the same start, where that bends the curve clearly less.
+CurveMap::Way CurveMap::less_bent(const Way& way) const {
+  const CurveLink& first = base_curve_->links.front();
+  const CadEdge& edge = base_.model().edges()[first.edge];
+  Way by_length{Mode::Length, way.is_reversed, 0, 0};
+  if (base_curve_->is_closed()) {
+    const CurveLocation start{first.edge, first.is_reversed ? edge.last : edge.first};
+    by_length.phase = variant_.fraction(apply(way, start)) -
+                      variant_.fraction(apply(by_length, start));
+  }
+  return bend(by_length) < bend(way) - kClearlyLess ? by_length : way;
+}
+
 // The phase that comes nearest to the given places of the probes.
 CurveMap::Way CurveMap::best_phase(Way way, const Images& to) const {
   Way best = way;
@@ -402,7 +433,8 @@ void CurveMap::find_starts() {
   const bool is_reversed = turned_.is_reversed;
   auto& [by_parameters, in_place, with_part, predicted] = starts_;
   if (has_equal_links || has_equal_range())
-    by_parameters = by_face(has_equal_links ? best_shift(is_reversed) : best_start(is_reversed));
+    by_parameters =
+        less_bent(by_face(has_equal_links ? best_shift(is_reversed) : best_start(is_reversed)));
   else if (!has_own_parameters())
     find_progress();
   if (has_own_parameters() || (by_parameters && by_parameters->mode == Mode::Range))
@@ -410,6 +442,14 @@ void CurveMap::find_starts() {
   else if (base_progress_)
     turned_.mode = Mode::Face;
   in_place = turned_by(Similarity{});
+  if (turned_.mode == Mode::Face) {
+    turned_.mode = Mode::Length;
+    const Way by_length = turned_by(Similarity{});
+    if (bend(by_length) < bend(*in_place) - kClearlyLess)
+      in_place = by_length;
+    else
+      turned_.mode = Mode::Face;
+  }
   is_same_ = pair_->match.is_congruent || is_same_under(alignment_);
   with_part = is_same_ ? Way{Mode::Nearest, is_reversed, 0, 0} : turned_by(alignment_);
   if (is_same_ && by_parameters && is_reparametrised(*by_parameters, *with_part))
@@ -475,17 +515,18 @@ void CurveMap::rate_starts(const std::optional<Similarity>& around) {
   if (is_same_ && !around)
     for (int i = 0; i < kProbes; ++i) expected[i] = variant_.nearest(predicted_[i]).point;
   const auto bits = [&](const Way& way) { return std::log2(1 + turn(way, expected) / kTurnUnit); };
-  costs_[1] = bits(*in_place);
-  costs_[2] = bits(*with_part);
-  costs_[3] = kPredictedBits;
+  costs_[1] = bits(*in_place) + bend(*in_place);
+  costs_[2] = bits(*with_part) + bend(*with_part);
+  costs_[3] = kPredictedBits + bend(*predicted);
   if (!by_parameters) {
     costs_[0] = *std::min_element(costs_.begin() + 1, costs_.end());
     return;
   }
   const bool agrees = turn(*by_parameters, images(*in_place)) < kAgrees ||
                       turn(*by_parameters, images(*with_part)) < kAgrees;
-  costs_[0] =
-      agrees ? 0 : std::max(bits(*by_parameters) - (is_free_form_ ? kFreeFormBits : 0), 0.0);
+  costs_[0] = bend(*by_parameters);
+  if (!agrees)
+    costs_[0] += std::max(bits(*by_parameters) - (is_free_form_ ? kFreeFormBits : 0), 0.0);
 }
 
 void CurveMap::take(Start start) {
