@@ -257,13 +257,14 @@ double CurveMap::bend(const Way& way) const {
 
 // The same by length, from the same start, where that bends the curve clearly less.
 CurveMap::Way CurveMap::less_bent(const Way& way) const {
-  const CurveLink& first = base_curve_->links.front();
-  const CadEdge& edge = base_.model().edges()[first.edge];
+  if (has_own_parameters()) return way;
   Way by_length{Mode::Length, way.is_reversed, 0, 0};
   if (base_curve_->is_closed()) {
+    const CurveLink& first = base_curve_->links.front();
+    const CadEdge& edge = base_.model().edges()[first.edge];
     const CurveLocation start{first.edge, first.is_reversed ? edge.last : edge.first};
-    by_length.phase = variant_.fraction(apply(way, start)) -
-                      variant_.fraction(apply(by_length, start));
+    by_length.phase =
+        variant_.fraction(apply(way, start)) - variant_.fraction(apply(by_length, start));
   }
   return bend(by_length) < bend(way) - kClearlyLess ? by_length : way;
 }
