@@ -1,9 +1,10 @@
 #include "surface/curve_map.h"
-#include "cad/alignment.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "cad/alignment.h"
 
 namespace cadmorph {
 namespace {
@@ -31,8 +32,8 @@ constexpr double kPredictedBits = 2;
 // as much as any turn costs.
 constexpr double kFreeFormBits = 4.5;
 // What a change bends a curve by, of its size, that costs the first bit: parts change by some
-// hundredths, a profile laid on from elsewhere by tenths. A curve that one way bends by half as much
-// as another runs that way.
+// hundredths, a profile laid on from elsewhere by tenths. A curve that one way bends by half as
+// much as another runs that way.
 constexpr double kBendUnit = 0.01, kClearlyLess = 1;
 // Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
 // another parametrisation; points that all slide one way tell of a turn.
