@@ -68,15 +68,6 @@ constexpr double kFlat = 1e-9;
 
 double share(double after, double base) { return base > 0 ? std::min(after / base, 1.0) : 1; }
 
-double least_share(const WorstCells& after, const WorstCells& base) {
-  return std::min(share(after.min, base.min), share(after.worst_twentieth, base.worst_twentieth));
-}
-
-double sum_of_shares(const WorstCells& after, const WorstCells& base) {
-  return (base.min > 0 ? after.min / base.min : 0) +
-         (base.worst_twentieth > 0 ? after.worst_twentieth / base.worst_twentieth : 0);
-}
-
 bool is_measured(double value) { return !std::isnan(value); }
 
 // Ascending.
@@ -647,6 +638,15 @@ class BestMesh {
 };
 
 }  // namespace
+
+double least_share(const WorstCells& after, const WorstCells& base) {
+  return std::min(share(after.min, base.min), share(after.worst_twentieth, base.worst_twentieth));
+}
+
+double sum_of_shares(const WorstCells& after, const WorstCells& base) {
+  return (base.min > 0 ? after.min / base.min : 0) +
+         (base.worst_twentieth > 0 ? after.worst_twentieth / base.worst_twentieth : 0);
+}
 
 WorstCells worst_cells(const QualityReport& quality) {
   // Few values need an order: those of the bins that hold the least.

@@ -20,6 +20,10 @@ struct WorstCells {
 /// Of the cells that a report measured.
 WorstCells worst_cells(const QualityReport& quality);
 
+/// The lesser of the two figures' shares of the base's, at most 1.
+double least_share(const WorstCells& after, const WorstCells& base);
+double sum_of_shares(const WorstCells& after, const WorstCells& base);
+
 /// Positions of a mesh's nodes, N x 3, and the quality of its cells there.
 struct MeasuredShape {
   const Points& points;

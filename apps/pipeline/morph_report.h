@@ -104,6 +104,7 @@ struct PipelineReport {
   RbfReport solver;
   SteppingReport stepping;
   std::optional<UntangleReport> untangling;
+  Index followed_nodes = 0;  ///< at rest, that slid with what moves across a thin wall
   std::optional<BestMeshReport> best_mesh;  ///< none where it was not looked for
   std::optional<ImproveReport> improving;
   bool can_repair = true;              ///< see PipelineOptions

@@ -1,6 +1,7 @@
 #include "apps/pipeline/volume_stage.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <optional>
 #include <utility>
@@ -9,6 +10,7 @@
 #include "core/cell_topology.h"
 #include "core/plane_mesh.h"
 #include "surface/node_slide.h"
+#include "volume/follow_slides.h"
 #include "volume/loose_nodes.h"
 #include "volume/mid_nodes.h"
 
@@ -20,6 +22,10 @@ constexpr Index kFewCells = 10'000;
 // Surface nodes slide where that lifts the worst cell's quality by this factor.
 constexpr double kWorthSliding = 1.1;
 constexpr int kMostFirstRings = 4;
+// Nodes at rest follow what moves beside them where less than this share is kept, and that
+// makes more of it by this factor; all the way, or where they fold then, the second share of it.
+constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
+constexpr std::array kSharesToFollow{1.0, 0.75};
 
 SteppingOptions stepping(const BaseSide& base) {
   SteppingOptions result = base.options.stepping;
@@ -107,11 +113,15 @@ class Sliding {
   }
 
   void move_to(RowMatrix slides) { nodes_->slides = std::move(slides); }
+  const RowMatrix& slides() const { return nodes_->slides; }
 
+  Index turned_facets(const Points& positions, const RowMatrix& slides) const {
+    return count_turned_facets(base_.mesh(), base_.association(), base_.boundary, *nodes_,
+                               positions, slides);
+  }
   // Whether a repair slid nodes over each other, so that valid cells overlap.
   bool is_folded(const Points& positions, const RowMatrix& slides) const {
-    return count_turned_facets(base_.mesh(), base_.association(), base_.boundary, *nodes_,
-                               positions, slides) > 0;
+    return turned_facets(positions, slides) > 0;
   }
 
  private:
@@ -176,13 +186,14 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
 // others on the opposite side of a periodic mesh, those that hold parts together where the CAD has
 // no edge, and those at rest; these may where they are in poor cells of a part, but not of a flow,
 // where what is far from a body is not to move.
-void hold_nodes(const BaseSide& base, const SurfaceMorphResult& surface, BestMeshOptions& how) {
+void hold_nodes(const BaseSide& base, const MorphResult& result, BestMeshOptions& how) {
+  const SurfaceMorphResult& surface = result.surface;
   for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row) {
     const Index node = base.boundary.nodes[row];
     if (std::ranges::binary_search(surface.paired, static_cast<int>(row)) ||
         std::ranges::binary_search(surface.jointed, static_cast<int>(row)))
       how.held.push_back(node);
-    else if (surface.positions.row(row) == base.mesh().points.row(node))
+    else if (result.positions.row(node) == base.mesh().points.row(node))
       (how.volumes ? how.held : how.resting).push_back(node);
   }
 }
@@ -255,6 +266,103 @@ bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& r
   return true;
 }
 
+// What slides, and the result that goes with it: to be put back.
+class Undo {
+ public:
+  Undo(const Sliding& sliding, const MorphResult& result) : slides_(sliding.slides()) {
+    kept_.positions = result.positions;
+    kept_.validity = result.validity;
+    kept_.quality = result.quality;
+    kept_.surface = result.surface;
+    kept_.surface_positions = result.surface_positions;
+    kept_.report = result.report;
+  }
+
+  const MorphResult& kept() const { return kept_; }
+  const RowMatrix& slides() const { return slides_; }
+
+  void apply(Sliding& sliding, MorphResult& result) {
+    take_volume(result, kept_);
+    result.quality = std::move(kept_.quality);
+    result.surface = std::move(kept_.surface);
+    result.surface_positions = std::move(kept_.surface_positions);
+    sliding.move_to(std::move(slides_));
+  }
+
+ private:
+  MorphResult kept_;
+  RowMatrix slides_;
+};
+
+// Slides by which nodes at rest follow what moves beside them.
+RowMatrix slides_to_follow(const BaseSide& base, const SlidingNodes& nodes,
+                           const MorphResult& result) {
+  const Mesh& mesh = base.mesh();
+  std::vector<Index> suffering;
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (result.quality.values[c] < kKeptHalf * base.quality.values[c]) suffering.push_back(c);
+  BestMeshOptions held;
+  hold_nodes(base, result, held);
+  std::vector<char> is_fixed = base.fixed_nodes();
+  for (const Index node : nodes.nodes)
+    if (std::ranges::binary_search(held.resting, node)) is_fixed[node] = 0;
+  for (const Index node : nodes_of_first_layers(mesh, base.neighbours, on_cad(base), mesh.points))
+    is_fixed[node] = 1;
+  Points moved = result.positions;
+  for (std::size_t i = 0; i < base.rows.size(); ++i)
+    moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
+  return follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
+}
+
+// Moves the volume anew with nodes at these slides.
+void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
+                       PhaseClock& clock, MorphResult& result) {
+  const SlidingNodes& nodes = *sliding.nodes();
+  const std::vector<Index>& prescribed = base.volume->surface_nodes();
+  std::vector<Index> row_of(base.mesh().node_count(), -1);
+  for (Index row = 0; row < std::ssize(prescribed); ++row) row_of[prescribed[row]] = row;
+  for (Index i = 0; i < slides.rows(); ++i)
+    if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
+      result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
+  result.report.untangling.reset();
+  step_and_untangle(base, result.surface_positions, stepping(base), clock, result, nullptr);
+  sliding.move_to(slides);
+  settle_slid_nodes(base, result);
+  slide_surface(base, sliding, result);
+  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+}
+
+// Where a rib or a boss moves along a thin wall, the cells of the wall shear: the face on its other
+// side, which stays as it is, has no reason to move. Its nodes follow then, but for the CAD's
+// vertices, if that keeps more of the cells' shape. `result.quality`: of its positions.
+void let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+                        MorphResult& result) {
+  const bool is_wanted = is_free(base) && base.options.quality != QualityMode::Fast &&
+                         base.options.can_repair && dimension(base.mesh()) == 3 &&
+                         !is_for_finite_volumes(base);
+  if (!is_wanted) return;
+  const WorstCells had = worst_cells(base.quality), now = worst_cells(result.quality);
+  if (least_share(now, had) >= kKeptHalf) return;
+  const SlidingNodes& nodes = *sliding.nodes();
+  const RowMatrix start = nodes.slides, steps = slides_to_follow(base, nodes, result) - start;
+  const Index followed = (steps.rowwise().squaredNorm().array() > 0).count();
+  if (followed == 0) return;
+  for (const double share : kSharesToFollow) {
+    Undo undo(sliding, result);
+    morph_with_slides(base, sliding, start + share * steps, clock, result);
+    const bool is_better =
+        sum_of_shares(worst_cells(result.quality), had) > kWorthFollowing * sum_of_shares(now, had);
+    if (is_better && result.validity.invalid <= undo.kept().validity.invalid &&
+        sliding.turned_facets(result.positions, sliding.slides()) <=
+            sliding.turned_facets(undo.kept().positions, undo.slides())) {
+      result.report.followed_nodes = followed;
+      return;
+    }
+    undo.apply(sliding, result);
+    if (!is_better) return;
+  }
+}
+
 // Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
 void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   const PipelineOptions& options = base.options;
@@ -272,7 +380,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   if (is_for_finite_volumes(base))
     volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
   if (volumes && volumes->has_cells()) how.volumes = &*volumes;
-  hold_nodes(base, result.surface, how);
+  hold_nodes(base, result, how);
   // Faces of finite volumes that are raised keep them by themselves.
   if (!how.volumes)
     for (const Index node :
@@ -368,8 +476,9 @@ Points where_cad_puts_surface(const BaseSide& base, const MorphResult& result) {
   return surface;
 }
 
-void measure(const BaseSide& base, Sliding& sliding, MorphResult& result) {
+void measure(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+  if (!result.report.untangling) let_surface_follow(base, sliding, clock, result);
   raise_lost_cells(base, sliding, result);
   improve_result(base, sliding, result);
   carry_loose_nodes(base.mesh(), base.boundary, where_cad_puts_surface(base, result),
@@ -430,10 +539,14 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
   PhaseClock clock(base.options.progress);
   morph_volume(base, clock, result, one_step);
   Sliding sliding(result);
+  if (result.report.untangling) {
+    result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+    let_surface_follow(base, sliding, clock, result);
+  }
   slide_surface(base, sliding, result);
   repair_from_one_step(base, sliding, clock, result);
   clock.start("quality after");
-  measure(base, sliding, result);
+  measure(base, sliding, clock, result);
   describe_surface(base, result);
   for (const PhaseTime& phase : clock.phases()) result.report.phases.push_back(phase);
 }

@@ -256,6 +256,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
                                     {"seconds", json_number(report.solver.seconds)}};
   json["stepping"] = to_json(report.stepping);
   if (report.untangling) json["untangling"] = to_json(*report.untangling);
+  json["followed_nodes"] = report.followed_nodes;
   if (report.best_mesh) json["best_mesh"] = to_json(*report.best_mesh);
   if (report.improving)
     json["improving"] = {{"below", report.improving->below},

@@ -356,6 +356,9 @@ std::string summary_text(const PipelineReport& report) {
   text += labelled("Volume morph", solver_line(report));
   if (report.stepping.attempts.size() > 1)
     text += labelled("Steps tried", attempts_line(report.stepping) + " inverted");
+  if (report.followed_nodes > 0)
+    text += labelled("Followed", with_commas(report.followed_nodes) +
+                                     " surface nodes at rest slid with what moves across a wall");
   if (report.best_mesh && !report.best_mesh->attempts.empty())
     text += labelled("Raised", best_mesh_line(*report.best_mesh));
   if (report.improving) text += labelled("Improving", improve_line(*report.improving));
