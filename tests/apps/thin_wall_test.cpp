@@ -19,23 +19,22 @@ using namespace testing;
 struct RibbedPlate {
   static constexpr double kLength = 60, kWidth = 16, kThickness = 2, kRib = 2, kHeight = 8;
   static constexpr int kFirst = 4, kLast = 12;  // the rib from side to side
-  double at;  // the rib's left side
+  double at;                                    // the rib's left side
 
   CadModel cad() const {
     const gp_Pnt foot(at, kFirst, kThickness / 2);
-    return to_model(BRepAlgoAPI_Fuse(BRepPrimAPI_MakeBox(kLength, kWidth, kThickness).Shape(),
-                                     BRepPrimAPI_MakeBox(foot, kRib, kLast - kFirst,
-                                                         kThickness / 2 + kHeight)
-                                         .Shape())
-                        .Shape());
+    return to_model(
+        BRepAlgoAPI_Fuse(
+            BRepPrimAPI_MakeBox(kLength, kWidth, kThickness).Shape(),
+            BRepPrimAPI_MakeBox(foot, kRib, kLast - kFirst, kThickness / 2 + kHeight).Shape())
+            .Shape());
   }
   Mesh mesh() const {
     std::vector<double> columns;
     for (int i = 0; i <= int(at); ++i) columns.push_back(i * at / int(at));
     for (int i = 1; i <= 2; ++i) columns.push_back(at + i * kRib / 2);
     const int rest = int(kLength - at - kRib);
-    for (int i = 1; i <= rest; ++i)
-      columns.push_back(at + kRib + i * (kLength - at - kRib) / rest);
+    for (int i = 1; i <= rest; ++i) columns.push_back(at + kRib + i * (kLength - at - kRib) / rest);
     Mesh mesh;
     std::map<std::array<int, 3>, Index> nodes;
     std::vector<Eigen::RowVector3d> points;
@@ -46,8 +45,7 @@ struct RibbedPlate {
     };
     for (int i = 0; i + 1 < int(columns.size()); ++i)
       for (int j = 0; j < int(kWidth); ++j) {
-        const bool is_rib =
-            (i == int(at) || i == int(at) + 1) && j >= kFirst && j < kLast;
+        const bool is_rib = (i == int(at) || i == int(at) + 1) && j >= kFirst && j < kLast;
         for (int k = 0; k < int(kThickness + (is_rib ? kHeight : 0)); ++k)
           add_cell(mesh, CellType::Hexahedron,
                    std::array{node(i, j, k), node(i + 1, j, k), node(i + 1, j + 1, k),
