@@ -256,17 +256,15 @@ double CurveMap::bend(const Way& way) const {
   return std::log2(1 + root_mean_square(turned, to) / (kBendUnit * size));
 }
 
-// The same by length, from the same start, where that bends the curve clearly less.
+// The same of a closed curve by length, from the same start, where that bends it clearly less.
 CurveMap::Way CurveMap::less_bent(const Way& way) const {
   if (has_own_parameters()) return way;
+  const CurveLink& first = base_curve_->links.front();
+  const CadEdge& edge = base_.model().edges()[first.edge];
+  const CurveLocation start{first.edge, first.is_reversed ? edge.last : edge.first};
   Way by_length{Mode::Length, way.is_reversed, 0, 0};
-  if (base_curve_->is_closed()) {
-    const CurveLink& first = base_curve_->links.front();
-    const CadEdge& edge = base_.model().edges()[first.edge];
-    const CurveLocation start{first.edge, first.is_reversed ? edge.last : edge.first};
-    by_length.phase =
-        variant_.fraction(apply(way, start)) - variant_.fraction(apply(by_length, start));
-  }
+  by_length.phase =
+      variant_.fraction(apply(way, start)) - variant_.fraction(apply(by_length, start));
   return bend(by_length) < bend(way) - kClearlyLess ? by_length : way;
 }
 

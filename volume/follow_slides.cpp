@@ -101,7 +101,7 @@ RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Poi
     const Eigen::RowVector2d slide = slides.row(i);
     const SlidePlace place = sliding.at(i, slide.transpose());
     const Eigen::RowVector2d step = (ways.row(unknown[n]) - way(n)) * place.tangents;
-    if (sliding.is_within(i, (slide + step).transpose())) slides.row(i) = slide + step;
+    if (sliding.is_within(i, (slide + step).transpose())) slides.row(i) += step;
   }
   return slides;
 }

@@ -314,7 +314,7 @@ RowMatrix slides_to_follow(const BaseSide& base, const SlidingNodes& nodes,
   return follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
 }
 
-// Moves the volume anew with nodes at these slides.
+// Moves the volume anew with nodes at these slides, and repairs it.
 void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
                        PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();
@@ -349,7 +349,10 @@ void let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& cloc
   if (followed == 0) return;
   for (const double share : kSharesToFollow) {
     Undo undo(sliding, result);
-    morph_with_slides(base, sliding, start + share * steps, clock, result);
+    RowMatrix slides = start + share * steps;
+    for (Index i = 0; i < slides.rows(); ++i)
+      if (!nodes.is_within(i, slides.row(i).transpose())) slides.row(i) = start.row(i);
+    morph_with_slides(base, sliding, slides, clock, result);
     const bool is_better =
         sum_of_shares(worst_cells(result.quality), had) > kWorthFollowing * sum_of_shares(now, had);
     if (is_better && result.validity.invalid <= undo.kept().validity.invalid &&

@@ -8,6 +8,7 @@
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakePrism.hxx>
 #include <BRepPrimAPI_MakeRevol.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRepPrimAPI_MakeTorus.hxx>
@@ -17,7 +18,9 @@
 #include <GC_MakeArcOfCircle.hxx>
 #include <Geom2dAPI_Interpolate.hxx>
 #include <Geom2d_BSplineCurve.hxx>
+#include <GeomAPI_Interpolate.hxx>
 #include <TColStd_HArray1OfReal.hxx>
+#include <TColgp_HArray1OfPnt.hxx>
 #include <TColgp_HArray1OfPnt2d.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
@@ -376,6 +379,35 @@ TEST_CASE("a tilted hole does not turn with the seam of its wall", "[surface][se
     const SurfaceMorphResult result = morph_surface(c, to_model(plate(0.21, seam)));
     CAPTURE(seam);
     CHECK(largest_difference(result.positions, before) < 0.5);  // tan 0.21 - tan 0.17 is 0.04
+  }
+}
+
+TEST_CASE("a blade keeps its leading edge when its section starts elsewhere and changes",
+          "[surface][seam]") {
+  constexpr int kPoints = 40;
+  const auto place = [](double angle, double thickness) {
+    const double x = std::cos(angle);
+    return gp_Pnt(20 * x, thickness * std::sin(angle) * (1 - 0.6 * x) + 1.5 * x * x, 0);
+  };
+  const auto blade = [&](int start, double thickness) {
+    const Handle(TColgp_HArray1OfPnt) points = new TColgp_HArray1OfPnt(1, kPoints);
+    for (int i = 0; i < kPoints; ++i)
+      points->SetValue(i + 1, place(2 * pi * (i + start) / kPoints, thickness));
+    GeomAPI_Interpolate section(points, true, 1e-9);
+    section.Perform();
+    const TopoDS_Edge edge = BRepBuilderAPI_MakeEdge(section.Curve());
+    const TopoDS_Wire wire = BRepBuilderAPI_MakeWire(edge);
+    const TopoDS_Face face = BRepBuilderAPI_MakeFace(wire, true);
+    return BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 30)).Shape();
+  };
+  const TopoDS_Shape base = blade(0, 3);
+  const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.1));
+  const Points before = surface_points(c.boundary, c.mesh.points);
+  for (const int start : {0, 2, 5, 16}) {
+    CAPTURE(start);
+    const SurfaceMorphResult result = morph_surface(c, to_model(blade(start, 4)));
+    // The thicker section is up to 1.4 farther out; along it nodes go a little as well.
+    CHECK(largest_difference(result.positions, before) < 2);
   }
 }
 
