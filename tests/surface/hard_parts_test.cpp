@@ -5,10 +5,10 @@
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
 #include <BRepFilletAPI_MakeFillet.hxx>
+#include <BRepOffsetAPI_ThruSections.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
-#include <BRepPrimAPI_MakePrism.hxx>
 #include <BRepPrimAPI_MakeRevol.hxx>
 #include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRepPrimAPI_MakeTorus.hxx>
@@ -390,15 +390,19 @@ TEST_CASE("a blade keeps its leading edge when its section starts elsewhere and 
     return gp_Pnt(20 * x, thickness * std::sin(angle) * (1 - 0.6 * x) + 1.5 * x * x, 0);
   };
   const auto blade = [&](int start, double thickness) {
-    const Handle(TColgp_HArray1OfPnt) points = new TColgp_HArray1OfPnt(1, kPoints);
-    for (int i = 0; i < kPoints; ++i)
-      points->SetValue(i + 1, place(2 * pi * (i + start) / kPoints, thickness));
-    GeomAPI_Interpolate section(points, true, 1e-9);
-    section.Perform();
-    const TopoDS_Edge edge = BRepBuilderAPI_MakeEdge(section.Curve());
-    const TopoDS_Wire wire = BRepBuilderAPI_MakeWire(edge);
-    const TopoDS_Face face = BRepBuilderAPI_MakeFace(wire, true);
-    return BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 30)).Shape();
+    BRepOffsetAPI_ThruSections loft(true);
+    for (const double height : {0.0, 15.0, 30.0}) {
+      const Handle(TColgp_HArray1OfPnt) points = new TColgp_HArray1OfPnt(1, kPoints);
+      for (int i = 0; i < kPoints; ++i) {
+        const gp_Pnt at = place(2 * pi * (i + start) / kPoints, thickness);
+        points->SetValue(i + 1, {at.X(), at.Y(), height});
+      }
+      GeomAPI_Interpolate section(points, true, 1e-9);
+      section.Perform();
+      const TopoDS_Edge edge = BRepBuilderAPI_MakeEdge(section.Curve());
+      loft.AddWire(BRepBuilderAPI_MakeWire(edge));
+    }
+    return loft.Shape();
   };
   const TopoDS_Shape base = blade(0, 3);
   const MorphCase c = mesh_case(to_model(base), triangulate(base, 0.1));
