@@ -2,12 +2,15 @@
 
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
+#include <algorithm>
 #include <utility>
 
 #include "volume/node_cells.h"
 
 namespace cadmorph {
 namespace {
+
+using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
 
 // Layers of cells round those that suffer in which nodes follow: a wall's few cells shear over as
 // many as it has times the way that they are to take.
@@ -53,41 +56,42 @@ RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Poi
   }
   const auto way = [&](Index n) -> Eigen::RowVector3d { return moved.row(n) - reference.row(n); };
   const Index count = std::ssize(nodes);
-  std::vector<Eigen::Triplet<double>> terms;
-  Eigen::VectorXd weights = Eigen::VectorXd::Zero(count);
-  RowMatrix right = RowMatrix::Zero(count, 3);
-  const auto add = [&](Index a, Index b, double weight) {
-    if (unknown[a] < 0) return;
-    weights[unknown[a]] += weight;
-    if (unknown[b] < 0)
-      right.row(unknown[a]) += weight * way(b);
-    else
-      terms.emplace_back(unknown[a], unknown[b], -weight);
-  };
-  for (const Index c : near) {
-    const auto of_cell = mesh.cell(c);
-    for (std::size_t i = 0; i < of_cell.size(); ++i)
-      for (std::size_t j = 0; j < i; ++j) {
-        const Index a = of_cell[i], b = of_cell[j];
-        const double square = (reference.row(a) - reference.row(b)).squaredNorm();
-        if (square == 0 || (unknown[a] < 0 && unknown[b] < 0)) continue;
-        add(a, b, 1 / square);
-        add(b, a, 1 / square);
-      }
-  }
   RowMatrix slides = sliding.slides;
-  for (const Index n : sliding.nodes)
-    if (const Index i = unknown[n]; i >= 0) {
-      const double back = kDrawnBack * weights[i];
-      weights[i] += back;
-      right.row(i) += back * way(n);
-    }
   if (count == 0) return slides;
-  for (Index i = 0; i < count; ++i) terms.emplace_back(i, i, weights[i]);
-  Eigen::SparseMatrix<double> matrix(count, count);
-  matrix.setFromTriplets(terms.begin(), terms.end());
-  terms = {};
-  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower | Eigen::Upper> solver;
+  std::vector<char> slides_here(mesh.node_count(), 0);
+  for (const Index n : sliding.nodes) slides_here[n] = 1;
+  Matrix matrix(count, count);
+  RowMatrix right = RowMatrix::Zero(count, 3);
+  std::vector<std::pair<Index, double>> row;  // node and weight
+  for (Index i = 0; i < count; ++i) {
+    const Index a = nodes[i];
+    double sum = 0;
+    row.clear();
+    for (const Index c : incidence.cells(a))
+      for (const Index b : mesh.cell(c)) {
+        const double square = (reference.row(a) - reference.row(b)).squaredNorm();
+        if (square == 0) continue;
+        sum += 1 / square;
+        if (unknown[b] < 0)
+          right.row(i) += way(b) / square;
+        else
+          row.emplace_back(unknown[b], -1 / square);
+      }
+    if (slides_here[a]) {
+      right.row(i) += kDrawnBack * sum * way(a);
+      sum += kDrawnBack * sum;
+    }
+    row.emplace_back(i, sum);
+    std::ranges::sort(row);
+    matrix.startVec(i);
+    for (std::size_t k = 0; k < row.size();) {
+      const Index j = row[k].first;
+      double& entry = matrix.insertBack(i, j);
+      for (entry = 0; k < row.size() && row[k].first == j; ++k) entry += row[k].second;
+    }
+  }
+  matrix.finalize();
+  Eigen::ConjugateGradient<Matrix, Eigen::Lower | Eigen::Upper> solver;
   solver.setTolerance(kAccuracy);
   solver.setMaxIterations(kMostIterations);
   solver.compute(matrix);
