@@ -58,8 +58,8 @@ RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Poi
   const Index count = std::ssize(nodes);
   RowMatrix slides = sliding.slides;
   if (count == 0) return slides;
-  std::vector<char> slides_here(mesh.node_count(), 0);
-  for (const Index n : sliding.nodes) slides_here[n] = 1;
+  std::vector<char> is_sliding(mesh.node_count(), 0);
+  for (const Index n : sliding.nodes) is_sliding[n] = 1;
   Matrix matrix(count, count);
   RowMatrix right = RowMatrix::Zero(count, 3);
   std::vector<std::pair<Index, double>> row;  // node and weight
@@ -77,7 +77,7 @@ RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Poi
         else
           row.emplace_back(unknown[b], -1 / square);
       }
-    if (slides_here[a]) {
+    if (is_sliding[a]) {
       right.row(i) += kDrawnBack * sum * way(a);
       sum += kDrawnBack * sum;
     }

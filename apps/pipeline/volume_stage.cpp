@@ -334,19 +334,20 @@ void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& 
 
 // Where a rib or a boss moves along a thin wall, the cells of the wall shear: the face on its other
 // side, which stays as it is, has no reason to move. Its nodes follow then, but for the CAD's
-// vertices, if that keeps more of the cells' shape. `result.quality`: of its positions.
-void let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+// vertices, if that keeps more of the cells' shape. `result.quality`: of its positions. Returns
+// whether that was tried.
+bool let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
                         MorphResult& result) {
   const bool is_wanted = is_free(base) && base.options.quality != QualityMode::Fast &&
                          base.options.can_repair && dimension(base.mesh()) == 3 &&
                          !is_for_finite_volumes(base);
-  if (!is_wanted) return;
+  if (!is_wanted) return false;
   const WorstCells had = worst_cells(base.quality), now = worst_cells(result.quality);
-  if (least_share(now, had) >= kKeptHalf) return;
+  if (least_share(now, had) >= kKeptHalf) return false;
   const SlidingNodes& nodes = *sliding.nodes();
   const RowMatrix start = nodes.slides, steps = slides_to_follow(base, nodes, result) - start;
   const Index followed = (steps.rowwise().squaredNorm().array() > 0).count();
-  if (followed == 0) return;
+  if (followed == 0) return false;
   for (const double share : kSharesToFollow) {
     Undo undo(sliding, result);
     RowMatrix slides = start + share * steps;
@@ -359,11 +360,12 @@ void let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& cloc
         sliding.turned_facets(result.positions, sliding.slides()) <=
             sliding.turned_facets(undo.kept().positions, undo.slides())) {
       result.report.followed_nodes = followed;
-      return;
+      break;
     }
     undo.apply(sliding, result);
-    if (!is_better) return;
+    if (!is_better) break;
   }
+  return true;
 }
 
 // Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
@@ -481,7 +483,8 @@ Points where_cad_puts_surface(const BaseSide& base, const MorphResult& result) {
 
 void measure(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
-  if (!result.report.untangling) let_surface_follow(base, sliding, clock, result);
+  if (!result.report.untangling && let_surface_follow(base, sliding, clock, result))
+    clock.start("quality after");
   raise_lost_cells(base, sliding, result);
   improve_result(base, sliding, result);
   carry_loose_nodes(base.mesh(), base.boundary, where_cad_puts_surface(base, result),
