@@ -208,7 +208,7 @@ class BatchRun {
     }
     check_folders(*mesh);
     *is_set_up = true;
-    count_.cache = job_->base().report.cache;
+    count_.cache = job_->base().report.run.cache;
   }
 
   // The files that a deck includes have the same names for all variants.
@@ -335,11 +335,11 @@ class BatchRun {
     row.out_bytes = size_of(staged.path);
     publish_others(staging, staged.path, row.out.parent_path());
     folder_.publish(staged.path, row.out);
-    report.written = folder_.path_of(row.out);
-    report.rounding = staged.rounding;
+    report.run.written = folder_.path_of(row.out);
+    report.run.rounding = staged.rounding;
     row.figures = figures_of(report);
     if (options_.on_result) options_.on_result(*work.read.variant, *work.result);
-    row.message = joined(report.warnings);
+    row.message = joined(report.run.warnings);
     if (is_done) return;
     row.exit_code = static_cast<int>(ExitCode::Quality);
     row.message = refusal_text(report);

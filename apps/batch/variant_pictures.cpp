@@ -20,7 +20,7 @@ void VariantPictures::draw(const std::string& id, const MorphResult& result) {
                         .before = result.base->quality,
                         .moved = &result.positions,
                         .after = &result.quality,
-                        .unit = unit_name(result.report.mesh_unit_mm)};
+                        .unit = unit_name(result.report.mesh.unit_mm)};
   drawing_ = std::make_unique<PictureProcess>(drawn, std::vector{thumbnail(drawn)});
 }
 

@@ -58,8 +58,8 @@ ExitCode run_field(const FieldCommand& command, PipelineOptions options) {
   };
   const FieldReport report = field_files(command.files, options);
   bar.erase();
-  std::vector<std::string> warnings = report.morph.warnings;
-  if (!report.morph.cache.remark.empty()) warnings.push_back(report.morph.cache.remark);
+  std::vector<std::string> warnings = report.morph.run.warnings;
+  if (!report.morph.run.cache.remark.empty()) warnings.push_back(report.morph.run.cache.remark);
   for (const std::string& warning : warnings)
     if (!command.is_quiet) std::fprintf(stderr, "cadmorph: warning: %s\n", warning.c_str());
   const ExitCode code = report.morph.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;

@@ -118,12 +118,12 @@ ExitCode run_morph(const MorphCommand& command, PipelineOptions options) {
   if (!command.show.is_empty())
     files.on_result = [&](const MorphResult& result) { showing.collect(result); };
   PipelineReport report = morph_files(files, options);
-  report.phases.insert(report.phases.begin(), {"start", start_up});
-  report.seconds += start_up;
+  report.run.phases.insert(report.run.phases.begin(), {"start", start_up});
+  report.run.seconds += start_up;
   ExitCode code = report.outcome == Outcome::Done ? ExitCode::Done : ExitCode::Quality;
-  std::vector<std::string> warnings = mesh_remarks(report.mesh_file, report.remarks);
-  warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());
-  if (!report.cache.remark.empty()) warnings.push_back(report.cache.remark);
+  std::vector<std::string> warnings = mesh_remarks(report.mesh.file, report.mesh.remarks);
+  warnings.insert(warnings.end(), report.run.warnings.begin(), report.run.warnings.end());
+  if (!report.run.cache.remark.empty()) warnings.push_back(report.run.cache.remark);
   ShowReport shown;
   if (!command.show.is_empty()) shown = showing.write(report, static_cast<int>(code));
   if (!shown.failures.empty() && code == ExitCode::Done) code = ExitCode::Resources;

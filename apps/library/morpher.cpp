@@ -69,8 +69,8 @@ MorphResult Morpher::morph(const CadModel& variant, const MorphCall& call) const
     result->morpher = impl_;
     result->result = impl_->job->morph(*variant.impl().model);
     PipelineReport& report = result->result.report;
-    for (const cadmorph::PhaseTime& phase : report.phases) report.seconds += phase.seconds;
-    report.peak_memory = peak_memory();
+    for (const cadmorph::PhaseTime& phase : report.run.phases) report.run.seconds += phase.seconds;
+    report.run.peak_memory = peak_memory();
     if (!call.keep_refused) check_outcome(report);
     result->report = report_of(report);
     return MorphResult(std::move(result));

@@ -32,13 +32,13 @@ QualityFigures figures_of(const MeshFigures& mesh) {
 }
 
 NodeFigures nodes_of(const PipelineReport& report) {
-  return {.vertex = report.vertex_nodes,
-          .edge = report.edge_nodes,
-          .face = report.face_nodes,
-          .amid_straight_edges = report.amid_nodes,
-          .unmatched = report.unmatched_nodes,
-          .interior = report.interior_nodes,
-          .loose = report.loose_nodes};
+  return {.vertex = report.mesh.vertex_nodes,
+          .edge = report.mesh.edge_nodes,
+          .face = report.mesh.face_nodes,
+          .amid_straight_edges = report.mesh.amid_nodes,
+          .unmatched = report.mesh.unmatched_nodes,
+          .interior = report.mesh.interior_nodes,
+          .loose = report.mesh.loose_nodes};
 }
 
 Diagnosis diagnosis_of(const cadmorph::Diagnosis& found) {
@@ -67,19 +67,19 @@ Outcome outcome_of(cadmorph::Outcome outcome) {
 Report report_of(const PipelineReport& report) {
   Report result;
   result.outcome = outcome_of(report.outcome);
-  result.base_cad = figures_of(report.base_cad);
-  result.variant_cad = figures_of(report.variant_cad);
-  result.mesh_name = report.mesh_file.string();
-  result.mesh_format = report.mesh_format;
-  result.node_count = report.nodes;
-  result.cell_count = report.cells;
-  result.mesh_unit_mm = report.mesh_unit_mm;
-  result.is_unit_detected = report.is_unit_detected;
+  result.base_cad = figures_of(report.cad.base);
+  result.variant_cad = figures_of(report.cad.variant);
+  result.mesh_name = report.mesh.file.string();
+  result.mesh_format = report.mesh.format;
+  result.node_count = report.mesh.nodes;
+  result.cell_count = report.mesh.cells;
+  result.mesh_unit_mm = report.mesh.unit_mm;
+  result.is_unit_detected = report.mesh.is_unit_detected;
   result.nodes = nodes_of(report);
-  for (const cadmorph::GroupFigures& group : report.groups)
+  for (const cadmorph::GroupFigures& group : report.mesh.groups)
     result.groups.push_back({group.name, group.kind, group.nodes, group.max_displacement});
-  result.matched_by = report.matched_by;
-  result.least_confidence = report.least_confidence;
+  result.matched_by = report.cad.matched_by;
+  result.least_confidence = report.cad.least_confidence;
   result.before = figures_of(report.before);
   result.after = figures_of(report.after);
   result.max_displacement_mm = report.max_displacement;
@@ -97,14 +97,14 @@ Report report_of(const PipelineReport& report) {
   result.is_plain =
       report.stepping.steps <= 1 && !report.untangling && !report.improving && !result.is_raised;
   if (report.diagnosis) result.diagnosis = diagnosis_of(*report.diagnosis);
-  result.warnings = report.warnings;
-  result.notes = report.notes;
-  for (const cadmorph::PhaseTime& phase : report.phases) {
+  result.warnings = report.run.warnings;
+  result.notes = report.run.notes;
+  for (const cadmorph::PhaseTime& phase : report.run.phases) {
     result.phases.push_back({phase.name, phase.seconds});
     result.seconds += phase.seconds;
   }
-  result.threads = report.threads;
-  result.blas_kernel = report.blas_kernel;
+  result.threads = report.run.threads;
+  result.blas_kernel = report.run.blas_kernel;
   return result;
 }
 

@@ -25,16 +25,16 @@ PipelineOptions with_progress_everywhere(PipelineOptions options) {
 // that are not on the surface.
 void count_others(const Mesh& mesh, const Boundary& boundary, PipelineReport& report) {
   const int highest = dimension(mesh);
-  report.has_solids = highest == 3;
+  report.mesh.has_solids = highest == 3;
   std::vector<char> is_used(static_cast<std::size_t>(mesh.node_count()), 0);
   for (Index c = 0; c < mesh.cell_count(); ++c) {
     if (dimension(mesh.types[c]) < highest)
-      ++report.other_cells;
+      ++report.mesh.other_cells;
     else
       for (const Index node : mesh.cell(c)) is_used[node] = 1;
   }
   for (const Index node : boundary.nodes) is_used[node] = 1;
-  report.loose_nodes = std::ranges::count(is_used, 0);
+  report.mesh.loose_nodes = std::ranges::count(is_used, 0);
 }
 
 std::vector<Index> prescribed_rows(const Association& association) {
@@ -56,9 +56,9 @@ BaseSide::BaseSide(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<con
   if (options.cache.empty() || moved)
     set_up(clock);
   else
-    report.cache = BaseCache::set_up(*this, clock);
+    report.run.cache = BaseCache::set_up(*this, clock);
   fill_report();
-  report.phases = clock.phases();
+  report.run.phases = clock.phases();
 }
 
 void BaseSide::set_up(PhaseClock& clock) {
@@ -130,32 +130,33 @@ void BaseSide::set_start(Points start) {
 
 void BaseSide::fill_report() {
   const Association& found = association();
-  report.base_cad = figures_of(*cad);
-  report.mesh_file = mesh_file->path();
-  report.mesh_format = mesh_file->format();
-  report.remarks = mesh_file->remarks();
+  report.cad.base = figures_of(*cad);
+  report.mesh.file = mesh_file->path();
+  report.mesh.format = mesh_file->format();
+  report.mesh.remarks = mesh_file->remarks();
   for (const std::string& note : mesh_file->notes())
-    report.notes.push_back(mesh_file->path().filename().string() + ": " + note);
+    report.run.notes.push_back(mesh_file->path().filename().string() + ": " + note);
   count_others(mesh(), boundary, report);
-  report.nodes = mesh().node_count();
-  report.cells = mesh().cell_count();
-  report.vertex_nodes = found.vertex_nodes;
-  report.edge_nodes = found.edge_nodes;
-  report.face_nodes = found.face_nodes;
-  report.amid_nodes = found.amid_nodes;
-  report.unmatched_nodes = found.unmatched_nodes;
-  report.interior_nodes = report.nodes - report.vertex_nodes - report.edge_nodes -
-                          report.face_nodes - report.amid_nodes - report.unmatched_nodes;
-  report.mesh_unit_mm = found.mesh_unit_mm;
-  report.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
+  report.mesh.nodes = mesh().node_count();
+  report.mesh.cells = mesh().cell_count();
+  report.mesh.vertex_nodes = found.vertex_nodes;
+  report.mesh.edge_nodes = found.edge_nodes;
+  report.mesh.face_nodes = found.face_nodes;
+  report.mesh.amid_nodes = found.amid_nodes;
+  report.mesh.unmatched_nodes = found.unmatched_nodes;
+  report.mesh.interior_nodes = report.mesh.nodes - report.mesh.vertex_nodes -
+                               report.mesh.edge_nodes - report.mesh.face_nodes -
+                               report.mesh.amid_nodes - report.mesh.unmatched_nodes;
+  report.mesh.unit_mm = found.mesh_unit_mm;
+  report.mesh.is_unit_detected = options.surface.association.mesh_unit_mm == 0;
   set_quality(report.before, quality, validity, checks);
   report.before.max_distance = found.max_distance;
   report.before.mean_distance = found.mean_distance;
   report.method = options.volume.method;
   report.kernel = options.volume.kernel;
   report.can_repair = options.can_repair;
-  report.threads = thread_count();
-  report.blas_kernel = blas_kernel();
+  report.run.threads = thread_count();
+  report.run.blas_kernel = blas_kernel();
   if (validity.invalid > 0 ||
       (quality.inverted > 0 && !plane_normal(mesh(), mesh().points).isZero(0)))
     warn_of_inverted();
@@ -174,7 +175,7 @@ void BaseSide::warn_of_crossed() {
       ") run through the mesh, and no face of a cell lies on them: is the mesh that of this CAD? "
       "What should lie there follows the volume";
   if (options.surface.unmatched == UnmatchedPolicy::Error) throw AssociationError(text);
-  report.warnings.push_back(text);
+  report.run.warnings.push_back(text);
   if (options.notice) options.notice(text);
 }
 
@@ -189,7 +190,7 @@ void BaseSide::warn_of_inverted() {
     text += "; the nodes of " + std::to_string(misordered.size()) +
             " of them are in a wrong order (" + cell_name(mesh(), misordered.front()) +
             "): mend that where the mesh comes from, no repair is tried there";
-  report.warnings.push_back(text);
+  report.run.warnings.push_back(text);
   if (options.notice) options.notice(text);
 }
 

@@ -138,7 +138,7 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
     throw InvalidInputError("the step " + text_of(models.step) + " of a parameter is not positive");
   const MorphResult plus = job.morph_surface(models.plus);
   const MorphResult minus = job.morph_surface(models.minus);
-  const double unit = plus.report.mesh_unit_mm;
+  const double unit = plus.report.mesh.unit_mm;
   const Points apart = plus.surface_positions - minus.surface_positions;
   const Points bent =
       plus.surface_positions + minus.surface_positions - 2 * positions(job, present);
@@ -153,7 +153,7 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
   result.cad_tolerance = typical_tolerance(*job.base().cad);
   result.unevenness = result.motion > 0 ? largest(bent) / largest(apart) : 0;
   for (const MorphResult* side : {&plus, &minus}) {
-    add_new(result.warnings, side->report.warnings);
+    add_new(result.warnings, side->report.run.warnings);
     add_new(result.warnings, side->surface.folds);
   }
   judge(models, result);

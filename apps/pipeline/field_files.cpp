@@ -98,7 +98,7 @@ DeformationTerms deformation_of(const MorphResult& result) {
                               {result.surface_positions, base.path(result.surface_positions)},
                               result.report.stepping.steps);
   });
-  terms.mesh_unit_mm = result.report.mesh_unit_mm;
+  terms.mesh_unit_mm = result.report.mesh.unit_mm;
   return terms;
 }
 

@@ -82,7 +82,7 @@ class Trip {
 
   PipelineOptions leg_options() const {
     PipelineOptions options = options_;
-    if (leg_ > 0) options.surface.association.mesh_unit_mm = whole_.mesh_unit_mm;
+    if (leg_ > 0) options.surface.association.mesh_unit_mm = whole_.mesh.unit_mm;
     if (leg_ + 1 == targets_.size()) return options;
     options.min_scaled_jacobian.reset();
     options.quality = QualityMode::Fast;  // nodes that slid would not go back the way they came
@@ -101,7 +101,7 @@ class Trip {
     if (files_.on_leg && report.outcome == Outcome::Done) files_.on_leg(result_);
     if (leg_ == 0) whole_ = report;
     if (is_series()) add_leg(report);
-    add_phases(phases_, report.phases);
+    add_phases(phases_, report.run.phases);
   }
 
   void set_up() {
@@ -116,11 +116,11 @@ class Trip {
   }
 
   void add_leg(const PipelineReport& report) {
-    legs_.push_back({report.variant_cad, report.matched_by, report.after, report.stepping,
-                     report.untangling, sum(report.phases)});
+    legs_.push_back({report.cad.variant, report.cad.matched_by, report.after, report.stepping,
+                     report.untangling, sum(report.run.phases)});
     const std::string name = "on the way to " + targets_[leg_].string() + ": ";
-    for (const std::string& warning : report.warnings) warnings_.push_back(name + warning);
-    for (const std::string& note : report.notes) notes_.push_back(name + note);
+    for (const std::string& warning : report.run.warnings) warnings_.push_back(name + warning);
+    for (const std::string& note : report.run.notes) notes_.push_back(name + note);
   }
 
   PipelineReport write() {
@@ -135,25 +135,25 @@ class Trip {
                                     : write_result(result_, files_.output, files_.has_diagnostics);
     add_phases(phases_, clock.phases());
     PipelineReport report = is_series() ? series_report() : result_.report;
-    report.written = written.path;
-    report.rounding = written.rounding;
+    report.run.written = written.path;
+    report.run.rounding = written.rounding;
     phases_.push_back({"other", std::max(0.0, whole_job_.seconds() - sum(phases_))});
-    report.phases = phases_;
-    report.seconds = sum(phases_);
-    report.peak_memory = peak_memory();
+    report.run.phases = phases_;
+    report.run.seconds = sum(phases_);
+    report.run.peak_memory = peak_memory();
     return report;
   }
 
   PipelineReport series_report() {
     PipelineReport report = result_.report;
-    report.base_cad = whole_.base_cad;
+    report.cad.base = whole_.cad.base;
     report.before = whole_.before;
-    report.cache = whole_.cache;
-    report.is_unit_detected = whole_.is_unit_detected;
-    report.warnings = std::move(warnings_);
-    report.notes = std::move(notes_);
+    report.run.cache = whole_.run.cache;
+    report.mesh.is_unit_detected = whole_.mesh.is_unit_detected;
+    report.run.warnings = std::move(warnings_);
+    report.run.notes = std::move(notes_);
     report.max_displacement =
-        report.mesh_unit_mm *
+        report.mesh.unit_mm *
         (result_.positions - mesh_->mesh().points).rowwise().norm().maxCoeff();
     report.legs = std::move(legs_);
     return report;

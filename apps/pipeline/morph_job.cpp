@@ -32,7 +32,7 @@ struct MorphJob::Impl {
       const auto merged = std::make_shared<BaseSide>(std::make_shared<const CadModel>(cad),
                                                      base->mesh_file, std::move(options),
                                                      base->moved ? base->moved->points : Points());
-      merged->report.phases = base->report.phases;  // its own are a part of the matching
+      merged->report.run.phases = base->report.run.phases;  // its own are a part of the matching
       merged_ = merged;
     }
     return merged_;
@@ -70,7 +70,7 @@ std::vector<MorphAttempt> MorphJob::morph_each(const std::vector<CadModel>& vari
   std::vector<std::optional<VolumeMorphResult>> first = first_steps(attempts);
   for (PhaseTime phase : clock.phases()) {
     phase.seconds /= static_cast<double>(std::max<std::size_t>(variants.size(), 1));
-    for (MorphAttempt& attempt : attempts) attempt.result.report.phases.push_back(phase);
+    for (MorphAttempt& attempt : attempts) attempt.result.report.run.phases.push_back(phase);
   }
   for_each_good(attempts, [&](std::size_t i, MorphResult& result) {
     move_volume(result, first[i] ? &*first[i] : nullptr);

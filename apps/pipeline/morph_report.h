@@ -75,26 +75,51 @@ struct LegReport {
   double seconds = 0;
 };
 
+/// The two CAD models and their match.
+struct CadReport {
+  CadFigures base, variant;
+  std::string matched_by;       ///< see TopologyMatch::how
+  double least_confidence = 1;  ///< of any face pair
+  Similarity alignment;         ///< base to variant
+};
+
+/// The mesh as it was read, and where its nodes lie on the base CAD.
+struct MeshReport {
+  std::filesystem::path file;
+  std::string format;                ///< "SU2"
+  std::vector<std::string> remarks;  ///< see MeshFile::remarks
+  Index nodes = 0, cells = 0;
+  Index other_cells = 0;  ///< of lower dimension than the mesh: boundary patches, beams, points
+  bool has_solids = true;
+  double unit_mm = 1;            ///< millimetres per mesh unit
+  bool is_unit_detected = true;  ///< not given by the user
+  Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0, unmatched_nodes = 0, interior_nodes = 0;
+  Index amid_nodes = 0;              ///< in the middle of straight edges, off the CAD
+  Index loose_nodes = 0;             ///< of no volume element nor shell: see carry_loose_nodes
+  std::vector<GroupFigures> groups;  ///< in the file's order
+};
+
+/// What the run was told, what it cost and what it wrote.
+struct RunReport {
+  CacheReport cache = {};
+  std::vector<std::string> warnings;
+  std::vector<std::string> notes;  ///< what took an effort and asks for nothing
+  std::vector<PhaseTime> phases;
+  double seconds = 0;      ///< sum of the phases: from the trip's start to its end
+  double peak_memory = 0;  ///< bytes, of the process so far
+  int threads = 1;
+  std::string blas_kernel;        ///< OpenBLAS core name; empty for another BLAS
+  std::filesystem::path written;  ///< the mesh written: the output, or the failed one
+  CoordinateRounding rounding;    ///< of its coordinates, to the digits that its format holds
+};
+
 /// All figures of one trip. For a series of morphs: those of the whole where they are of the input
 /// or the output, those of the last morph where they tell how it went.
 struct PipelineReport {
   Outcome outcome = Outcome::Done;
-  CadFigures base_cad, variant_cad;
-  std::filesystem::path mesh_file;
-  Index nodes = 0, cells = 0;
-  Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0, unmatched_nodes = 0, interior_nodes = 0;
-  Index amid_nodes = 0;              ///< in the middle of straight edges, off the CAD
-  std::string mesh_format;           ///< "SU2"
-  std::vector<std::string> remarks;  ///< on the mesh file: see MeshFile::remarks
-  std::vector<GroupFigures> groups;  ///< of the mesh, in the file's order
-  bool has_solids = true;
-  Index loose_nodes = 0;    ///< of no volume element nor shell: see carry_loose_nodes
-  Index other_cells = 0;    ///< of lower dimension than the mesh: boundary patches, beams, points
-  double mesh_unit_mm = 1;  ///< millimetres per mesh unit
-  bool is_unit_detected = true;  ///< not given by the user
-  std::string matched_by;        ///< see TopologyMatch::how
-  double least_confidence = 1;   ///< of any face pair
-  Similarity alignment;          ///< base to variant
+  CadReport cad;
+  MeshReport mesh;
+  RunReport run;
   MeshFigures before, after;
   double max_displacement = 0;          ///< millimetres
   double max_surface_displacement = 0;  ///< millimetres, of prescribed nodes
@@ -111,16 +136,6 @@ struct PipelineReport {
   double min_asked = 0;                ///< PipelineOptions::min_scaled_jacobian, or 0
   std::optional<Diagnosis> diagnosis;  ///< of a result that was refused
   std::vector<LegReport> legs;         ///< all of a series of morphs; else empty
-  CacheReport cache = {};
-  std::vector<std::string> warnings;
-  std::vector<std::string> notes;  ///< what took an effort and asks for nothing
-  std::vector<PhaseTime> phases;
-  double seconds = 0;      ///< sum of the phases: from the trip's start to its end
-  double peak_memory = 0;  ///< bytes, of the process so far
-  int threads = 1;
-  std::string blas_kernel;        ///< OpenBLAS core name; empty for another BLAS
-  std::filesystem::path written;  ///< the mesh written: the output, or the failed one
-  CoordinateRounding rounding;    ///< of its coordinates, to the digits that its format holds
 };
 
 CadFigures figures_of(const CadModel& cad);

@@ -91,7 +91,8 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
   const Diagnosis& found = *figures.diagnosis;
   const bool is_inverted = figures.outcome == Outcome::Inverted;
   const Index made = found.bad_cells - found.bad_in_base;
-  if (is_inverted && static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.cells))
+  if (is_inverted &&
+      static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.mesh.cells))
     lines.push_back(
         "look at the pairs of faces ('cadmorph match'): so many cells invert where faces are "
         "paired wrongly (set pairs by " +
@@ -122,7 +123,7 @@ std::vector<std::string> advice(const PipelineOptions& options, const PipelineRe
         "refine the mesh: " + std::to_string(found.held_cells) +
         " of these cells are held inverted by their surface nodes alone (all nodes lie on "
         "the surface, or facets on it turn an edge or a corner inwards)");
-  if (found.folded_shells > 0 && found.folded_shells < figures.cells)
+  if (found.folded_shells > 0 && found.folded_shells < figures.mesh.cells)
     lines.push_back("go there by CAD models between (" + words_for(Remedy::Via) +
                     "), and look whether all sheets still meet where they did");
   if (figures.outcome == Outcome::PoorQuality && options.can_repair && !options.improve_below)

@@ -17,14 +17,15 @@ void check_unit(const CadModel& base, const CadModel& variant, PipelineReport& f
   text << variant.file_name() << " (unit " << variant.file_unit() << ") is " << ratio
        << " times the size of " << base.file_name() << " (unit " << base.file_unit()
        << "): if that is not meant, one of them names the wrong unit";
-  figures.warnings.push_back(text.str());
+  figures.run.warnings.push_back(text.str());
 }
 
 void warn_of_merge(const CadModel& model, PipelineReport& figures) {
   if (model.merged_face_count() == 0) return;
-  figures.warnings.push_back(model.file_name() + ": " + std::to_string(model.merged_face_count()) +
-                             " faces were merged with others of the same surface, for the other "
-                             "model has them in one piece");
+  figures.run.warnings.push_back(
+      model.file_name() + ": " + std::to_string(model.merged_face_count()) +
+      " faces were merged with others of the same surface, for the other "
+      "model has them in one piece");
 }
 
 }  // namespace
@@ -34,14 +35,14 @@ MorphResult begin_result(std::shared_ptr<const BaseSide> base, const CadModel& v
   MorphResult result;
   result.report = base->report;
   PipelineReport& figures = result.report;
-  figures.variant_cad = figures_of(variant);
+  figures.cad.variant = figures_of(variant);
   check_unit(*base->cad, variant, figures);
   warn_of_merge(*base->cad, figures);
   warn_of_merge(variant, figures);
-  figures.matched_by = match.how;
-  figures.alignment = match.alignment;
+  figures.cad.matched_by = match.how;
+  figures.cad.alignment = match.alignment;
   if (!match.face_confidence.empty())
-    figures.least_confidence = std::ranges::min(match.face_confidence);
+    figures.cad.least_confidence = std::ranges::min(match.face_confidence);
   result.base = std::move(base);
   result.variant = variant;
   result.match = std::move(match);
@@ -51,14 +52,14 @@ MorphResult begin_result(std::shared_ptr<const BaseSide> base, const CadModel& v
 void move_surface(MorphResult& result) {
   result.surface = result.base->surface->morph(*result.variant, result.match);
   result.surface_positions = result.base->prescribed(result.surface.positions);
-  result.report.warnings.insert(result.report.warnings.end(), result.surface.warnings.begin(),
-                                result.surface.warnings.end());
-  result.report.notes.insert(result.report.notes.end(), result.surface.notes.begin(),
-                             result.surface.notes.end());
+  result.report.run.warnings.insert(result.report.run.warnings.end(),
+                                    result.surface.warnings.begin(), result.surface.warnings.end());
+  result.report.run.notes.insert(result.report.run.notes.end(), result.surface.notes.begin(),
+                                 result.surface.notes.end());
   for (const auto& [what, faces] : result.surface.remedies) {
     std::string note = what + ": ";
     for (const std::string& face : faces) note += (face == faces.front() ? "" : "; ") + face;
-    result.report.notes.push_back(std::move(note));
+    result.report.run.notes.push_back(std::move(note));
   }
 }
 

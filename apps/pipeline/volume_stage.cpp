@@ -493,14 +493,14 @@ void measure(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphRes
   set_quality(figures.after, result.quality, result.validity,
               check_quality(base.mesh(), result.positions, base.neighbours, base.orientation));
   figures.max_displacement =
-      figures.mesh_unit_mm * (result.positions - base.mesh().points).rowwise().norm().maxCoeff();
+      figures.mesh.unit_mm * (result.positions - base.mesh().points).rowwise().norm().maxCoeff();
   for (const Index node : base.volume->surface_nodes())
     figures.max_surface_displacement = std::max(
         figures.max_surface_displacement,
-        figures.mesh_unit_mm * (result.positions.row(node) - base.mesh().points.row(node)).norm());
+        figures.mesh.unit_mm * (result.positions.row(node) - base.mesh().points.row(node)).norm());
   figures.layers = measure_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points,
                                   result.positions);
-  figures.groups = figures_of_groups(base.mesh(), result.positions, figures.mesh_unit_mm);
+  figures.mesh.groups = figures_of_groups(base.mesh(), result.positions, figures.mesh.unit_mm);
   judge(result);
 }
 
@@ -513,10 +513,10 @@ void describe_surface(const BaseSide& base, MorphResult& result) {
   figures.after.max_distance = surface.distance.maxCoeff();
   figures.after.mean_distance =
       surface.distance.sum() / static_cast<double>(std::max<Index>(matched, 1));
-  for (const std::string& line : surface.folds) figures.warnings.push_back(line);
+  for (const std::string& line : surface.folds) figures.run.warnings.push_back(line);
   for (std::string& line :
        describe_beyond_wires(*base.cad, result.match, association, surface.beyond_wires))
-    figures.warnings.push_back(std::move(line));
+    figures.run.warnings.push_back(std::move(line));
 }
 
 }  // namespace
@@ -554,7 +554,7 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
   clock.start("quality after");
   measure(base, sliding, clock, result);
   describe_surface(base, result);
-  for (const PhaseTime& phase : clock.phases()) result.report.phases.push_back(phase);
+  for (const PhaseTime& phase : clock.phases()) result.report.run.phases.push_back(phase);
 }
 
 }  // namespace cadmorph

@@ -45,7 +45,7 @@ void MorphShowing::draw(const MorphResult& result) {
                         .before = result.base->quality,
                         .moved = &result.positions,
                         .after = &result.quality,
-                        .unit = unit_name(result.report.mesh_unit_mm)};
+                        .unit = unit_name(result.report.mesh.unit_mm)};
   std::vector<Picture> pictures;
   if (!files_.picture.empty()) {
     pictures.push_back(overview(drawn));
@@ -57,7 +57,7 @@ void MorphShowing::draw(const MorphResult& result) {
 }
 
 void MorphShowing::describe(const MorphResult& result) {
-  contents_.pictured_base = result.report.base_cad.file;
+  contents_.pictured_base = result.report.cad.base.file;
   contents_.pictured_move = result.report.max_displacement;
   contents_.details = gather_details(result);
   contents_.matches = match_tables(*result.base->cad, *result.variant, result.match);
@@ -77,8 +77,8 @@ ShowReport MorphShowing::write(PipelineReport& report, int exit_code) {
   PhaseClock clock;
   clock.start("pictures");
   DrawnPictures drawn = drawing_->wait();
-  report.phases.push_back(clock.phases().front());
-  report.seconds += report.phases.back().seconds;
+  report.run.phases.push_back(clock.phases().front());
+  report.run.seconds += report.run.phases.back().seconds;
   contents_.pictures = std::move(drawn.bytes);
   contents_.no_picture = std::move(drawn.failure);
   if (!contents_.no_picture.empty())

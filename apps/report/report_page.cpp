@@ -35,12 +35,12 @@ list cards(const PipelineReport& report) {
   const auto card = [](const char* label, const std::string& value, const std::string& note) {
     return row({{"label", label}, {"value", value}, {"note", note}});
   };
-  std::string beside = with_commas(report.nodes) + " nodes";
-  if (report.other_cells > 0)
-    beside += ", " + with_commas(report.other_cells) + " of lower dimension";
-  return {card("Elements", with_commas(report.cells - report.other_cells), beside),
+  std::string beside = with_commas(report.mesh.nodes) + " nodes";
+  if (report.mesh.other_cells > 0)
+    beside += ", " + with_commas(report.mesh.other_cells) + " of lower dimension";
+  return {card("Elements", with_commas(report.mesh.cells - report.mesh.other_cells), beside),
           card("Largest move", millimetres(report.max_displacement),
-               format("%.2g of the diagonal", report.max_displacement / report.base_cad.diagonal)),
+               format("%.2g of the diagonal", report.max_displacement / report.cad.base.diagonal)),
           card("Least scaled Jacobian",
                arrow(format("%.3f", before.min_scaled_jacobian),
                      format("%.3f", after.min_scaled_jacobian)),
@@ -50,8 +50,8 @@ list cards(const PipelineReport& report) {
                with_commas(before.invalid) + " before (exact test)"),
           card("Largest deviation", millimetres(after.max_distance),
                millimetres(before.max_distance) + " before"),
-          card("Time", format("%.2f s", report.seconds),
-               format("%d thread%s", report.threads, report.threads == 1 ? "" : "s"))};
+          card("Time", format("%.2f s", report.run.seconds),
+               format("%d thread%s", report.run.threads, report.run.threads == 1 ? "" : "s"))};
 }
 
 list before_after(const std::vector<std::vector<std::string>>& rows) {
@@ -119,9 +119,9 @@ list match_lists(const std::vector<MatchTable>& tables) {
 
 list phase_rows(const PipelineReport& report) {
   double longest = 0;
-  for (const PhaseTime& phase : report.phases) longest = std::max(longest, phase.seconds);
+  for (const PhaseTime& phase : report.run.phases) longest = std::max(longest, phase.seconds);
   list result;
-  for (const PhaseTime& phase : report.phases)
+  for (const PhaseTime& phase : report.run.phases)
     result.push_back(row({{"name", phase.name},
                           {"seconds", format("%.2f", phase.seconds)},
                           {"percent", format("%.1f", 100 * phase.seconds / longest)}}));
@@ -130,7 +130,7 @@ list phase_rows(const PipelineReport& report) {
 
 list group_rows(const PipelineReport& report) {
   list result;
-  for (const GroupFigures& group : report.groups)
+  for (const GroupFigures& group : report.mesh.groups)
     result.push_back(row({{"name", group.name},
                           {"kind", group.kind},
                           {"nodes", with_commas(group.nodes)},
@@ -146,7 +146,7 @@ list picture_list(const PipelineReport& report, const PageContents& contents) {
   list result;
   for (const Caption& caption :
        {Caption{"base.png", "Base", contents.pictured_base.filename().string()},
-        Caption{"variant.png", "Variant", report.variant_cad.file.filename().string()},
+        Caption{"variant.png", "Variant", report.cad.variant.file.filename().string()},
         Caption{"displacement.png", "Displacement",
                 "light: 0, dark blue: " + millimetres(contents.pictured_move)},
         Caption{"cut.png", "Cut open", "the worst 5 % of the elements in red"}}) {
@@ -209,11 +209,11 @@ std::string deviation_note(const MorphDetails& details) {
 }
 
 std::string match_note(const PipelineReport& report) {
-  std::string text = "Matched by " + report.matched_by +
+  std::string text = "Matched by " + report.cad.matched_by +
                      format(
                          "; least confidence of a face %.2f. Seams, and vertices that only "
                          "cut a smooth edge, are no matter of matching and not counted here.",
-                         report.least_confidence);
+                         report.cad.least_confidence);
   if (!report.legs.empty())
     text = "Of the last of " + std::to_string(report.legs.size()) +
            " morphs in series, as the 3D view, the pictures and the charts are. " + text;
@@ -222,26 +222,26 @@ std::string match_note(const PipelineReport& report) {
 
 void set_words(data& page, const PipelineReport& report) {
   page.set("version", kVersion);
-  page.set("title", report.mesh_file.filename().string() + " onto " +
-                        report.variant_cad.file.filename().string());
-  page.set("subtitle", "from " + report.base_cad.file.string() + " to " +
-                           report.variant_cad.file.string() +
-                           "; written: " + report.written.string());
+  page.set("title", report.mesh.file.filename().string() + " onto " +
+                        report.cad.variant.file.filename().string());
+  page.set("subtitle", "from " + report.cad.base.file.string() + " to " +
+                           report.cad.variant.file.string() +
+                           "; written: " + report.run.written.string());
   page.set("is_good", report.outcome == Outcome::Done);
   page.set("outcome", outcome_text(report));
   list warnings;
-  for (const std::string& warning : report.warnings) warnings.push_back(warning);
+  for (const std::string& warning : report.run.warnings) warnings.push_back(warning);
   page.set("has_warnings", !warnings.empty());
   page.set("warnings", warnings);
   if (report.diagnosis)
     page.set("diagnosis", bad_cells_text(report) + "\n" + diagnosis_text(*report.diagnosis));
   list notes;
-  for (const std::string& note : report.notes) notes.push_back(note);
+  for (const std::string& note : report.run.notes) notes.push_back(note);
   page.set("has_notes", !notes.empty());
   page.set("notes", notes);
-  page.set("unit", unit_name(report.mesh_unit_mm));
+  page.set("unit", unit_name(report.mesh.unit_mm));
   page.set("match_note", match_note(report));
-  page.set("seconds", format("%.2f", report.seconds));
+  page.set("seconds", format("%.2f", report.run.seconds));
   page.set("summary", summary_text(report));
 }
 
@@ -286,7 +286,7 @@ std::string report_page(const PipelineReport& report, const PageContents& conten
   page.set("bin_table", partial([] { return std::string(kBinTableTemplate); }));
   page.set("worst", worst_rows(contents));
   page.set("matches", match_lists(contents.matches));
-  page.set("has_groups", !report.groups.empty());
+  page.set("has_groups", !report.mesh.groups.empty());
   page.set("groups", group_rows(report));
   page.set("phases", phase_rows(report));
   page.set("style", std::string(kPageStyle));

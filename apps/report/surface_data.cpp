@@ -143,7 +143,7 @@ Json surface_data(const MorphResult& result, Index most_triangles) {
           {"facets", polygons.sizes.size()},
           {"triangles", triangle_count},
           {"is_simplified", is_simplified},
-          {"unit_mm", result.report.mesh_unit_mm},
+          {"unit_mm", result.report.mesh.unit_mm},
           {"position", quantised(before)},
           {"displacement", quantised(after - before)},
           {"jacobian", quantised(jacobian)},

@@ -149,6 +149,35 @@ Json to_json(const BestMeshReport& best) {
           {"seconds", json_number(best.seconds)}};
 }
 
+Json to_json(const MeshReport& mesh) {
+  return {{"file", mesh.file.string()},
+          {"format", mesh.format},
+          {"remarks", mesh.remarks},
+          {"nodes", mesh.nodes},
+          {"cells", mesh.cells},
+          {"cells_of_lower_dimension", mesh.other_cells},
+          {"unit", unit_name(mesh.unit_mm)},
+          {"unit_mm", mesh.unit_mm},
+          {"is_unit_detected", mesh.is_unit_detected}};
+}
+
+Json nodes_json(const MeshReport& mesh) {
+  return {{"vertex", mesh.vertex_nodes},       {"edge", mesh.edge_nodes},
+          {"face", mesh.face_nodes},           {"amid_straight_edges", mesh.amid_nodes},
+          {"unmatched", mesh.unmatched_nodes}, {"interior", mesh.interior_nodes},
+          {"loose", mesh.loose_nodes}};
+}
+
+Json to_json(const std::vector<GroupFigures>& groups) {
+  Json json = Json::array();
+  for (const GroupFigures& group : groups)
+    json.push_back({{"name", group.name},
+                    {"kind", group.kind},
+                    {"nodes", group.nodes},
+                    {"max_displacement_mm", json_number(group.max_displacement)}});
+  return json;
+}
+
 Json to_json(const LegReport& leg) {
   Json json = {{"cad", to_json(leg.cad)},
                {"matched_by", leg.matched_by},
@@ -219,33 +248,16 @@ Json matched_vertices(const CadModel& base, const CadModel& variant, const Topol
 std::string to_json(const PipelineReport& report, int exit_code) {
   Json json = json_header(exit_code);
   json["outcome"] = outcome_name(report.outcome);
-  json["base_cad"] = to_json(report.base_cad);
-  json["variant_cad"] = to_json(report.variant_cad);
-  json["mesh"] = {{"file", report.mesh_file.string()},
-                  {"format", report.mesh_format},
-                  {"remarks", report.remarks},
-                  {"nodes", report.nodes},
-                  {"cells", report.cells},
-                  {"cells_of_lower_dimension", report.other_cells},
-                  {"unit", unit_name(report.mesh_unit_mm)},
-                  {"unit_mm", report.mesh_unit_mm},
-                  {"is_unit_detected", report.is_unit_detected}};
-  json["nodes"] = {
-      {"vertex", report.vertex_nodes},       {"edge", report.edge_nodes},
-      {"face", report.face_nodes},           {"amid_straight_edges", report.amid_nodes},
-      {"unmatched", report.unmatched_nodes}, {"interior", report.interior_nodes},
-      {"loose", report.loose_nodes}};
-  json["groups"] = Json::array();
-  for (const GroupFigures& group : report.groups)
-    json["groups"].push_back({{"name", group.name},
-                              {"kind", group.kind},
-                              {"nodes", group.nodes},
-                              {"max_displacement_mm", json_number(group.max_displacement)}});
-  json["match"] = {{"how", report.matched_by},
-                   {"least_confidence", json_number(report.least_confidence)},
-                   {"scale", json_number(report.alignment.scale)}};
-  json["before"] = to_json(report.before, report.base_cad.diagonal);
-  json["after"] = to_json(report.after, report.variant_cad.diagonal);
+  json["base_cad"] = to_json(report.cad.base);
+  json["variant_cad"] = to_json(report.cad.variant);
+  json["mesh"] = to_json(report.mesh);
+  json["nodes"] = nodes_json(report.mesh);
+  json["groups"] = to_json(report.mesh.groups);
+  json["match"] = {{"how", report.cad.matched_by},
+                   {"least_confidence", json_number(report.cad.least_confidence)},
+                   {"scale", json_number(report.cad.alignment.scale)}};
+  json["before"] = to_json(report.before, report.cad.base.diagonal);
+  json["after"] = to_json(report.after, report.cad.variant.diagonal);
   json["max_displacement_mm"] = json_number(report.max_displacement);
   json["max_surface_displacement_mm"] = json_number(report.max_surface_displacement);
   if (report.layers.cells > 0) json["layers"] = to_json(report.layers);
@@ -267,19 +279,19 @@ std::string to_json(const PipelineReport& report, int exit_code) {
                          {"min_after", json_number(report.improving->min_after)}};
   if (report.diagnosis) json["diagnosis"] = to_json(*report.diagnosis);
   for (const LegReport& leg : report.legs) json["legs"].push_back(to_json(leg));
-  if (report.cache.use != CacheUse::None) json["cache"] = to_json(report.cache);
-  json["warnings"] = report.warnings;
-  json["notes"] = report.notes;
-  json["seconds"] = to_json(report.phases);
-  json["seconds"]["total"] = report.seconds;
-  json["peak_memory_bytes"] = report.peak_memory;
-  json["threads"] = report.threads;
-  json["blas_kernel"] = report.blas_kernel;
-  json["written"] = report.written.string();
-  if (report.rounding.node >= 0)
-    json["rounding"] = {{"largest", json_number(report.rounding.largest)},
-                        {"of_shortest_edge", json_number(report.rounding.relative)},
-                        {"node", report.rounding.node}};
+  if (report.run.cache.use != CacheUse::None) json["cache"] = to_json(report.run.cache);
+  json["warnings"] = report.run.warnings;
+  json["notes"] = report.run.notes;
+  json["seconds"] = to_json(report.run.phases);
+  json["seconds"]["total"] = report.run.seconds;
+  json["peak_memory_bytes"] = report.run.peak_memory;
+  json["threads"] = report.run.threads;
+  json["blas_kernel"] = report.run.blas_kernel;
+  json["written"] = report.run.written.string();
+  if (report.run.rounding.node >= 0)
+    json["rounding"] = {{"largest", json_number(report.run.rounding.largest)},
+                        {"of_shortest_edge", json_number(report.run.rounding.relative)},
+                        {"node", report.run.rounding.node}};
   return json_text(json);
 }
 

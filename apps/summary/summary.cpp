@@ -23,30 +23,29 @@ std::string cad_line(const CadFigures& cad) {
                                     cad.diagonal);
 }
 
-std::string mesh_line(const PipelineReport& report) {
-  std::string cells = with_commas(report.cells - report.other_cells) + " cells";
-  if (report.other_cells > 0)
-    cells += " and " + with_commas(report.other_cells) + " of lower dimension";
-  return report.mesh_file.string() + format(" (%s, %s nodes, %s; unit %s, %s)",
-                                            report.mesh_format.c_str(),
-                                            with_commas(report.nodes).c_str(), cells.c_str(),
-                                            unit_name(report.mesh_unit_mm).c_str(),
-                                            report.is_unit_detected ? "detected" : "given");
+std::string mesh_line(const MeshReport& mesh) {
+  std::string cells = with_commas(mesh.cells - mesh.other_cells) + " cells";
+  if (mesh.other_cells > 0)
+    cells += " and " + with_commas(mesh.other_cells) + " of lower dimension";
+  return mesh.file.string() + format(" (%s, %s nodes, %s; unit %s, %s)", mesh.format.c_str(),
+                                     with_commas(mesh.nodes).c_str(), cells.c_str(),
+                                     unit_name(mesh.unit_mm).c_str(),
+                                     mesh.is_unit_detected ? "detected" : "given");
 }
 
-std::string node_line(const PipelineReport& report) {
+std::string node_line(const MeshReport& mesh) {
   std::string text =
-      format("%s vertex, %s edge, %s face, %s interior", with_commas(report.vertex_nodes).c_str(),
-             with_commas(report.edge_nodes).c_str(), with_commas(report.face_nodes).c_str(),
-             with_commas(report.interior_nodes).c_str());
-  if (report.amid_nodes > 0)
-    text += ", " + with_commas(report.amid_nodes) + " amid straight edges off the CAD";
-  if (report.unmatched_nodes > 0)
-    text += ", " + with_commas(report.unmatched_nodes) + " on no CAD face";
-  if (report.loose_nodes > 0)
+      format("%s vertex, %s edge, %s face, %s interior", with_commas(mesh.vertex_nodes).c_str(),
+             with_commas(mesh.edge_nodes).c_str(), with_commas(mesh.face_nodes).c_str(),
+             with_commas(mesh.interior_nodes).c_str());
+  if (mesh.amid_nodes > 0)
+    text += ", " + with_commas(mesh.amid_nodes) + " amid straight edges off the CAD";
+  if (mesh.unmatched_nodes > 0)
+    text += ", " + with_commas(mesh.unmatched_nodes) + " on no CAD face";
+  if (mesh.loose_nodes > 0)
     text +=
         format("; %s of the interior ones in no %s element, they move with what is next to them",
-               with_commas(report.loose_nodes).c_str(), report.has_solids ? "volume" : "shell");
+               with_commas(mesh.loose_nodes).c_str(), mesh.has_solids ? "volume" : "shell");
   return text;
 }
 
@@ -81,7 +80,7 @@ std::string solver_line(const PipelineReport& report) {
   const RbfReport& solver = report.solver;
   const int steps = report.stepping.steps;
   const std::string steps_text = format("; %d step%s", steps, steps == 1 ? "" : "s");
-  if (report.interior_nodes == 0)
+  if (report.mesh.interior_nodes == 0)
     return "none, whatever the method, the kernel and the steps: no node lies inside, the warps of "
            "the CAD's faces move all";
   if (report.method != MorphMethod::Rbf)
@@ -104,10 +103,10 @@ std::string attempts_line(const SteppingReport& stepping) {
   return text;
 }
 
-std::string time_line(const PipelineReport& report) {
-  std::string text = format("%.2f s:", report.seconds);
+std::string time_line(const RunReport& run) {
+  std::string text = format("%.2f s:", run.seconds);
   const char* separator = " ";
-  for (const PhaseTime& phase : report.phases) {
+  for (const PhaseTime& phase : run.phases) {
     if (phase.seconds < 0.005) continue;
     text += separator + phase.name + format(" %.2f", phase.seconds);
     separator = ", ";
@@ -115,11 +114,10 @@ std::string time_line(const PipelineReport& report) {
   return text;
 }
 
-std::string machine_line(const PipelineReport& report) {
+std::string machine_line(const RunReport& run) {
   return format("%.0f MiB peak memory, %d thread%s, BLAS kernel %s",
-                report.peak_memory / (1024.0 * 1024.0), report.threads,
-                report.threads == 1 ? "" : "s",
-                report.blas_kernel.empty() ? "unknown" : report.blas_kernel.c_str());
+                run.peak_memory / (1024.0 * 1024.0), run.threads, run.threads == 1 ? "" : "s",
+                run.blas_kernel.empty() ? "unknown" : run.blas_kernel.c_str());
 }
 
 std::string slid_part(Index slid_nodes) {
@@ -186,7 +184,7 @@ std::string quality_hint(const PipelineReport& report) {
                 ? "the input mesh is poor there already: mesh anew with other sizes"
                 : "go by CAD models between (" + words_for(Remedy::Via) + "), or mesh finer there");
   // Improving is for solid elements.
-  if (!is_poor || !report.has_solids)
+  if (!is_poor || !report.mesh.has_solids)
     return worst + of_input + ": mesh the variant anew where that is too little for the solver";
   return worst + of_input + (has_lost ? ": " : ", which is poor there already: ") +
          format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
@@ -304,11 +302,11 @@ std::string unit_name(double millimetres) {
 
 std::vector<Row> distance_rows(const PipelineReport& report) {
   return {{"Distance to CAD, max (of diagonal)",
-           distance(report.before.max_distance, report.base_cad.diagonal),
-           distance(report.after.max_distance, report.variant_cad.diagonal)},
+           distance(report.before.max_distance, report.cad.base.diagonal),
+           distance(report.after.max_distance, report.cad.variant.diagonal)},
           {"Distance to CAD, mean (of diagonal)",
-           distance(report.before.mean_distance, report.base_cad.diagonal),
-           distance(report.after.mean_distance, report.variant_cad.diagonal)}};
+           distance(report.before.mean_distance, report.cad.base.diagonal),
+           distance(report.after.mean_distance, report.cad.variant.diagonal)}};
 }
 
 std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& after) {
@@ -347,12 +345,12 @@ std::vector<Row> layer_rows(const LayerFigures& layers) {
 
 std::string summary_text(const PipelineReport& report) {
   std::string text;
-  text += labelled("Base CAD", cad_line(report.base_cad));
-  text += labelled("Variant CAD", cad_line(report.variant_cad));
-  text += labelled("Mesh", mesh_line(report));
-  text += labelled("Matched by",
-                   report.matched_by + format(" (least confidence %.2f)", report.least_confidence));
-  text += labelled("Nodes", node_line(report));
+  text += labelled("Base CAD", cad_line(report.cad.base));
+  text += labelled("Variant CAD", cad_line(report.cad.variant));
+  text += labelled("Mesh", mesh_line(report.mesh));
+  text += labelled("Matched by", report.cad.matched_by + format(" (least confidence %.2f)",
+                                                                report.cad.least_confidence));
+  text += labelled("Nodes", node_line(report.mesh));
   text += labelled("Volume morph", solver_line(report));
   if (report.stepping.attempts.size() > 1)
     text += labelled("Steps tried", attempts_line(report.stepping) + " inverted");
@@ -367,15 +365,17 @@ std::string summary_text(const PipelineReport& report) {
     text += labelled(format("Leg %zu", i + 1), leg_text(report.legs[i]));
   text += labelled("Largest move", millimetres(report.max_displacement));
   text.append("\n").append(before_after_table(report)).append("\n");
-  if (!report.groups.empty()) text.append(group_table(report.groups)).append("\n");
+  if (!report.mesh.groups.empty()) text.append(group_table(report.mesh.groups)).append("\n");
   if (const std::string hint = quality_hint(report); !hint.empty()) text += labelled("Hint", hint);
-  if (report.cache.use != CacheUse::None) text += labelled("Base set-up", cache_text(report.cache));
-  text += labelled("Time", time_line(report));
-  text += labelled("Machine", machine_line(report));
-  if (report.rounding.node >= 0) text += labelled("Rounding", rounding_text(report.rounding));
-  if (!report.written.empty())
-    text +=
-        labelled(report.outcome == Outcome::Done ? "Written" : "Refused", report.written.string());
+  if (report.run.cache.use != CacheUse::None)
+    text += labelled("Base set-up", cache_text(report.run.cache));
+  text += labelled("Time", time_line(report.run));
+  text += labelled("Machine", machine_line(report.run));
+  if (report.run.rounding.node >= 0)
+    text += labelled("Rounding", rounding_text(report.run.rounding));
+  if (!report.run.written.empty())
+    text += labelled(report.outcome == Outcome::Done ? "Written" : "Refused",
+                     report.run.written.string());
   return text;
 }
 
@@ -389,7 +389,7 @@ std::string bad_cells_text(const PipelineReport& report) {
 }
 
 std::string refusal_text(const PipelineReport& report) {
-  return bad_cells_text(report) + "; the refused mesh is " + report.written.string() +
+  return bad_cells_text(report) + "; the refused mesh is " + report.run.written.string() +
          " (cell array cadmorph_bad)";
 }
 

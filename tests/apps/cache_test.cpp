@@ -36,7 +36,7 @@ class BoxJob {
 
   Points morph() {
     const MorphJob job(base_, mesh_, options);
-    cache = job.base().report.cache;
+    cache = job.base().report.run.cache;
     return job.morph(variant_).positions;
   }
 

@@ -74,7 +74,7 @@ TEST_CASE("The bore's hexahedra are valid at 150 %: dented facets are laid out a
   as_prescribed.untangle = UntangleMode::Never;
   check_over_range("bore", "hex", Outcome::Done, as_prescribed);
   const auto notes =
-      family_job("bore", "hex", as_prescribed).morph(family_cad("bore", 1.5)).report.notes;
+      family_job("bore", "hex", as_prescribed).morph(family_cad("bore", 1.5)).report.run.notes;
   CHECK(std::ranges::any_of(notes, [](const std::string& note) {
     return note.find("laid out anew") != std::string::npos;
   }));
@@ -91,7 +91,7 @@ TEST_CASE("The bore's hexahedra are valid at 220 % where surface nodes may slide
   REQUIRE(result.report.untangling);
   const Index slid = result.report.untangling->slid_nodes;
   CHECK(slid > 0);
-  CHECK(result.report.warnings.empty());
+  CHECK(result.report.run.warnings.empty());
   const auto& nodes = job.base().boundary.nodes;
   Index moved = 0;
   for (std::size_t i = 0; i < nodes.size(); ++i) {

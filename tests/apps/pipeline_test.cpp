@@ -44,7 +44,7 @@ TEST_CASE("A variant that names another unit for the same numbers is remarked on
   place.write("metres.step", text);
   const MorphJob job = box_job(place);
   const auto warnings = [&](const char* name) {
-    return job.morph(read_step(place.folder() / name)).report.warnings;
+    return job.morph(read_step(place.folder() / name)).report.run.warnings;
   };
   CHECK(warnings("box_moved.step").empty());
   REQUIRE(warnings("metres.step").size() == 1);
@@ -117,7 +117,7 @@ TEST_CASE("The progress of the whole trip is told", "[apps][pipeline]") {
   const MorphFiles files{place.folder() / "box.step", place.folder() / "box_moved.step",
                          place.folder() / "box.vtu", place.folder() / "out.vtu", false};
   const PipelineReport report = morph_files(files, options);
-  CHECK(report.written == place.folder() / "out.vtu");
+  CHECK(report.run.written == place.folder() / "out.vtu");
   for (const char* phase : {"reading", "association", "volume morph", "writing"})
     CHECK(std::count(phases.begin(), phases.end(), phase) >= 1);
 }

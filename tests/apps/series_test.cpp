@@ -124,7 +124,7 @@ TEST_CASE("A pipe's wall gets to the same places by one leg or many", "[apps][se
     const Index node = job.base().boundary.nodes[i];
     worst = std::max(worst, (written.mesh().points.row(node) - direct.row(node)).norm());
   }
-  CHECK(worst < 1e-8 * report.variant_cad.diagonal);
+  CHECK(worst < 1e-8 * report.cad.variant.diagonal);
 }
 
 TEST_CASE("A leg that inverts ends the trip, and nothing is handed back", "[apps][series]") {
@@ -138,8 +138,8 @@ TEST_CASE("A leg that inverts ends the trip, and nothing is handed back", "[apps
   CHECK(report.legs.size() == 1);
   CHECK(report.legs[0].after.invalid > 0);
   CHECK_FALSE(fs::exists(series.output()));
-  CHECK(report.written.filename() == "out.failed.vtu");
-  CHECK(report.variant_cad.file == series.paths()[0]);
+  CHECK(report.run.written.filename() == "out.failed.vtu");
+  CHECK(report.cad.variant.file == series.paths()[0]);
 }
 
 TEST_CASE("Quality asked for is asked of the last mesh alone", "[apps][series]") {

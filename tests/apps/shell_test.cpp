@@ -184,8 +184,8 @@ TEST_CASE("Sheets beside solids and on them go to their CAD", "[apps][shell]") {
   };
   const MorphResult result = move_mesh(mesh, model(60, 12, 18, 12), model(66, 15, 25, 16));
   CHECK(result.report.outcome == Outcome::Done);
-  CHECK(result.report.warnings.empty());
-  CHECK(result.report.loose_nodes == 0);
+  CHECK(result.report.run.warnings.empty());
+  CHECK(result.report.mesh.loose_nodes == 0);
   Index on_sheet = 0;
   for (Index n = 0; n < mesh.node_count(); ++n) {
     const Eigen::Vector3d before = mesh.points.row(n), after = result.positions.row(n);
@@ -219,7 +219,7 @@ TEST_CASE("A sheet inside of a solid goes to its CAD, one that no CAD tells of f
   };
   const MorphResult result = move_mesh(mesh, model(12, -6), model(12.5, -4));
   CHECK(result.report.outcome == Outcome::Done);
-  CHECK(result.report.loose_nodes == 0);
+  CHECK(result.report.mesh.loose_nodes == 0);
   for (Index n = 0; n < mesh.node_count(); ++n)
     if (mesh.points(n, 2) == -6)
       CHECK(result.positions(n, 2) == Approx(is_in_cad ? -4 : -6.25).epsilon(1e-3));
@@ -271,7 +271,7 @@ TEST_CASE("A shell mesh follows a fin whether an edge lies at its joint or not",
   const double by = 4;  // further than the next row of nodes
   const MorphResult result = move_fin(by, joint);
   CHECK(result.report.outcome == Outcome::Done);
-  CHECK(result.report.warnings.empty());
+  CHECK(result.report.run.warnings.empty());
   CHECK(result.quality.min > 0.5);
   for (int i = 0; i <= kAlong; ++i) {
     const Eigen::Vector3d expected(i * kPitch, kFinRow * kPitch + by, 0);
