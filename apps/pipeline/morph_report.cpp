@@ -16,6 +16,7 @@ void set_quality(MeshFigures& figures, const QualityReport& quality, const Valid
                  const QualityChecks& checks) {
   figures.min_scaled_jacobian = quality.min;
   figures.mean_scaled_jacobian = quality.mean;
+  figures.worst_twentieth = worst_cells(quality).worst_twentieth;
   figures.worst_cell = quality.worst_cell;
   figures.inverted = quality.inverted;
   figures.invalid = validity.invalid;

@@ -319,6 +319,8 @@ std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& afte
   std::vector<Row> rows = {
       row("Scaled Jacobian, min", "%.4f", before.min_scaled_jacobian, after.min_scaled_jacobian),
       row("Scaled Jacobian, mean", "%.4f", before.mean_scaled_jacobian, after.mean_scaled_jacobian),
+      row("Scaled Jacobian, mean of the worst 5 %", "%.4f", before.worst_twentieth,
+          after.worst_twentieth),
       counts("Inverted elements (corner Jacobians)", before.inverted, after.inverted),
       counts("Invalid elements (exact test)", before.invalid, after.invalid)};
   const QualityChecks &a = before.checks, &b = after.checks;
