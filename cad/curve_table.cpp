@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace cadmorph {
 namespace {
@@ -9,6 +10,23 @@ namespace {
 // Chords of an edge, each passed in proportion to its parameters: a circle is 0.01 % short, and
 // alike all round.
 constexpr int kSamplesPerLink = 128;
+
+double angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+// The angle that chords between the points turn through, up to each point.
+std::vector<double> turned(const std::vector<Eigen::Vector3d>& points) {
+  std::vector<double> result(points.size(), 0);
+  Eigen::Vector3d before = Eigen::Vector3d::Zero();
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const Eigen::Vector3d chord = points[i] - points[i - 1];
+    const bool is_chord = chord.norm() > 0;
+    result[i] = result[i - 1] + (is_chord ? angle(before, chord) : 0);
+    if (is_chord) before = chord;
+  }
+  return result;
+}
 
 }  // namespace
 
@@ -26,26 +44,32 @@ CurveTable::CurveTable(const CadModel& model, CurveId curve)
       point_.push_back(p);
     }
   }
+  shape_ = turned(point_);
+  for (std::size_t i = 0; i < shape_.size(); ++i)
+    shape_[i] = shape_[i] / (2 * std::numbers::pi) + arc_[i] / length();
 }
 
-double CurveTable::fraction(const CurveLocation& location) const {
+double CurveTable::fraction(const CurveLocation& location, CurveMeasure measure) const {
+  const std::vector<double>& covered = measured(measure);
   const auto begin = std::find_if(location_.begin(), location_.end(),
                                   [&](const CurveLocation& l) { return l.edge == location.edge; });
   const auto first = static_cast<std::size_t>(begin - location_.begin());
   const double from = location_[first].t, to = location_[first + kSamplesPerLink].t;
   const double s = std::clamp((location.t - from) / (to - from), 0.0, 1.0) * kSamplesPerLink;
   const auto i = first + static_cast<std::size_t>(std::min<double>(s, kSamplesPerLink - 1));
-  return (arc_[i] + (s - static_cast<double>(i - first)) * (arc_[i + 1] - arc_[i])) / length();
+  return (covered[i] + (s - static_cast<double>(i - first)) * (covered[i + 1] - covered[i])) /
+         covered.back();
 }
 
-CurveLocation CurveTable::locate(double fraction) const {
+CurveLocation CurveTable::locate(double fraction, CurveMeasure measure) const {
+  const std::vector<double>& covered = measured(measure);
   const double wrapped =
       is_closed_ ? fraction - std::floor(fraction) : std::clamp(fraction, 0.0, 1.0);
-  const double arc = wrapped * length();
-  auto upper = std::upper_bound(arc_.begin() + 1, arc_.end() - 1, arc);
-  const auto i = static_cast<std::size_t>(upper - arc_.begin());
-  const double span = arc_[i] - arc_[i - 1];
-  const double s = span > 0 ? (arc - arc_[i - 1]) / span : 0;
+  const double wanted = wrapped * covered.back();
+  auto upper = std::upper_bound(covered.begin() + 1, covered.end() - 1, wanted);
+  const auto i = static_cast<std::size_t>(upper - covered.begin());
+  const double span = covered[i] - covered[i - 1];
+  const double s = span > 0 ? (wanted - covered[i - 1]) / span : 0;
   if (location_[i].edge != location_[i - 1].edge) return location_[i];
   return {location_[i].edge, location_[i - 1].t + s * (location_[i].t - location_[i - 1].t)};
 }

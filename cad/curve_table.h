@@ -10,17 +10,22 @@ struct CurveLocation {
   double t;
 };
 
+/// What a curve is measured by. Shape is the length over the whole length plus the angle turned
+/// through over a full turn: a nose as long as it is short of a side counts as much as the side.
+enum class CurveMeasure { Length, Shape };
+
 /// A curve sampled by arc length: locations by length fraction and back, and nearest points.
 class CurveTable {
  public:
   /// Samples curve `curve` of the model's skeleton. The model must outlive the table.
   CurveTable(const CadModel& model, CurveId curve);
 
-  /// Arc length from the curve's start over its whole length, in [0, 1].
-  double fraction(const CurveLocation& location) const;
+  /// Measure from the curve's start over that of the whole curve, in [0, 1].
+  double fraction(const CurveLocation& location,
+                  CurveMeasure measure = CurveMeasure::Length) const;
 
-  /// Location at a length fraction; a closed curve wraps, an open one clamps.
-  CurveLocation locate(double fraction) const;
+  /// Location at a fraction; a closed curve wraps, an open one clamps.
+  CurveLocation locate(double fraction, CurveMeasure measure = CurveMeasure::Length) const;
 
   /// Point at a length fraction.
   Eigen::Vector3d point(double fraction) const;
@@ -33,10 +38,15 @@ class CurveTable {
   bool is_closed() const { return is_closed_; }
 
  private:
+  const std::vector<double>& measured(CurveMeasure measure) const {
+    return measure == CurveMeasure::Length ? arc_ : shape_;
+  }
+
   const CadModel* model_;
   bool is_closed_;
   std::vector<CurveLocation> location_;  // a sample
   std::vector<double> arc_;              // length up to the sample
+  std::vector<double> shape_;            // see CurveMeasure
   std::vector<Eigen::Vector3d> point_;
 };
 

@@ -35,6 +35,8 @@ constexpr double kFreeFormBits = 4.5;
 // hundredths, a profile laid on from elsewhere by tenths. A curve that one way bends by half as
 // much as another runs that way.
 constexpr double kBendUnit = 0.01, kClearlyLess = 1;
+// Parameters are taken for right while a curve by its shape would not turn by some 30 % less.
+constexpr double kLessTurned = 0.5;
 // Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
@@ -222,6 +224,11 @@ CurveLocation CurveMap::apply(const Way& way, const CurveLocation& base) const {
       const double fraction = base_.fraction(base);
       return variant_.locate((way.is_reversed ? 1 - fraction : fraction) + way.phase);
     }
+    case Mode::Shape: {
+      const double fraction = base_.fraction(base, CurveMeasure::Shape);
+      return variant_.locate((way.is_reversed ? 1 - fraction : fraction) + way.phase,
+                             CurveMeasure::Shape);
+    }
     case Mode::Nearest:
       break;
   }
@@ -256,16 +263,40 @@ double CurveMap::bend(const Way& way) const {
   return std::log2(1 + root_mean_square(turned, to) / (kBendUnit * size));
 }
 
-// The same of a closed curve by length, from the same start, where that bends it clearly less.
+// By how much the curve's directions would turn against each other, in bits. Noses count as much as
+// the sides between.
+double CurveMap::turning(const Way& way) const {
+  const auto tangent = [](const CurveTable& table, const CadCurve& curve, const CurveLocation& at) {
+    const bool runs_back = curve.links[link_index(curve, at.edge)].is_reversed;
+    return Vector3d((runs_back ? -1 : 1) *
+                    table.model().evaluate_edge(at.edge, at.t).dt.normalized());
+  };
+  Images from, to;
+  std::vector<Vector3d> from_tangents, to_tangents;
+  for (int i = 0; i < kProbes; ++i) {
+    const CurveLocation base = base_.locate((i + 0.5) / kProbes, CurveMeasure::Shape);
+    const CurveLocation image = apply(way, base);
+    from.push_back(base_.model().evaluate_edge(base.edge, base.t).point);
+    to.push_back(variant_.model().evaluate_edge(image.edge, image.t).point);
+    from_tangents.push_back(tangent(base_, *base_curve_, base));
+    to_tangents.push_back((way.is_reversed ? -1 : 1) * tangent(variant_, *variant_curve_, image));
+  }
+  const Eigen::Matrix3d rotation = fit_similarity(from, to).rotation;
+  for (Vector3d& t : from_tangents) t = rotation * t;
+  return std::log2(1 + root_mean_square(from_tangents, to_tangents) / kTurnUnit);
+}
+
+// The same by shape, from the same start, where that turns the curve's directions clearly less.
 CurveMap::Way CurveMap::less_bent(const Way& way) const {
   if (has_own_parameters()) return way;
   const CurveLink& first = base_curve_->links.front();
   const CadEdge& edge = base_.model().edges()[first.edge];
   const CurveLocation start{first.edge, first.is_reversed ? edge.last : edge.first};
-  Way by_length{Mode::Length, way.is_reversed, 0, 0};
-  by_length.phase =
-      variant_.fraction(apply(way, start)) - variant_.fraction(apply(by_length, start));
-  return bend(by_length) < bend(way) - kClearlyLess ? by_length : way;
+  Way by_shape{Mode::Shape, way.is_reversed, 0, 0};
+  if (base_curve_->is_closed())
+    by_shape.phase = variant_.fraction(apply(way, start), CurveMeasure::Shape) -
+                     variant_.fraction(apply(by_shape, start), CurveMeasure::Shape);
+  return turning(by_shape) < turning(way) - kLessTurned ? by_shape : way;
 }
 
 // The phase that comes nearest to the given places of the probes.
@@ -579,7 +610,7 @@ CurveMap::Way CurveMap::choose() {
   const bool has_equal_links = base_curve_->links.size() == variant_curve_->links.size();
   way.is_reversed = runs_backward();
   way.mode = has_equal_links ? Mode::Parameter : has_equal_range() ? Mode::Range : Mode::Length;
-  way = by_face(way);
+  way = less_bent(by_face(way));
   if (!is_same_under(alignment_)) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
   const double different =

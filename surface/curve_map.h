@@ -74,7 +74,7 @@ class CurveMap {
   void add_images(std::vector<Eigen::Vector3d>& from, std::vector<Eigen::Vector3d>& to) const;
 
  private:
-  enum class Mode { Parameter, Range, Face, Length, Nearest };
+  enum class Mode { Parameter, Range, Face, Length, Shape, Nearest };
   struct Way {
     Mode mode = Mode::Parameter;
     bool is_reversed = false;
@@ -98,6 +98,7 @@ class CurveMap {
   double deviation(const Way& way, const Images& from) const;
   double turn(const Way& way, const Images& against) const;
   double bend(const Way& way) const;
+  double turning(const Way& way) const;
   Way less_bent(const Way& way) const;
   Way best_phase(Way way, const Images& to) const;
   Way polished(Way way, const Images& to) const;
