@@ -21,8 +21,7 @@ class CurveTable {
   CurveTable(const CadModel& model, CurveId curve);
 
   /// Measure from the curve's start over that of the whole curve, in [0, 1].
-  double fraction(const CurveLocation& location,
-                  CurveMeasure measure = CurveMeasure::Length) const;
+  double fraction(const CurveLocation& location, CurveMeasure measure = CurveMeasure::Length) const;
 
   /// Location at a fraction; a closed curve wraps, an open one clamps.
   CurveLocation locate(double fraction, CurveMeasure measure = CurveMeasure::Length) const;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <Eigen/SparseCholesky>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -16,9 +17,12 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::RowVector3d;
 
-constexpr int kPower = 32;  // of the inverse distance: the nearest nodes alone count
-// Times the nearest distance: farther nodes weigh less than 0.003.
-constexpr double kReach = 1.2;
+// Of the inverse distance, so that the nearest nodes alone count: all round a hole seen from near
+// its middle; from far off no more than what lies an edge of the mesh behind the nearest.
+constexpr double kPower = 32;
+constexpr Index kRing = 7;          // a node and those an edge from it
+constexpr double kNoWeight = 3e-3;  // nodes that weigh less are left out
+constexpr double kRounding = 1e-12;  // of the mesh's size
 // Of the mesh's size: what a map fitted to the motion may miss.
 constexpr double kAffine = 1e-7;
 // Of the spread of what is fitted: directions in which it has none do not turn.
@@ -45,6 +49,7 @@ class LooseNodes {
     tree_.emplace(RowMatrix(before_));
     leave_inner();
     if (nodes_.empty()) return;
+    at_rest_ = kRounding * (before_.colwise().maxCoeff() - before_.colwise().minCoeff()).norm();
     whole_ = affine_map();
     find_lines();
     Points moves(std::ssize(nodes_), 3);  // beyond the field's
@@ -100,18 +105,25 @@ class LooseNodes {
     return missed <= kAffine * std::sqrt(spread) ? map : AffineMap();
   }
 
-  // Where the surface's nodes nearest to a place carry it.
+  // Where the surface's nodes nearest to a place carry it. What they do beyond a translation counts
+  // as far as they reach themselves, and fades beyond with the square of the distance.
   RowVector3d carried(const RowVector3d& x) const {
-    const double nearest = std::sqrt(tree_->nearest(x.data(), 1)[0].squared_distance);
-    const std::vector<Neighbour> near = tree_->within(x.data(), kReach * nearest);
-    if (nearest == 0 || near.empty()) {
-      const Index row = tree_->nearest(x.data(), 1)[0].index;
-      return after_.row(row) + x - before_.row(row);
-    }
+    const Neighbour first = tree_->nearest(x.data(), 1)[0];
+    const double nearest = std::sqrt(first.squared_distance);
+    const RowVector3d foot = before_.row(first.index);
+    const double edge = std::sqrt(tree_->nearest(foot.data(), kRing).back().squared_distance);
+    const double power = edge > 0 ? std::max(kPower, nearest / edge) : kPower;
+    const std::vector<Neighbour> near =
+        tree_->within(x.data(), nearest * std::pow(kNoWeight, -1 / power));
+    const bool is_at_rest = std::ranges::all_of(near, [&](const Neighbour& one) {
+      return (after_.row(one.index) - before_.row(one.index)).norm() <= at_rest_;
+    });
+    if (is_at_rest) return x;
+    if (nearest == 0) return after_.row(first.index);
     double sum = 0;
     RowVector3d from = RowVector3d::Zero(), to = RowVector3d::Zero();
     const auto weight = [&](const Neighbour& one) {
-      return std::pow(nearest / std::sqrt(one.squared_distance), kPower);
+      return std::pow(nearest / std::sqrt(one.squared_distance), power);
     };
     for (const Neighbour& one : near) {
       const double w = weight(one);
@@ -135,7 +147,9 @@ class LooseNodes {
     const Matrix3d map = (spread + kRigid * size * Matrix3d::Identity())
                              .ldlt()
                              .solve(product + kRigid * size * turn);
-    return to + (whole_(x) - from) * map;
+    const RowVector3d lever = whole_(x) - from;
+    const double share = std::min(1.0, spread.trace() / sum / lever.squaredNorm());
+    return to + lever + share * lever * (map - Matrix3d::Identity());
   }
 
   // Neighbours along lines; a node of none, or at the end of one, is an end.
@@ -198,6 +212,7 @@ class LooseNodes {
   std::vector<Index> number_;  ///< of each node in these, -1
   Points before_;              ///< of the surface
   std::optional<KdTree> tree_;
+  double at_rest_ = 0;  ///< motion that is none
   AffineMap whole_;
   std::vector<std::pair<Index, Index>> links_;  ///< the second may be a node of the surface: -1
   std::vector<char> is_end_;

@@ -9,7 +9,8 @@ namespace cadmorph {
 /// such as the reference node of a coupling in a hole, as what lies nearest to them moves: by the
 /// affine map, rigid (Kabsch 1976) in directions in which they have no extent, that fits the
 /// surface's nodes nearest to one, weighted by (nearest distance / distance)^32, so that a node
-/// amid a hole's rim stays there. A field that is known about the mesh alone overshoots there.
+/// amid a hole's rim stays there; farther off than these reach it is a translation more and more. A
+/// field that is known about the mesh alone overshoots there. Where nothing near moves, they stay.
 /// Nodes between the ends of lines of beams keep their places between these and the surface's nodes
 /// (the field's correction solves the Laplace equation along the lines). Where the motion of the
 /// surface is an affine map, that is theirs. `surface`: where the CAD puts the boundary's nodes, a

@@ -34,10 +34,10 @@ struct MeshFigures {
   double min_scaled_jacobian = 0;
   double mean_scaled_jacobian = 0;
   double worst_twentieth = 0;  ///< mean scaled Jacobian of the worst 5 % of the cells
-  Index worst_cell = -1;  ///< of the smallest scaled Jacobian
-  Index inverted = 0;     ///< cells with a corner Jacobian that is not positive
-  Index invalid = 0;      ///< cells that fail the exact validity test
-  QualityChecks checks;   ///< as OpenFOAM's checkMesh states them
+  Index worst_cell = -1;       ///< of the smallest scaled Jacobian
+  Index inverted = 0;          ///< cells with a corner Jacobian that is not positive
+  Index invalid = 0;           ///< cells that fail the exact validity test
+  QualityChecks checks;        ///< as OpenFOAM's checkMesh states them
 };
 
 /// What a named part of the mesh did (see Mesh::groups).

@@ -86,6 +86,25 @@ TEST_CASE("Affine motions are those of loose nodes", "[volume][loose]") {
   CHECK((c.positions.row(b) - map(near.transpose()).transpose()).norm() < 1e-6);
 }
 
+TEST_CASE("Far off, nodes move as what is nearest to them, and not at all where that rests",
+          "[volume][loose]") {
+  // Stretched by 4 % from x = 0 on, and bulged so that no affine map is it.
+  const Motion map = [](const Vector3d& x) {
+    return Vector3d(1.04 * x.x(), x.y(), x.z() + 0.1 * x.x() * x.y() * (1 - x.y()));
+  };
+  Case c(cube(CellType::Tetra, 20), map);
+  const Index right = c.add({20, 0.5, 0.5}, {7, 7, 7}), left = c.add({-8, 0.5, 0.5}, {7, 7, 7});
+  c.carry();
+  CHECK((c.positions.row(right) - RowVector3d(20.04, 0.5, 0.52)).norm() < 0.02);
+  CHECK((c.positions.row(left) - RowVector3d(-8, 0.5, 0.5)).norm() < 0.01);
+
+  Case still(cube(CellType::Tetra, 3), [](const Vector3d& x) { return x; });
+  const RowVector3d at(1.0 / 3, 17.1, -0.7);
+  const Index node = still.add(at, at);
+  still.carry();
+  CHECK(still.positions.row(node) == at);
+}
+
 TEST_CASE("Lines of beams stay straight between their ends", "[volume][loose]") {
   // A bolt through the hole; its other end far off, where little moves.
   const Vector3d shift(2, -1, 0);
