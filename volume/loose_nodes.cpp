@@ -20,8 +20,8 @@ using Eigen::RowVector3d;
 // Of the inverse distance, so that the nearest nodes alone count: all round a hole seen from near
 // its middle; from far off no more than what lies an edge of the mesh behind the nearest.
 constexpr double kPower = 32;
-constexpr Index kRing = 7;          // a node and those an edge from it
-constexpr double kNoWeight = 3e-3;  // nodes that weigh less are left out
+constexpr Index kRing = 7;           // a node and those an edge from it
+constexpr double kNoWeight = 3e-3;   // nodes that weigh less are left out
 constexpr double kRounding = 1e-12;  // of the mesh's size
 // Of the mesh's size: what a map fitted to the motion may miss.
 constexpr double kAffine = 1e-7;

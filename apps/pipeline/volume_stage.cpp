@@ -314,7 +314,7 @@ RowMatrix slides_to_follow(const BaseSide& base, const SlidingNodes& nodes,
   return follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
 }
 
-// Moves the volume anew with nodes at these slides, and repairs it.
+// Moves the volume anew with nodes at these slides, in as many steps as before, and repairs it.
 void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
                        PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();
@@ -325,7 +325,9 @@ void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& 
     if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
       result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
   result.report.untangling.reset();
-  step_and_untangle(base, result.surface_positions, stepping(base), clock, result, nullptr);
+  SteppingOptions how = stepping(base);
+  how.steps = result.report.stepping.steps;
+  step_and_untangle(base, result.surface_positions, how, clock, result, nullptr);
   sliding.move_to(slides);
   settle_slid_nodes(base, result);
   slide_surface(base, sliding, result);
