@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -148,26 +149,56 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   return result;
 }
 
+// Adds to a layer, of `storeys`, those whose floors go on from its own across an edge. Round a nose
+// the cells of a layer are as high as they are wide.
+void add_adjacent(const std::vector<Storey>& storeys, std::vector<std::size_t>& layer) {
+  const auto edges = [&](std::size_t i) {
+    const std::vector<Index>& floor = storeys[i].floor;
+    std::vector<std::pair<Index, Index>> found;
+    for (std::size_t k = 0; k < floor.size(); ++k)
+      found.emplace_back(std::minmax(floor[k], floor[(k + 1) % floor.size()]));
+    return found;
+  };
+  std::map<std::pair<Index, Index>, std::vector<std::size_t>> beside;
+  for (std::size_t i = 0; i < storeys.size(); ++i)
+    for (const auto& edge : edges(i)) beside[edge].push_back(i);
+  std::vector<char> is_in(storeys.size(), 0);
+  for (const std::size_t i : layer) is_in[i] = 1;
+  for (std::size_t k = 0; k < layer.size(); ++k)
+    for (const auto& edge : edges(layer[k]))
+      for (const std::size_t i : beside[edge])
+        if (!std::exchange(is_in[i], 1)) layer.push_back(i);
+}
+
 std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                                          const std::vector<char>& is_surface,
                                          const Points& points) {
   const auto growth = [&](const Storey& one, const Storey& above) {
     return above.ceiling.empty() ? 0 : above.height(points) / one.height(points);
   };
-  std::vector<Index> result;
+  std::vector<Storey> growing;
+  std::vector<std::size_t> layer;  // of these: the thin ones first
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
-    const Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
+    Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
       return is_flat(one, points, kThin);
     });
+    const bool is_thin = !first.floor.empty();
+    if (!is_thin)
+      first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
     if (first.floor.empty()) continue;
     const Storey second = next(mesh, neighbours, cell, first);
     const double rate = growth(first, second);
     const double next_rate = growth(second, next(mesh, neighbours, first.above, second));
     if (rate < kGrowth || std::abs(next_rate / rate - 1) > kSameRate) continue;
-    for (const auto* nodes : {&first.floor, &first.ceiling})
-      result.insert(result.end(), nodes->begin(), nodes->end());
+    if (is_thin) layer.push_back(growing.size());
+    growing.push_back(std::move(first));
   }
+  add_adjacent(growing, layer);
+  std::vector<Index> result;
+  for (const std::size_t i : layer)
+    for (const auto* nodes : {&growing[i].floor, &growing[i].ceiling})
+      result.insert(result.end(), nodes->begin(), nodes->end());
   std::ranges::sort(result);
   result.erase(std::ranges::unique(result).begin(), result.end());
   return result;

@@ -32,11 +32,13 @@ constexpr double kPredictedBits = 2;
 // as much as any turn costs.
 constexpr double kFreeFormBits = 4.5;
 // What a change bends a curve by, of its size, that costs the first bit: parts change by some
-// hundredths, a profile laid on from elsewhere by tenths. A curve that one way bends by half as
-// much as another runs that way.
-constexpr double kBendUnit = 0.01, kClearlyLess = 1;
-// Parameters are taken for right while a curve by its shape would not turn by some 30 % less.
-constexpr double kLessTurned = 0.5;
+// hundredths, a profile laid on from elsewhere by tenths.
+constexpr double kBendUnit = 0.01;
+// What a change strains a curve by, of the most possible, that costs the first bit: parts are
+// strained by some hundredths. A way of running that strains by a fifth less than the parameters is
+// no accident.
+constexpr double kStrainUnit = 0.05, kClearlyLess = 0.25;
+constexpr int kStrainProbes = 48;
 // Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
 // another parametrisation; points that all slide one way tell of a turn.
 constexpr double kToAndFro = 0.2;
@@ -263,31 +265,44 @@ double CurveMap::bend(const Way& way) const {
   return std::log2(1 + root_mean_square(turned, to) / (kBendUnit * size));
 }
 
-// By how much the curve's directions would turn against each other, in bits. Noses count as much as
-// the sides between.
-double CurveMap::turning(const Way& way) const {
+// By how much the curve would be strained, in bits: the distance of the square root velocities of the
+// curve and its image, which bending and stretching both add to (Srivastava et al. 2011,
+// docs/cad-and-surface.md).
+double CurveMap::strain(const Way& way) const {
   const auto tangent = [](const CurveTable& table, const CadCurve& curve, const CurveLocation& at) {
     const bool runs_back = curve.links[link_index(curve, at.edge)].is_reversed;
     return Vector3d((runs_back ? -1 : 1) *
                     table.model().evaluate_edge(at.edge, at.t).dt.normalized());
   };
+  const auto place = [&](double i) {
+    return base_.locate(i / kStrainProbes, CurveMeasure::Shape);  // noses have as many as sides
+  };
+  const auto length = [&](const CurveTable& table, const CurveLocation& a, const CurveLocation& b) {
+    const double part = table.fraction(b) - table.fraction(a);
+    return std::abs(base_curve_->is_closed() ? part - std::round(part) : part);
+  };
   Images from, to;
-  std::vector<Vector3d> from_tangents, to_tangents;
-  for (int i = 0; i < kProbes; ++i) {
-    const CurveLocation base = base_.locate((i + 0.5) / kProbes, CurveMeasure::Shape);
-    const CurveLocation image = apply(way, base);
+  std::vector<Vector3d> before, after;
+  std::vector<double> lengths, stretches;
+  for (int i = 0; i < kStrainProbes; ++i) {
+    const CurveLocation base = place(i + 0.5), image = apply(way, base);
     from.push_back(base_.model().evaluate_edge(base.edge, base.t).point);
     to.push_back(variant_.model().evaluate_edge(image.edge, image.t).point);
-    from_tangents.push_back(tangent(base_, *base_curve_, base));
-    to_tangents.push_back((way.is_reversed ? -1 : 1) * tangent(variant_, *variant_curve_, image));
+    before.push_back(tangent(base_, *base_curve_, base));
+    after.push_back((way.is_reversed ? -1 : 1) * tangent(variant_, *variant_curve_, image));
+    lengths.push_back(length(base_, place(i), place(i + 1)));
+    stretches.push_back(length(variant_, apply(way, place(i)), apply(way, place(i + 1))));
   }
   const Eigen::Matrix3d rotation = fit_similarity(from, to).rotation;
-  for (Vector3d& t : from_tangents) t = rotation * t;
-  return std::log2(1 + root_mean_square(from_tangents, to_tangents) / kTurnUnit);
+  double sum = 0;
+  for (int i = 0; i < kStrainProbes; ++i)
+    sum += (std::sqrt(stretches[i]) * after[i] - std::sqrt(lengths[i]) * (rotation * before[i]))
+               .squaredNorm();
+  return std::log2(1 + std::sqrt(sum) / kStrainUnit);
 }
 
-// The same by shape, from the same start, where that turns the curve's directions clearly less.
-CurveMap::Way CurveMap::less_bent(const Way& way) const {
+// The same by shape, from the same start, where that strains the curve clearly less.
+CurveMap::Way CurveMap::less_strained(const Way& way) const {
   if (has_own_parameters()) return way;
   const CurveLink& first = base_curve_->links.front();
   const CadEdge& edge = base_.model().edges()[first.edge];
@@ -296,7 +311,7 @@ CurveMap::Way CurveMap::less_bent(const Way& way) const {
   if (base_curve_->is_closed())
     by_shape.phase = variant_.fraction(apply(way, start), CurveMeasure::Shape) -
                      variant_.fraction(apply(by_shape, start), CurveMeasure::Shape);
-  return turning(by_shape) < turning(way) - kLessTurned ? by_shape : way;
+  return strain(by_shape) < strain(way) - kClearlyLess ? by_shape : way;
 }
 
 // The phase that comes nearest to the given places of the probes.
@@ -465,7 +480,7 @@ void CurveMap::find_starts() {
   auto& [by_parameters, in_place, with_part, predicted] = starts_;
   if (has_equal_links || has_equal_range())
     by_parameters =
-        less_bent(by_face(has_equal_links ? best_shift(is_reversed) : best_start(is_reversed)));
+        less_strained(by_face(has_equal_links ? best_shift(is_reversed) : best_start(is_reversed)));
   else if (!has_own_parameters())
     find_progress();
   if (has_own_parameters() || (by_parameters && by_parameters->mode == Mode::Range))
@@ -473,13 +488,13 @@ void CurveMap::find_starts() {
   else if (base_progress_)
     turned_.mode = Mode::Face;
   in_place = turned_by(Similarity{});
-  if (turned_.mode == Mode::Face) {
-    turned_.mode = Mode::Length;
-    const Way by_length = turned_by(Similarity{});
-    if (bend(by_length) < bend(*in_place) - kClearlyLess)
-      in_place = by_length;
-    else
-      turned_.mode = Mode::Face;
+  if (!has_own_parameters()) {
+    for (const Mode mode : {Mode::Length, Mode::Shape}) {
+      turned_.mode = mode;
+      const Way way = turned_by(Similarity{});
+      if (strain(way) < strain(*in_place) - kClearlyLess) in_place = way;
+    }
+    turned_.mode = in_place->mode;
   }
   is_same_ = pair_->match.is_congruent || is_same_under(alignment_);
   with_part = is_same_ ? Way{Mode::Nearest, is_reversed, 0, 0} : turned_by(alignment_);
@@ -610,7 +625,7 @@ CurveMap::Way CurveMap::choose() {
   const bool has_equal_links = base_curve_->links.size() == variant_curve_->links.size();
   way.is_reversed = runs_backward();
   way.mode = has_equal_links ? Mode::Parameter : has_equal_range() ? Mode::Range : Mode::Length;
-  way = less_bent(by_face(way));
+  way = less_strained(by_face(way));
   if (!is_same_under(alignment_)) return way;
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
   const double different =

@@ -98,8 +98,8 @@ class CurveMap {
   double deviation(const Way& way, const Images& from) const;
   double turn(const Way& way, const Images& against) const;
   double bend(const Way& way) const;
-  double turning(const Way& way) const;
-  Way less_bent(const Way& way) const;
+  double strain(const Way& way) const;
+  Way less_strained(const Way& way) const;
   Way best_phase(Way way, const Images& to) const;
   Way polished(Way way, const Images& to) const;
   Way choose();
