@@ -69,6 +69,26 @@ bool is_continuation(std::string_view line) {
   return name.empty() || name.front() == '+' || name.front() == '*';
 }
 
+constexpr std::string_view kInclude = "INCLUDE";
+
+bool is_include(std::string_view line) {
+  const std::string_view name = trimmed(line).substr(0, kInclude.size());
+  return (name.front() == 'I' || name.front() == 'i') && upper(name) == kInclude;
+}
+
+/// Where the INCLUDE card at `begin` ends: a name in quotes may go over several lines.
+std::size_t end_of_include(std::string_view text, std::size_t begin) {
+  std::size_t end = begin;
+  const std::string_view line = take_line(text, end);
+  const std::string_view name = trimmed(trimmed(line).substr(kInclude.size()));
+  if (!name.starts_with('\'') && !name.starts_with('"')) return end;
+  constexpr std::size_t kLongest = 4096;  // file names of the system
+  const std::size_t open = std::size_t(name.data() - text.data());
+  const std::size_t close = text.substr(0, open + kLongest).find(name.front(), open + 1);
+  if (close != std::string_view::npos) take_line(text, end = close);
+  return end;
+}
+
 /// The fields of a card, 8 a line (4 of large ones) without its name and marks of continuation.
 class Card {
  public:
@@ -355,11 +375,17 @@ class Reader {
       return is_empty(line) || is_continuation(line);
     };
     const auto read = [&](CardBlock& block) { read_block(file, block); };
+    std::size_t taken_to = at;
     const auto take = [&](CardBlock& block) {
+      if (block.begin < taken_to) {  // it begins amid the name of a file to include
+        block.begin = std::min(taken_to, block.end);
+        read_block(file, block);
+      }
       Counts taken;
       for (const OtherCard& card : block.others) {
         take_cards(file, block, taken, card.before);
         taken = card.before;
+        taken_to = card.end;
         here_ = {file, card.begin};
         read_other(text.substr(card.begin, card.end - card.begin));
         if (has_ended_) return false;
@@ -405,6 +431,7 @@ class Reader {
       }
       block.card.append_line(line, marks);
       end = place + full.size();
+      if (begin == place && is_include(line)) end = at = end_of_include(text, place);
     }
     finish();
   }
@@ -526,13 +553,16 @@ class Reader {
   }
 
   void read_include(std::string_view record) {
-    std::string name(trimmed(without_comment(record).substr(7)));
-    std::erase_if(name, [](char c) { return c == '\n' || c == '\r'; });
-    const char quote = name.empty() ? ' ' : name.front();
-    if (quote == '\'' || quote == '"') {
-      name.erase(0, 1);
-      name.resize(std::min(name.find(quote), name.size()));
+    const std::string_view rest = trimmed(trimmed(record).substr(kInclude.size()));
+    std::string_view lines = without_comment(rest);
+    if (rest.starts_with('\'') || rest.starts_with('"')) {
+      const std::size_t close = rest.find(rest.front(), 1);
+      if (close == std::string_view::npos)
+        sources_.fail(here_, "the name of the file to include has no closing quote: add it");
+      lines = rest.substr(1, close - 1);
     }
+    std::string name;
+    for (std::size_t at = 0; at < lines.size();) name += trimmed(take_line(lines, at));
     if (name.empty()) sources_.fail(here_, "expected the name of a file to include");
     const std::size_t file = sources_.include(name, here_);
     read_file(file, 0);

@@ -209,6 +209,31 @@ TEST_CASE("Files that a Nastran deck includes are copied with it", "[core][forma
   CHECK(nodes.ends_with("0.              0.\r\n*                     2.\r\n"));
 }
 
+TEST_CASE("The name of a file that a Nastran deck includes goes over several lines",
+          "[core][formats]") {
+  const FormatFolder folder;
+  const std::string nodes = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\n";
+  folder.put("sub/grid,7/nodes.inc", nodes);
+  const std::string end = "GRID,4,,0.,0.,1.\nCTETRA,1,1,1,2,3,4\nENDDATA\n";
+  const std::string include = GENERATE(as<std::string>(), "INCLUDE 'sub/\ngrid,7/nodes.inc'\n",
+                                       "INCLUDE 'sub/  \r\n grid,7/\r\n  nodes.inc' $ it's\r\n",
+                                       "include \"sub/\n\ngrid,7/nodes.inc\"\n");
+  // At the border of a block of lines, the name begins in one and ends in the next.
+  const std::size_t before = GENERATE(0, (1 << 18) - 5);
+  std::string main = "BEGIN BULK\n" + std::string(before, '$') + "\n" + include + end;
+  const MeshFile file(folder.put("main.bdf", main));
+  CHECK(file.mesh().node_count() == 4);
+  fs::create_directories(folder / "out");
+  Points moved = file.mesh().points;
+  moved(1, 0) = 2;
+  moved(3, 2) = 2;
+  file.write(folder / "out/main.bdf", moved);
+  CHECK(MeshFile(folder / "out/main.bdf").mesh().points == moved);
+
+  require_refused(folder.put("open.bdf", "BEGIN BULK\nINCLUDE 'sub/\n" + end),
+                  {"open.bdf", "line 2", "closing quote"});
+}
+
 TEST_CASE("A Nastran deck whose columns are too narrow leaves nothing behind", "[core][formats]") {
   const FormatFolder folder;
   fs::create_directories(folder / "in/grids");
