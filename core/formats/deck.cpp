@@ -193,9 +193,15 @@ class DeckCopier : public MeshCopier {
       if (!holds_nodes(file)) continue;
       if (!is_below(files_[file].name))
         throw InvalidInputError("the included file " + name +
-                                " holds nodes and does not lie below the deck's folder: a copy of "
-                                "the deck would overwrite it; put it there, or its lines in place "
-                                "of the line that includes it");
+                                " holds nodes, and the deck does not name it by a path below the "
+                                "deck's folder: a copy of the deck would overwrite it; put it "
+                                "there, or its lines in place of the line that includes it");
+      for (const fs::path& other : files_[file].others)
+        if (const fs::path first = fs::absolute(target).parent_path() / other; fs::exists(first))
+          throw InvalidInputError("the deck includes " + name + ", which holds nodes, but a copy " +
+                                  "of it would include " + first.string() +
+                                  " instead: remove that file, or write the copy into a folder "
+                                  "of its own");
       const fs::path path = target_of(target, file);
       if (path.empty() || are_one_file(path, files_[file].source.path))
         throw InvalidInputError("the included file " + name +
@@ -258,8 +264,25 @@ DeckSources::DeckSources(const fs::path& path) {
   texts_.push_back(std::move(main.bytes));
 }
 
+DeckFile DeckSources::find(const std::string& name, DeckPlace from) const {
+  const fs::path main_folder = files_[0].source.path.parent_path();
+  DeckFile file;
+  for (const fs::path& folder : folders_) {
+    file.name = folder / name;
+    file.source.path = main_folder / file.name;
+    if (std::error_code error; fs::is_regular_file(file.source.path, error)) return file;
+    file.others.push_back(file.name);
+  }
+  std::string others;
+  for (const fs::path& folder : folders_ | std::views::drop(1))
+    others += (others.empty() ? ", nor one in " : ", ") + folder.string();
+  fail(from, "there is no file " + (main_folder / name).string() + " to include" + others +
+                 "; copy it there");
+}
+
 std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
-  const fs::path path = files_[0].source.path.parent_path() / name;
+  DeckFile found = find(name, from);
+  const fs::path path = found.source.path;
   for (std::size_t file = 0; file < files_.size(); ++file) {
     if (!are_one_file(files_[file].source.path, path)) continue;
     if (std::ranges::find(open_, file) != open_.end())
@@ -268,13 +291,12 @@ std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
     open_.push_back(file);
     return file;
   }
-  if (!fs::is_regular_file(path))
-    fail(from, "there is no file " + path.string() + " to include; copy it there");
   constexpr std::size_t kMostFiles = 0xffff;
   if (files_.size() > kMostFiles) fail(from, "the deck includes too many files");
   SourceBytes included = read_source(path);
+  found.source = std::move(included.source);
   const std::lock_guard lock(*mutex_);
-  files_.push_back({.source = std::move(included.source), .name = name});
+  files_.push_back(std::move(found));
   texts_.push_back(std::move(included.bytes));
   open_.push_back(files_.size() - 1);
   return open_.back();

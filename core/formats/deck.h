@@ -61,7 +61,8 @@ struct NodeRecords {
 /// A file of a deck: the main one first, then those that it includes.
 struct DeckFile {
   SourceFile source;
-  std::filesystem::path name;  ///< as the deck names it; empty for the main file
+  std::filesystem::path name;  ///< from the main file's folder; empty for that file
+  std::vector<std::filesystem::path> others = {};  ///< where it was looked for before, in vain
 };
 
 /// Where something stands in a deck.
@@ -82,6 +83,8 @@ class DeckSources {
   /// Reads an included file, named at `from`; one included before has the number it had. Throws
   /// IoError when it is missing, or includes itself.
   std::size_t include(const std::string& name, DeckPlace from);
+  /// Included files that are not beside the main one are looked for in this folder, too.
+  void add_folder(const std::filesystem::path& folder) { folders_.push_back(folder); }
   /// To be called where the reading of an included file ends.
   void leave() { open_.pop_back(); }
 
@@ -100,11 +103,14 @@ class DeckSources {
   std::vector<DeckFile> take_files() && { return std::move(files_); }
 
  private:
+  DeckFile find(const std::string& name, DeckPlace from) const;
+
   /// Blocks of one file are read while another is included.
   std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
   std::vector<DeckFile> files_;
   std::vector<FileBytes> texts_;
   std::vector<std::size_t> open_ = {0};
+  std::vector<std::filesystem::path> folders_ = {{}};  ///< of included files
   bool has_repeats_ = false;
 };
 

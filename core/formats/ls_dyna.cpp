@@ -76,7 +76,7 @@ class Reader {
   }
 
  private:
-  enum class Data { Skip, Nodes, Elements, LeftOut, Title, SetHead, Set, Include };
+  enum class Data { Skip, Nodes, Elements, LeftOut, Title, SetHead, Set, Include, Folder };
 
   void read_file(std::size_t file) {
     const std::string_view text = sources_.text(file);
@@ -185,6 +185,7 @@ class Reader {
 
   void read_keyword(std::string_view line) {
     end_element();
+    name_.clear();
     data_ = Data::Skip;
     width_ = deck_width_;
     const Keyword keyword = parse_keyword(line, deck_width_);
@@ -202,6 +203,8 @@ class Reader {
       begin_set(name);
     else if (name == "INCLUDE")
       data_ = Data::Include;
+    else if (is_of(name, "INCLUDE_PATH"))
+      data_ = Data::Folder;
     else
       check_other(name);
   }
@@ -214,7 +217,6 @@ class Reader {
   }
 
   void check_other(const std::string& name) const {
-    if (is_of(name, "INCLUDE_PATH")) return;
     if (is_of(name, "INCLUDE") || is_of(name, "NODE_TRANSFORM") || is_of(name, "NODE_SCALE") ||
         is_of(name, "NODE_REFLECT"))
       sources_.fail(here_, "*" + name +
@@ -244,6 +246,9 @@ class Reader {
         return read_set(line);
       case Data::Include:
         return read_include(line);
+      case Data::Folder:
+        if (const std::string name = read_name(line); !name.empty()) sources_.add_folder(name);
+        return;
     }
   }
 
@@ -494,16 +499,19 @@ class Reader {
     }
   }
 
-  /// A name goes on in the next line behind " +".
-  void read_include(std::string_view line) {
+  /// A name goes on in the next line behind " +"; empty before its last line.
+  std::string read_name(std::string_view line) {
     std::string_view part = trimmed(line);
-    if (part.empty()) return;
     const bool goes_on = part.ends_with(" +");
     if (goes_on) part = trimmed(part.substr(0, part.size() - 1));
-    include_ += part;
-    if (goes_on) return;
+    name_ += part;
+    return goes_on ? std::string() : std::exchange(name_, {});
+  }
+
+  void read_include(std::string_view line) {
+    const std::string name = read_name(line);
+    if (name.empty()) return;
     const DeckPlace from = here_;
-    const std::string name = std::exchange(include_, {});
     data_ = Data::Skip;
     read_file(sources_.include(name, from));
     sources_.leave();
@@ -535,7 +543,7 @@ class Reader {
   Index* left_out_lines_ = nullptr;
   NumberedSet set_;
   bool is_range_ = false, is_column_ = false, is_segment_ = false;
-  std::string include_;
+  std::string name_;  ///< of a file or a folder
 };
 
 /// *KEYWORD begins it; without it, names with '_' tell them from Abaqus's.

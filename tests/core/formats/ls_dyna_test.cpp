@@ -1,4 +1,5 @@
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <string>
 
@@ -169,6 +170,43 @@ TEST_CASE("Files that an LS-DYNA deck includes are copied with it", "[core][form
   CHECK(bytes_of(folder / "out/main.k") == main);
   CHECK(bytes_of(folder / "out/nodes.k") ==
         replaced(kDeck.substr(0, end), "17,1.,1.,1.", "17,1.,1.5,1."));
+}
+
+TEST_CASE("Included files of an LS-DYNA deck are looked for in its folders", "[core][formats]") {
+  const FormatFolder folder;
+  const std::size_t end = kDeck.find("*ELEMENT_SOLID");
+  folder.put("in/mesh/parts/nodes.k", kDeck.substr(0, end));
+  folder.put("lib/cells.k", kDeck.substr(end));
+  folder.put("lib/nodes.k", "no nodes");
+  const std::string main =
+      "*KEYWORD\n*INCLUDE_PATH_RELATIVE\nnone\nmesh/ +\nparts\n*INCLUDE_PATH\n" +
+      (folder / "lib").string() + "\n*INCLUDE\nnodes.k\ncells.k\n*END\n";
+  const MeshFile file(folder.put("in/main.k", main));
+  CHECK(file.mesh().cell_count() == 8);
+  REQUIRE(file.remarks().size() >= 1);
+  CHECK(std::ranges::any_of(file.remarks(), [](const std::string& remark) {
+    return remark.find("lib/cells.k is not copied") != std::string::npos;
+  }));
+  fs::create_directories(folder / "out");
+  Points moved = file.mesh().points;
+  moved(6, 1) = 1.5;
+  REQUIRE_THROWS_WITH(file.write(folder / "in/other.k", moved), Catch::Contains("parts/nodes.k"));
+  file.write(folder / "out/main.k", moved);
+  CHECK(bytes_of(folder / "out/main.k") == main);
+  CHECK(MeshFile(folder / "out/main.k").mesh().points == moved);
+  // Another file that the copy would include.
+  folder.put("taken/nodes.k", "*END\n");
+  REQUIRE_THROWS_WITH(file.write(folder / "taken/main.k", moved),
+                      Catch::Contains("would include") && Catch::Contains("taken/nodes.k instead"));
+
+  // Nodes in a folder that is named by its whole path would be those of the base.
+  const MeshFile whole(folder.put("in/whole.k", "*KEYWORD\n*INCLUDE_PATH\n" +
+                                                    (folder / "in/mesh/parts").string() +
+                                                    "\n*INCLUDE\nnodes.k\n" + kDeck.substr(end)));
+  REQUIRE_THROWS_WITH(whole.write(folder / "out/whole.k", moved),
+                      Catch::Contains("below the deck's folder"));
+  require_refused(folder.put("in/bad.k", "*KEYWORD\n*INCLUDE_PATH\nmesh\n*INCLUDE\nnodes.k\n"),
+                  {"line 5", "in/nodes.k", "nor one in mesh"});
 }
 
 TEST_CASE("Bad LS-DYNA decks are refused by line", "[core][formats]") {
