@@ -267,12 +267,15 @@ DeckSources::DeckSources(const fs::path& path) {
 DeckFile DeckSources::find(const std::string& name, DeckPlace from) const {
   const fs::path main_folder = files_[0].source.path.parent_path();
   DeckFile file;
-  for (const fs::path& folder : folders_) {
-    file.name = folder / name;
-    file.source.path = main_folder / file.name;
-    if (std::error_code error; fs::is_regular_file(file.source.path, error)) return file;
-    file.others.push_back(file.name);
-  }
+  for (const bool has_slashes : {false, true})
+    for (const fs::path& folder : folders_) {
+      std::string path = (folder / name).string();
+      if (has_slashes) std::ranges::replace(path, '\\', '/');
+      file.name = path;
+      file.source.path = main_folder / path;
+      if (std::error_code error; fs::is_regular_file(file.source.path, error)) return file;
+      file.others.push_back(file.name);
+    }
   std::string others;
   for (const fs::path& folder : folders_ | std::views::drop(1))
     others += (others.empty() ? ", nor one in " : ", ") + folder.string();

@@ -80,8 +80,9 @@ class DeckSources {
   /// Reads the main file. Throws as read_source.
   explicit DeckSources(const std::filesystem::path& path);
 
-  /// Reads an included file, named at `from`; one included before has the number it had. Throws
-  /// IoError when it is missing, or includes itself.
+  /// Reads an included file, named at `from`; one included before has the number it had.
+  /// Backslashes are those of a name, or else of a path as Windows writes it. Throws IoError when
+  /// it is missing, or includes itself.
   std::size_t include(const std::string& name, DeckPlace from);
   /// Included files that are not beside the main one are looked for in this folder, too.
   void add_folder(const std::filesystem::path& folder) { folders_.push_back(folder); }

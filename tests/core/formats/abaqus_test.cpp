@@ -293,6 +293,23 @@ TEST_CASE("Files that an Abaqus deck includes are copied with it", "[core][forma
   CHECK(!file.needs_folder(folder / "out/main.vtu"));
 }
 
+TEST_CASE("An Abaqus deck includes files by paths as Windows writes them", "[core][formats]") {
+  const FormatFolder folder;
+  const std::string main = "*INCLUDE, INPUT=sub\\nodes.inc\n*ELEMENT, TYPE=S3\n1, 1, 2, 3\n";
+  folder.put("sub/nodes.inc", "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n");
+  const MeshFile file(folder.put("main.inp", main));
+  fs::create_directories(folder / "out");
+  Points moved = file.mesh().points;
+  moved(2, 1) = 1.5;
+  file.write(folder / "out/main.inp", moved);
+  CHECK(bytes_of(folder / "out/main.inp") == main);
+  CHECK(fs::exists(folder / "out/sub/nodes.inc"));
+  CHECK(MeshFile(folder / "out/main.inp").mesh().points == moved);
+  // A file of that very name comes first.
+  folder.put("sub\\nodes.inc", "*NODE\n1, 0, 0, 5\n2, 1, 0, 5\n3, 0, 1, 5\n");
+  CHECK(MeshFile(folder / "main.inp").mesh().points(0, 2) == 5);
+}
+
 TEST_CASE("Elements of Abaqus without thickness are no cells", "[core][formats]") {
   const FormatFolder folder;
   const MeshFile file(
