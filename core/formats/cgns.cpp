@@ -82,6 +82,12 @@ struct Section {
     const Index number = type(i);
     return number == kNgon ? 2 : number == kNface ? 3 : cadmorph::dimension(element(number)->type);
   }
+  int highest_dimension() const {
+    int highest = 0;
+    for (Index i = 0; i < (types.empty() ? std::min<Index>(count, 1) : count); ++i)
+      highest = std::max(highest, dimension(i));
+    return highest;
+  }
 };
 
 struct Zone {
@@ -199,6 +205,7 @@ class Reader {
       for (const CgnsNode& child : node.children)
         if (child.label == "Elements_t") zone.sections.push_back(read_section(child));
     std::ranges::sort(zone.sections, {}, &Section::first);
+    if (has_cells_as_parents(zone)) zone.sections.push_back(cells_of_parents(zone, sizes[1]));
     for (const Section& section : zone.sections) zone.sorted.push_back(section.first);
     zones_.push_back(std::move(zone));
   }
@@ -511,6 +518,54 @@ class Reader {
     section.connectivity = std::move(nodes);
   }
 
+  /// Whether the cells are told by their faces alone, in ParentElements.
+  bool has_cells_as_parents(const Zone& zone) const {
+    const auto is_solid = [](const Section& section) { return section.highest_dimension() == 3; };
+    const auto has_parents = [](const Section& section) {
+      return section.number == kNgon && section.node->with_name("ParentElements");
+    };
+    return base_dimension() == 3 && std::ranges::any_of(zone.sections, has_parents) &&
+           std::ranges::none_of(zone.sections, is_solid);
+  }
+
+  /// The section of NFACE_n that the parents of the faces stand for. The normal of a face points
+  /// from its first parent to the second (SIDS, 7.3); 0 is none.
+  Section cells_of_parents(const Zone& zone, Index cells) const {
+    Section made{.number = kNface, .first = 1, .count = cells, .connectivity = {}, .offsets = {}};
+    std::vector<std::pair<Index, Index>> sides;  // a cell, and one of its faces
+    for (const Section& section : zone.sections) {
+      made.first = std::max(made.first, section.first + section.count);
+      if (section.number != kNgon) continue;
+      made.node = section.node;
+      const CgnsNode* node = section.node->with_name("ParentElements");
+      if (!node)
+        tree_.fail(*section.node,
+                   "it has no ParentElements, which other faces of the zone have; without a "
+                   "section NFACE_n all faces need them");
+      const std::vector<Index> parents = tree_.integers(*node);
+      if (std::ssize(parents) != 2 * section.count)
+        tree_.fail(*node, "it has " + std::to_string(parents.size()) + " numbers for " +
+                              std::to_string(section.count) + " faces; each face has two parents");
+      for (Index i = 0; i < std::ssize(parents); ++i) {
+        const bool is_first = i < section.count;
+        const Index face = section.first + (is_first ? i : i - section.count);
+        if (parents[std::size_t(i)] != 0)
+          sides.emplace_back(parents[std::size_t(i)], is_first ? face : -face);
+      }
+    }
+    std::ranges::sort(sides);
+    for (std::size_t i = 0; i < sides.size(); ++i) {
+      if (i == 0 || sides[i].first != sides[i - 1].first) made.offsets.push_back(Index(i));
+      made.connectivity.push_back(sides[i].second);
+    }
+    if (std::ssize(made.offsets) != cells)
+      tree_.fail(*zone.node, "the ParentElements of its faces name " +
+                                 std::to_string(made.offsets.size()) + " cells, but it has " +
+                                 std::to_string(cells) + "; write the file with NFACE_n");
+    made.offsets.push_back(std::ssize(sides));
+    return made;
+  }
+
   void check_sections(const Zone& zone) const {
     for (const Section& section : zone.sections) {
       if (section.number == kNface) continue;
@@ -555,9 +610,7 @@ class Reader {
     for (const Zone& zone : zones_) {
       if (zone.is_structured) dimension_ = std::max(dimension_, zone.dimensions);
       for (const Section& section : zone.sections)
-        for (Index i = 0;
-             i < (section.types.empty() ? std::min<Index>(section.count, 1) : section.count); ++i)
-          dimension_ = std::max(dimension_, section.dimension(i));
+        dimension_ = std::max(dimension_, section.highest_dimension());
     }
   }
 
@@ -568,19 +621,11 @@ class Reader {
   void add_cells(const Zone& zone) {
     ++zone_number_;
     if (zone.is_structured) return add_structured_cells(zone);
-    const bool has_polyhedra = std::ranges::any_of(
-        zone.sections, [](const Section& section) { return section.number == kNface; });
     FaceUses uses;
     for (const Section& section : zone.sections)
       if (section.number == kNface) add_polyhedra(zone, section, uses);
-    for (const Section& section : zone.sections) {
-      if (section.number == kNface) continue;
-      if (section.number == kNgon && dimension_ == 2 && !has_polyhedra && base_dimension() == 3 &&
-          section.node->with_name("ParentElements"))
-        tree_.fail(*section.node,
-                   "its polyhedra are given by ParentElements alone; write the file with NFACE_n");
-      add_elements(zone, section, uses);
-    }
+    for (const Section& section : zone.sections)
+      if (section.number != kNface) add_elements(zone, section, uses);
   }
 
   Index base_dimension() const {

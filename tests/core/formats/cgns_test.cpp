@@ -2,6 +2,7 @@
 #include <vtkGenericCell.h>
 #include <vtkNew.h>
 
+#include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 #include <map>
 #include <string>
@@ -112,8 +113,9 @@ fs::path mixed_file(const fs::path& path, const Storage& storage = {}) {
   return path;
 }
 
-/// A wall of polyhedra: two cubes as NFACE_n.
-fs::path polyhedra_file(const fs::path& path, bool has_offsets) {
+/// A wall of polyhedra: two cubes as NFACE_n, or as parents of the faces with numbers from
+/// `first_parent` on.
+fs::path polyhedra_file(const fs::path& path, bool has_offsets, int first_parent = 0) {
   CgnsWriter out(path);
   out.zone("/Base/Zone", "Unstructured", {12, 2, 0}, grid({3, 2, 2}, {0, 0, 0}));
   const std::vector<std::vector<int>> faces = {
@@ -134,7 +136,18 @@ fs::path polyhedra_file(const fs::path& path, bool has_offsets) {
   write("Inner", 22, 1, {faces[1]});
   write("Left", 22, 2, {faces[0]});
   write("Rest", 22, 3, {faces.begin() + 2, faces.end()});
-  write("Cells", 23, 12, {{2, 1, 4, 6, 8, 10}, {-1, 3, 5, 7, 9, 11}});
+  if (first_parent == 0) {
+    write("Cells", 23, 12, {{2, 1, 4, 6, 8, 10}, {-1, 3, 5, 7, 9, 11}});
+    return path;
+  }
+  const int a = first_parent, b = a + 1;
+  const auto parents = [&](const std::string& name, const std::vector<int>& values) {
+    out.integers("/Base/Zone/" + name + "/ParentElements", "DataArray_t", values,
+                 {2, values.size() / 2});
+  };
+  parents("Inner", {a, b});
+  parents("Left", {a, 0});
+  parents("Rest", {b, a, b, a, b, a, b, a, b, 0, 0, 0, 0, 0, 0, 0, 0, 0});
   return path;
 }
 
@@ -274,7 +287,8 @@ TEST_CASE("CGNS elements of second order are in VTK's order", "[core][formats]")
 TEST_CASE("CGNS polyhedra have the faces of NGON_n", "[core][formats]") {
   const FormatFolder folder;
   const bool has_offsets = GENERATE(false, true);
-  const MeshFile file(polyhedra_file(folder / "poly.cgns", has_offsets));
+  const int first_parent = GENERATE(0, 1, 12);  // 0: the cells are NFACE_n
+  const MeshFile file(polyhedra_file(folder / "poly.cgns", has_offsets, first_parent));
   const Mesh& mesh = file.mesh();
   CHECK(mesh.types == std::vector{CellType::Polyhedron, CellType::Polyhedron});
   const auto facets = cell_facets(mesh, 1);
@@ -286,6 +300,36 @@ TEST_CASE("CGNS polyhedra have the faces of NGON_n", "[core][formats]") {
   CHECK(mesh.groups[0].name == "Left");
   CHECK(mesh.groups[0].nodes == Nodes{0, 3, 6, 9});
   CHECK(mesh.groups[1].name == "Rest");
+}
+
+TEST_CASE("The second parent of a CGNS face sees its other side", "[core][formats]") {
+  const FormatFolder folder;
+  const Points points = grid({2, 2, 2}, {0, 0, 0});
+  // The last face has its normal inwards, and the cell is its second parent.
+  const std::vector<int> faces = {4, 1, 3, 4, 2, 4, 5, 6, 8, 7, 4, 1, 2, 6, 5,
+                                  4, 3, 7, 8, 4, 4, 1, 5, 7, 3, 4, 2, 6, 8, 4};
+  const auto write = [&](const std::vector<int>& parents, int cells = 1) {
+    const fs::path path = folder / "cube.cgns";
+    CgnsWriter out(path);
+    out.zone("/Base/Zone", "Unstructured", {8, cells, 0}, points);
+    out.section("/Base/Zone/Faces", 22, 1, 6, faces);
+    out.integers("/Base/Zone/Faces/ParentElements", "DataArray_t", parents,
+                 {2, parents.size() / 2});
+    return path;
+  };
+  const MeshFile file(write({7, 7, 7, 7, 7, 0, 0, 0, 0, 0, 0, 7}));
+  const auto facets = cell_facets(file.mesh(), 0);
+  REQUIRE(facets.size() == 6);
+  for (const auto& facet : facets) {
+    const Points corners = file.mesh().points(facet.nodes, Eigen::all);
+    const Eigen::RowVector3d u = corners.row(1) - corners.row(0),
+                             v = corners.row(2) - corners.row(1);
+    const Eigen::RowVector3d out = corners.colwise().mean() - points.colwise().mean();
+    CHECK(u.cross(v).dot(out) > 0);
+  }
+  require_refused(write({7, 7, 7, 7, 7, 0, 0, 0, 0, 0, 0, 8}),
+                  {"/Base/Zone'", "name 2 cells", "has 1"});
+  require_refused(write({7, 7, 7, 7, 7, 7}), {"ParentElements", "6 numbers for 6 faces"});
 }
 
 TEST_CASE("Structured CGNS zones are joined where their interfaces say", "[core][formats]") {
@@ -390,6 +434,7 @@ TEST_CASE("Damaged CGNS files never crash the reader", "[core][formats]") {
   require_robust(mixed_file(folder / "mixed.cgns"), folder);
   require_robust(structured_file(folder / "zones.cgns"), folder);
   require_robust(polyhedra_file(folder / "poly.cgns", false), folder);
+  require_robust(polyhedra_file(folder / "parents.cgns", false, 12), folder);
 }
 
 }  // namespace cadmorph::test
