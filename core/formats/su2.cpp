@@ -1,4 +1,5 @@
 #include <array>
+#include <cctype>
 #include <utility>
 
 #include "core/cell_topology.h"
@@ -153,9 +154,13 @@ class Reader {
     if (result_.mesh.groups.size() == first_group_) in_.fail("MARKER_TAG= is missing before");
     std::vector<Index>& nodes = result_.mesh.groups.back().nodes;
     const Index count = in_.count("the number of elements of a marker (MARKER_ELEMS)", 4);
-    // Markers of partitions (SEND_RECEIVE) tell the partition in a line of their own.
-    if (count > 0 && in_.skip_space() && in_.text().substr(in_.place()).starts_with("SEND_RECV"))
-      in_.skip_line();
+    // Markers of partitions (SEND_RECEIVE) tell the partition in a line of their own: SEND_RECV=,
+    // SEND_TO=, ...
+    if (count > 0 && in_.skip_space()) {
+      const std::string_view rest = in_.text().substr(in_.place());
+      if (std::isalpha(static_cast<unsigned char>(rest.front())) && !rest.starts_with("MARKER_"))
+        in_.skip_line();
+    }
     for (Index i = 0; i < count; ++i) {
       read_element();
       nodes.insert(nodes.end(), nodes_.begin(), nodes_.end());

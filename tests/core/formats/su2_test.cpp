@@ -68,12 +68,15 @@ TEST_CASE("Zones of an SU2 file are regions of one mesh", "[core][formats]") {
 
 TEST_CASE("Partitions and periodic maps of an SU2 file stay", "[core][formats]") {
   const FormatFolder folder;
+  const std::string keyword = GENERATE(as<std::string>(), "SEND_RECV", "SEND_TO");
   const auto path =
       folder.put("part.su2",
                  "AOA= 1.5\nNDIME = 2\nNELEM= 1  \n5 0 1 2 0\nNPOIN= 3 2\n0 0 0\n1 0 1\n0 1 2\n"
                  "NMARK= 2\nMARKER_TAG= wall\nMARKER_ELEMS= 1\n3 0 1\n"
-                 "MARKER_TAG= SEND_RECEIVE\nMARKER_ELEMS= 2\nSEND_RECV= 2\n1 1 0\n1 2 0\n"
-                 "NPERIODIC= 2\nPERIODIC_INDEX= 0\nPERIODIC_CENTER= 0 0 0\n");
+                 "MARKER_TAG= SEND_RECEIVE\nMARKER_ELEMS= 2\n" +
+                     keyword +
+                     "= 2\n1 1 0\n1 2 0\n"
+                     "NPERIODIC= 2\nPERIODIC_INDEX= 0\nPERIODIC_CENTER= 0 0 0\n");
   const MeshFile file(path);
   REQUIRE(file.mesh().groups.size() == 2);
   CHECK(file.mesh().groups[1].name == "SEND_RECEIVE");
