@@ -180,9 +180,8 @@ std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours&
   std::vector<std::size_t> layer;  // of these: the thin ones first
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
-    Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
-      return is_flat(one, points, kThin);
-    });
+    Storey first = first_storey(mesh, neighbours, cell, is_surface,
+                                [&](const Storey& one) { return is_flat(one, points, kThin); });
     const bool is_thin = !first.floor.empty();
     if (!is_thin)
       first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });

@@ -23,10 +23,10 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const std::vector<char>& is_surface, const Points& before,
                             const Points& after);
 
-/// The nodes of the first cells of layers that grow: on each stands another that is at least a tenth
-/// higher, and on that one a third that is higher at the same rate. Cells at most half as high as
-/// the shortest edge of their face on the surface tell of a layer; higher ones belong to it where
-/// they go on from it. Ascending.
+/// The nodes of the first cells of layers that grow: on each stands another that is at least a
+/// tenth higher, and on that one a third that is higher at the same rate. Cells at most half as
+/// high as the shortest edge of their face on the surface tell of a layer; higher ones belong to it
+/// where they go on from it. Ascending.
 std::vector<Index> nodes_of_first_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                                          const std::vector<char>& is_surface, const Points& points);
 

@@ -265,8 +265,8 @@ double CurveMap::bend(const Way& way) const {
   return std::log2(1 + root_mean_square(turned, to) / (kBendUnit * size));
 }
 
-// By how much the curve would be strained, in bits: the distance of the square root velocities of the
-// curve and its image, which bending and stretching both add to (Srivastava et al. 2011,
+// By how much the curve would be strained, in bits: the distance of the square root velocities of
+// the curve and its image, which bending and stretching both add to (Srivastava et al. 2011,
 // docs/cad-and-surface.md).
 double CurveMap::strain(const Way& way) const {
   const auto tangent = [](const CurveTable& table, const CadCurve& curve, const CurveLocation& at) {
