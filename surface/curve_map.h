@@ -36,7 +36,8 @@ inline constexpr int kStarts = 4;  // of Start
 
 /// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
 /// sect. 4), those of a face beside it where its own tell nothing of the part; by equal length
-/// fractions where the chains of edges differ; by nearest points where the curve is the same one
+/// fractions where the chains of edges differ; by length or shape (CurveMeasure) where the
+/// parameters of free forms strain the curve; by nearest points where the curve is the same one
 /// under another parametrisation. The sense of the curve comes from its corners, or where it has
 /// none from the faces to its left and right, or from the prediction where these have no outside.
 /// Where a closed curve starts is chosen by cost (see map_curves): its parameters may only tell
