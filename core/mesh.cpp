@@ -234,6 +234,10 @@ void check_mesh(const Mesh& mesh) {
     check_cell(mesh, c);
     if (mesh.types[c] == Polyhedron) check_polyhedron(mesh, c, last_cell);
   }
+  const auto is_node = [&](Index node) { return node >= 0 && node < mesh.node_count(); };
+  for (const Tie& tie : mesh.ties)
+    if (!is_node(tie.node) || !std::ranges::all_of(tie.others, is_node))
+      fail("it ties nodes that it does not have");
 }
 
 }  // namespace cadmorph

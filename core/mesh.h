@@ -49,6 +49,13 @@ struct NodeGroup {
   std::string partner = {};  ///< name of the group that the file says is a period apart
 };
 
+/// A node that its file ties to others, such as the reference node of a coupling.
+struct Tie {
+  Index node = 0;
+  std::vector<Index> others;  ///< in any order
+  bool operator==(const Tie&) const = default;
+};
+
 /// An unstructured mesh of any VTK cells: solid, shell, line and vertex cells may be mixed.
 struct Mesh {
   Points points;                    ///< N x 3, in the file's own unit
@@ -63,6 +70,7 @@ struct Mesh {
   std::vector<int> regions;  ///< region id of each cell; empty when the mesh has no regions
   std::string region_array;  ///< name of the cell array that `regions` came from; may be empty
   std::vector<NodeGroup> groups = {};  ///< in the file's order
+  std::vector<Tie> ties = {};          ///< in the file's order
   /// Whether solvers take a cell for what its faces enclose, as finite volumes do: no map, no
   /// corners.
   bool is_of_finite_volumes = false;

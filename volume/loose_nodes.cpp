@@ -4,7 +4,10 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <map>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -37,6 +40,24 @@ struct AffineMap {
   RowVector3d operator()(const RowVector3d& x) const { return x * linear + shift; }
 };
 
+// Of least squares, from the rows of `from` to those of `to`; that of the smallest turn, where
+// several are.
+AffineMap rigid_map(const Points& from, const Points& to) {
+  const RowVector3d from_middle = from.colwise().mean(), to_middle = to.colwise().mean();
+  const Points x = from.rowwise() - from_middle, y = to.rowwise() - to_middle;
+  AffineMap map;
+  if (from.rows() > 1) {
+    const RotationFit fit = fit_rotation(y.transpose() * x);
+    const double flat = kFlat * x.squaredNorm();
+    if (fit.singular_values(1) > flat)
+      map.linear = fit.rotation.transpose();
+    else if (fit.singular_values(0) > flat)
+      map.linear = rotation_between(fit.from, fit.to).transpose();
+  }
+  map.shift = to_middle - from_middle * map.linear;
+  return map;
+}
+
 class LooseNodes {
  public:
   LooseNodes(const Mesh& mesh, const Boundary& boundary, Points surface, Points& positions)
@@ -47,17 +68,24 @@ class LooseNodes {
     if (nodes_.empty()) return;
     before_ = mesh_.points(boundary_.nodes, Eigen::all);
     tree_.emplace(RowMatrix(before_));
-    leave_inner();
-    if (nodes_.empty()) return;
     at_rest_ = kRounding * (before_.colwise().maxCoeff() - before_.colwise().minCoeff()).norm();
+    find_inner();
+    find_ties();
+    if (nodes_.empty()) return;
     whole_ = affine_map();
     find_lines();
     Points moves(std::ssize(nodes_), 3);  // beyond the field's
-    for (std::size_t i = 0; i < nodes_.size(); ++i)
-      if (is_end_[i])
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      const auto tied = tied_.find(nodes_[i]);
+      if (tied != tied_.end())
+        moves.row(i) = tied->second - positions_.row(nodes_[i]);
+      else if (is_end_[i])
         moves.row(i) = carried(mesh_.points.row(nodes_[i])) - positions_.row(nodes_[i]);
+    }
     spread_along_lines(moves);
     for (std::size_t i = 0; i < nodes_.size(); ++i) positions_.row(nodes_[i]) += moves.row(i);
+    tie_to_loose();
+    for (const auto& [node, position] : tied_) positions_.row(node) = position;
   }
 
  private:
@@ -69,10 +97,10 @@ class LooseNodes {
         for (const Index node : mesh_.cell(c)) is_used[node] = 1;
     for (Index n = 0; n < mesh_.node_count(); ++n)
       if (!is_used[n]) nodes_.push_back(n);
+    for (std::size_t i = 0; i < nodes_.size(); ++i) number_[nodes_[i]] = static_cast<Index>(i);
   }
 
-  // Within solids the field holds: bars in concrete.
-  void leave_inner() {
+  void find_inner() {
     Points normals = Points::Zero(mesh_.node_count(), 3);
     for (Index f = 0; f < boundary_.facet_count(); ++f) {
       if (boundary_.neighbour[f] >= 0 || dimension(mesh_.types[boundary_.cell[f]]) < 3) continue;
@@ -84,12 +112,115 @@ class LooseNodes {
                     .cross(mesh_.points.row(facet[i + 1]) - mesh_.points.row(facet[0]));
       for (int i = 0; i < corners; ++i) normals.row(facet[i]) += area;
     }
-    std::erase_if(nodes_, [&](Index node) {
+    is_inner_.assign(number_.size(), 0);
+    for (const Index node : nodes_) {
       const RowVector3d x = mesh_.points.row(node);
       const Index row = tree_->nearest(x.data(), 1)[0].index;
-      return normals.row(boundary_.nodes[row]).dot(x - before_.row(row)) < 0;
-    });
+      is_inner_[node] = normals.row(boundary_.nodes[row]).dot(x - before_.row(row)) < 0;
+    }
+  }
+
+  // Within solids the field holds: bars in concrete. But for some nodes.
+  template <class IsKept>
+  void leave_inner(const IsKept& is_kept) {
+    std::erase_if(nodes_, [&](Index node) { return is_inner_[node] && !is_kept(node); });
+    std::ranges::fill(number_, -1);
     for (std::size_t i = 0; i < nodes_.size(); ++i) number_[nodes_[i]] = static_cast<Index>(i);
+  }
+
+  // Those that hang on the surface, or on what moves with the field.
+  void find_ties() {
+    std::vector<const Tie*> ties;
+    for (const Tie& tie : mesh_.ties)
+      if (std::ranges::any_of(tie.others, [&](Index other) { return other != tie.node; }))
+        ties.push_back(&tie);
+    for (const Tie* tie : ties)
+      if (number_[tie->node] >= 0) ties_[tie->node].own.push_back(tie);
+    leave_inner([&](Index node) { return ties_.contains(node); });
+    std::set<Index> waiting;
+    for (const Tie* tie : ties) {
+      const auto add = [&](Index node) {
+        if (number_[node] < 0) return;
+        waiting.insert(node);
+        std::vector<const Tie*>& all = ties_[node].all;
+        if (all.empty() || all.back() != tie) all.push_back(tie);
+      };
+      add(tie->node);
+      std::ranges::for_each(tie->others, add);
+    }
+    follow_ties(std::move(waiting));
+    leave_inner([&](Index node) { return tied_.contains(node); });
+  }
+
+  // Places one after another the nodes whose ties lead to nodes that do not wait.
+  void follow_ties(std::set<Index> waiting) {
+    const auto is_known = [&](Index node) { return !waiting.contains(node); };
+    const auto is_ready = [&](Index node) {
+      const std::vector<const Tie*>& own = ties_[node].own;
+      return !own.empty() && std::ranges::all_of(own, [&](const Tie* tie) {
+        return std::ranges::all_of(tie->others,
+                                   [&](Index other) { return other == node || is_known(other); });
+      });
+    };
+    while (!waiting.empty()) {
+      std::vector<Index> next;
+      std::ranges::copy_if(waiting, std::back_inserter(next), is_ready);
+      // What is tied is a body: where some of it is known the rest goes along.
+      const bool is_stuck = next.empty();
+      if (is_stuck) next.assign(waiting.begin(), waiting.end());
+      std::map<std::vector<const Tie*>, std::optional<AffineMap>> maps;
+      std::vector<std::pair<Index, RowVector3d>> placed;
+      for (const Index node : next) {
+        const std::vector<const Tie*>& ties = is_stuck ? ties_[node].all : ties_[node].own;
+        const auto [map, is_new] = maps.try_emplace(ties);
+        if (is_new) map->second = motion_of(ties, is_known);
+        if (map->second) placed.emplace_back(node, (*map->second)(mesh_.points.row(node)));
+      }
+      if (placed.empty()) return;
+      for (const auto& [node, position] : placed) {
+        tied_[node] = position;
+        waiting.erase(node);
+      }
+    }
+  }
+
+  // Of the nodes of ties that are known, none where no such is.
+  template <class IsKnown>
+  std::optional<AffineMap> motion_of(const std::vector<const Tie*>& ties,
+                                     const IsKnown& is_known) const {
+    std::vector<Index> nodes;
+    for (const Tie* tie : ties) {
+      if (is_known(tie->node)) nodes.push_back(tie->node);
+      std::ranges::copy_if(tie->others, std::back_inserter(nodes), is_known);
+    }
+    if (nodes.empty()) return {};
+    std::ranges::sort(nodes);
+    nodes.erase(std::ranges::unique(nodes).begin(), nodes.end());
+    const Points from = mesh_.points(nodes, Eigen::all);
+    Points to(std::ssize(nodes), 3);
+    for (std::size_t i = 0; i < nodes.size(); ++i) to.row(i) = position_of(nodes[i]);
+    const bool is_at_rest = (to - from).rowwise().norm().maxCoeff() <= at_rest_;
+    return is_at_rest ? AffineMap() : rigid_map(from, to);
+  }
+
+  RowVector3d position_of(Index node) const {
+    if (const auto tied = tied_.find(node); tied != tied_.end()) return tied->second;
+    const auto row = std::ranges::lower_bound(boundary_.nodes, node);
+    if (row != boundary_.nodes.end() && *row == node)
+      return after_.row(row - boundary_.nodes.begin());
+    return positions_.row(node);
+  }
+
+  // Those that hang on nothing but loose nodes, which are placed by now.
+  void tie_to_loose() {
+    std::set<Index> waiting;
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      const auto ties = ties_.find(nodes_[i]);
+      if (ties != ties_.end() && !ties->second.own.empty() && !tied_.contains(nodes_[i]) &&
+          !is_on_line_[i])
+        waiting.insert(nodes_[i]);
+    }
+    follow_ties(std::move(waiting));
   }
 
   AffineMap affine_map() const {
@@ -152,7 +283,7 @@ class LooseNodes {
     return to + lever + share * lever * (map - Matrix3d::Identity());
   }
 
-  // Neighbours along lines; a node of none, or at the end of one, is an end.
+  // Neighbours along lines; a node of none, at the end of one, or placed by a tie, is an end.
   void find_lines() {
     std::vector<int> degree(nodes_.size(), 0);
     for (Index c = 0; c < mesh_.cell_count(); ++c) {
@@ -173,7 +304,11 @@ class LooseNodes {
       }
     }
     is_end_.resize(nodes_.size());
-    for (std::size_t i = 0; i < nodes_.size(); ++i) is_end_[i] = degree[i] <= 1;
+    is_on_line_.resize(nodes_.size());
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      is_end_[i] = degree[i] <= 1 || tied_.contains(nodes_[i]);
+      is_on_line_[i] = degree[i] > 0;
+    }
   }
 
   void spread_along_lines(Points& moves) const {
@@ -207,15 +342,22 @@ class LooseNodes {
   const Mesh& mesh_;
   const Boundary& boundary_;
   Points& positions_;
-  Points after_;               ///< of the surface
-  std::vector<Index> nodes_;   ///< loose ones
-  std::vector<Index> number_;  ///< of each node in these, -1
-  Points before_;              ///< of the surface
+  Points after_;                ///< of the surface
+  std::vector<Index> nodes_;    ///< loose ones
+  std::vector<Index> number_;   ///< of each node in these, -1
+  std::vector<char> is_inner_;  ///< of each node
+  Points before_;               ///< of the surface
   std::optional<KdTree> tree_;
   double at_rest_ = 0;  ///< motion that is none
   AffineMap whole_;
   std::vector<std::pair<Index, Index>> links_;  ///< the second may be a node of the surface: -1
-  std::vector<char> is_end_;
+  std::vector<char> is_end_, is_on_line_;
+
+  struct Ties {
+    std::vector<const Tie*> own, all;  ///< whose node one is, and those that name it
+  };
+  std::map<Index, Ties> ties_;         ///< of loose nodes
+  std::map<Index, RowVector3d> tied_;  ///< where ties put nodes
 };
 
 }  // namespace

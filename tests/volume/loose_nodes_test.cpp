@@ -128,4 +128,104 @@ TEST_CASE("Lines of beams stay straight between their ends", "[volume][loose]") 
   CHECK((c.positions.row(tip) - rim_after - RowVector3d(0, 0, 0.2)).norm() < 0.1);
 }
 
+namespace {
+
+// The cube's face x = 1 turns rigidly with what is beside it, its face x = 0 rests.
+Vector3d turned(const Vector3d& x) {
+  const Vector3d axis = Vector3d(1, 2, 3).normalized();
+  return Eigen::AngleAxisd(0.4, axis) * (x - Vector3d(1, 0, 0)) + Vector3d(1.5, 0.2, -0.1);
+}
+
+std::vector<Index> nodes_at(const Mesh& mesh, double x) {
+  std::vector<Index> nodes;
+  for (Index n = 0; n < mesh.node_count(); ++n)
+    if (mesh.points(n, 0) == x) nodes.push_back(n);
+  return nodes;
+}
+
+const Motion kTurnedEnd = [](const Vector3d& x) -> Vector3d {
+  return x.x() > 0.9 ? turned(x) : x.x() < 0.1 ? x : x + 0.3 * x.y() * Vector3d::UnitZ();
+};
+
+RowVector3d turned_row(const RowVector3d& x) { return turned(x.transpose()).transpose(); }
+
+}  // namespace
+
+TEST_CASE("A node moves as a body with what it is tied to", "[volume][loose]") {
+  Case c(cube(CellType::Tetra, 4), kTurnedEnd);
+  const std::vector<Index> right = nodes_at(c.mesh, 1), left = nodes_at(c.mesh, 0);
+  // Far off; each nearer to what it is not tied to.
+  const RowVector3d far(-20, 3, 7), near(1.01, 0.3, 0.3), beyond(40, 1, 1);
+  const Index a = c.add(far, {7, 7, 7}), b = c.add(near, {7, 7, 7}), d = c.add(beyond, {7, 7, 7});
+  const Index mixed = c.add(far, {7, 7, 7});
+  c.mesh.ties = {{a, right}, {b, left}, {d, {a}}, {mixed, {right[0]}}, {mixed, {right[1]}}};
+  c.carry();
+  CHECK((c.positions.row(a) - turned_row(far)).norm() < 1e-12);
+  CHECK(c.positions.row(b) == near);
+  CHECK((c.positions.row(d) - beyond - turned_row(far) + far).norm() < 1e-12);  // one node
+  // Two nodes turn as the line through them, and not about it.
+  const Vector3d before = (c.mesh.points.row(right[1]) - c.mesh.points.row(right[0])).transpose();
+  const Vector3d after = (c.positions.row(right[1]) - c.positions.row(right[0])).transpose();
+  const Eigen::Quaterniond least = Eigen::Quaterniond::FromTwoVectors(before, after);
+  const RowVector3d lever = far - c.mesh.points.row(right[0]);
+  CHECK(
+      (c.positions.row(mixed) - c.positions.row(right[0]) - (least * lever.transpose()).transpose())
+          .norm() < 1e-12);
+}
+
+TEST_CASE("Loose nodes that are tied to each other follow in order", "[volume][loose]") {
+  Case c(cube(CellType::Tetra, 4), kTurnedEnd);
+  const std::vector<Index> right = nodes_at(c.mesh, 1);
+  const RowVector3d at(5, 5, 5);
+  std::vector<Index> nodes;
+  for (int i = 0; i < 5; ++i) nodes.push_back(c.add(at + RowVector3d(i, i * i, 0), {7, 7, 7}));
+  const auto add_last = [](Case& to) {
+    return std::vector<Index>{to.add({-3, 0, 0}, {7, 7, 7}), to.add({-3, 1, 0}, {7, 7, 7}),
+                              to.add({9, 9, 9}, {7, 7, 7}), to.add({-3, 0, 1}, {7, 7, 7})};
+  };
+  Case untied = c;
+  add_last(untied);
+  untied.carry();
+  const std::vector<Index> last = add_last(c);
+  // The fourth is tied to the face and to the first, the first to the three behind it; a node of
+  // the face to the fifth.
+  c.mesh.ties = {{nodes[0], {nodes[1], nodes[2], nodes[3]}},
+                 {nodes[1], {nodes[3]}},
+                 {nodes[2], {nodes[3]}},
+                 {nodes[3], right},
+                 {nodes[3], {nodes[0]}},
+                 {right[0], {right[1], right[2], right[3], right[20], nodes[4]}}};
+  // A ring, one tied to it, and ties to nothing: as without ties.
+  c.mesh.ties.insert(c.mesh.ties.end(), {{last[0], {last[1]}},
+                                         {last[1], {last[0]}},
+                                         {last[2], {last[0]}},
+                                         {last[3], {}},
+                                         {last[3], {last[3]}}});
+  c.carry();
+  CHECK((c.positions.row(nodes[3]) - turned_row(at + RowVector3d(3, 9, 0))).norm() < 1e-12);
+  CHECK((c.positions.row(nodes[4]) - turned_row(at + RowVector3d(4, 16, 0))).norm() < 1e-12);
+  const RowVector3d shift = c.positions.row(nodes[3]) - c.mesh.points.row(nodes[3]);
+  for (int i = 0; i <= 2; ++i)
+    CHECK((c.positions.row(nodes[i]) - c.mesh.points.row(nodes[i]) - shift).norm() < 1e-12);
+  for (const Index node : last) CHECK(c.positions.row(node) == untied.positions.row(node));
+}
+
+TEST_CASE("A node that is tied ends lines of beams", "[volume][loose]") {
+  Case c(cube(CellType::Tetra, 4), kTurnedEnd);
+  const std::vector<Index> right = nodes_at(c.mesh, 1), left = nodes_at(c.mesh, 0);
+  std::vector<Index> nodes;
+  for (int i = 0; i <= 4; ++i) nodes.push_back(c.add({0.25 * i, 3, 0}, {0.25 * i, 3, 0}));
+  for (int i = 0; i < 4; ++i) {
+    const Index ends[] = {nodes[i], nodes[i + 1]};
+    add_cell(c.mesh, CellType::Line, ends);
+  }
+  c.mesh.ties = {{nodes[0], left}, {nodes[4], right}};
+  c.carry();
+  const RowVector3d end = turned_row({1, 3, 0});
+  CHECK(c.positions.row(nodes[0]) == RowVector3d(0, 3, 0));
+  CHECK((c.positions.row(nodes[4]) - end).norm() < 1e-12);
+  CHECK((c.positions.row(nodes[2]) - (RowVector3d(0, 3, 0) + end) / 2).norm() <
+        1e-8);  // a billionth of the field's is left along lines
+}
+
 }  // namespace cadmorph

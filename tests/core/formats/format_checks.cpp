@@ -124,6 +124,7 @@ void require_same_contents(const Mesh& a, const Mesh& b) {
     CHECK(a.groups[i].kind == b.groups[i].kind);
     CHECK(a.groups[i].nodes == b.groups[i].nodes);
   }
+  CHECK(a.ties == b.ties);
 }
 
 void require_promise(const fs::path& path, const FormatFolder& folder, const std::string& out,

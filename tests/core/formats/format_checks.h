@@ -34,7 +34,7 @@ Points affine(const Points& points);
 /// The same in the plane of z = constant.
 Points plane_affine(const Points& points);
 
-/// Requires the same cells, groups and regions.
+/// Requires the same cells, groups, ties and regions.
 void require_same_contents(const Mesh& a, const Mesh& b);
 
 /// Requires what every format promises of the file (or folder) `path`:
