@@ -43,9 +43,10 @@ std::string node_line(const MeshReport& mesh) {
   if (mesh.unmatched_nodes > 0)
     text += ", " + with_commas(mesh.unmatched_nodes) + " on no CAD face";
   if (mesh.loose_nodes > 0)
-    text +=
-        format("; %s of the interior ones in no %s element, they move with what is next to them",
-               with_commas(mesh.loose_nodes).c_str(), mesh.has_solids ? "volume" : "shell");
+    text += format(
+        "; %s of the interior ones in no %s element, they move with what is next to them or tied "
+        "to them",
+        with_commas(mesh.loose_nodes).c_str(), mesh.has_solids ? "volume" : "shell");
   return text;
 }
 

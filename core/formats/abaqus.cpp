@@ -235,6 +235,13 @@ struct SetTable {
   }
 };
 
+/// A node, or a set of some, that the deck ties to others.
+struct TieLines {
+  SetLines::Member nodes = {};
+  SetLines others = {};
+  SetLines::Member surface = {};  ///< whose nodes are others, too
+};
+
 /// A part, or the whole of a deck without parts (and what an assembly has of its own).
 struct Part {
   std::string name = {};
@@ -242,6 +249,9 @@ struct Part {
   std::vector<bool> is_plane = {};  ///< of each element
   SetTable nodes = {}, elements = {}, surfaces = {};
   std::vector<std::pair<std::string, std::string>> sections = {};  ///< set of elements, material
+  std::vector<TieLines> ties = {};
+  /// The node of an element of a coupling, and where such are counted, by its set in capitals.
+  std::map<std::string, std::pair<Index, Index*>> couplings = {};
   std::vector<std::string> element_sets = {};  ///< that *ELEMENT names, in capitals, each once
   int instances = 0;
   int placed = 0;  ///< of the instances; after the last the mesh is gone
@@ -279,7 +289,7 @@ class Reader {
   }
 
  private:
-  enum class Data { Skip, Nodes, Elements, Set, Surface, System, Instance };
+  enum class Data { Skip, Nodes, Elements, Set, Surface, System, Instance, Coupling, Pairs };
 
   void read_file(std::size_t file) {
     const std::string_view text = sources_.text(file);
@@ -415,6 +425,10 @@ class Reader {
         return read_set(line);
       case Data::Surface:
         return read_surface(line);
+      case Data::Coupling:
+        return read_coupling(line);
+      case Data::Pairs:
+        return read_pair(line);
       case Data::System:
       case Data::Instance:
         return read_frame_line(line);
@@ -447,6 +461,11 @@ class Reader {
       is_in_part_ = false;
     else if (name == "INSTANCE")
       begin_instance(keyword);
+    else if (name == "COUPLING" || name == "KINEMATICCOUPLING" || name == "DISTRIBUTINGCOUPLING" ||
+             name == "RIGIDBODY")
+      begin_tie(keyword);
+    else if (name == "MPC")
+      begin_pairs(keyword);
     else
       check_other(name);
     if (data_ != Data::Skip && keyword.has("INPUT")) read_include(keyword.get("INPUT"));
@@ -654,6 +673,7 @@ class Reader {
     data_ = Data::Elements;
     element_nodes_ = std::max(cell_node_count(kind_.type), 0);
     left_out_ = kind_.use == ElementKind::Use::LeftOut ? &left_out_types_[type] : nullptr;
+    coupling_ = type.starts_with("DCOUP") ? upper(keyword.get("ELSET")) : std::string();
     is_behind_comma_ = false;
     element_set_ = keyword.has("ELSET")
                        ? &part().elements.get(keyword.get("ELSET"), "element set", true)
@@ -667,6 +687,12 @@ class Reader {
   void read_element(std::string_view line) {
     if (left_out_) {
       if (!is_behind_comma_) ++*left_out_;
+      FreeFields fields(line);
+      std::string_view field;
+      Index node = 0;
+      if (!coupling_.empty() && fields.next(field) && fields.next(field) &&
+          read_integer(field, node))
+        part().couplings.emplace(coupling_, std::pair(node, left_out_));
       is_behind_comma_ = trimmed(line).ends_with(',');
       return;
     }
@@ -801,6 +827,66 @@ class Reader {
     set_->members.push_back(std::move(member));
   }
 
+  void begin_tie(const Keyword& keyword) {
+    instance_.clear();
+    TieLines tie;
+    const bool is_old_coupling = keyword.name == "DISTRIBUTINGCOUPLING";
+    for (const auto& [name, value] : keyword.parameters) {
+      SetLines::Member member = member_of(value);
+      std::string key = name;
+      std::erase(key, ' ');
+      if (key == "REFNODE")
+        tie.nodes = std::move(member);
+      else if (key == "SURFACE")
+        tie.surface = std::move(member);
+      else if (key == "NSET" || key == "TIENSET" || key == "PINNSET" || key == "ROTNODE")
+        tie.others.members.push_back(std::move(member));
+      else if (key == "ELSET" && is_old_coupling)
+        tie.nodes.number = take_coupling(upper(value));
+      else if (key == "ELSET")
+        tie.others.members.push_back({.set = "\n" + member.set, .instance = member.instance});
+    }
+    part().ties.push_back(std::move(tie));
+    // What is in a file of its own is not read.
+    const bool has_lines = is_old_coupling || keyword.name == "KINEMATICCOUPLING";
+    if (has_lines && !keyword.has("INPUT")) data_ = Data::Coupling;
+  }
+
+  /// The node of the element of a set, which is no longer left out; 0 where there is none.
+  Index take_coupling(const std::string& set) {
+    const auto found = part().couplings.find(set);
+    if (found == part().couplings.end()) return 0;
+    const auto [node, count] = found->second;
+    part().couplings.erase(found);
+    --*count;
+    return node;
+  }
+
+  /// A node or a set, and its degrees of freedom.
+  void read_coupling(std::string_view line) {
+    FreeFields fields(line);
+    std::string_view field;
+    if (fields.next(field))
+      part().ties.back().others.members.push_back(member_of(unquoted(trimmed(field))));
+  }
+
+  void begin_pairs(const Keyword& keyword) {
+    instance_.clear();
+    if (!keyword.has("INPUT")) data_ = Data::Pairs;
+  }
+
+  /// The type of a constraint, the node or set that depends, and that on which it does.
+  void read_pair(std::string_view line) {
+    FreeFields fields(line);
+    std::string_view type, nodes, others;
+    if (!fields.next(type) || !fields.next(nodes) || !fields.next(others)) return;
+    const std::string name = upper(trimmed(type));
+    if (name != "BEAM" && name != "LINK" && name != "TIE") return;
+    TieLines tie{.nodes = member_of(unquoted(trimmed(nodes)))};
+    tie.others.members.push_back(member_of(unquoted(trimmed(others))));
+    part().ties.push_back(std::move(tie));
+  }
+
   [[noreturn]] void fail_number(std::string_view what, std::string_view found) const {
     fail_number(here_, what, found);
   }
@@ -829,9 +915,13 @@ class Reader {
         for (const std::string& set : part.element_sets) part.sections.emplace_back(set, set);
     std::map<std::string, int> regions;
     for (const Placed& placed : placed_) assign_regions(placed, regions);
-    for (const Placed& placed : placed_) add_groups(*placed.part, placed);
+    const auto add_named = [&](const Placed& placed) {
+      add_groups(*placed.part, placed);
+      add_ties(placed);
+    };
+    std::ranges::for_each(placed_, add_named);
     const bool is_own_placed = !placed_.empty() && placed_[0].part == &parts_[0];
-    if (!is_own_placed) add_groups(parts_[0], {.instance = {}, .part = &parts_[0]});
+    if (!is_own_placed) add_named({.instance = {}, .part = &parts_[0]});
   }
 
   void place(Part& part, const Instance& instance) {
@@ -870,6 +960,27 @@ class Reader {
                         .nodes = nodes.take()};
         if (!group.nodes.empty()) assembly_.mesh().groups.push_back(std::move(group));
       }
+  }
+
+  /// Sets of as many nodes are tied one by one.
+  void add_ties(const Placed& home) {
+    if (home.part->ties.empty()) return;
+    GroupNodes gathered(assembly_.node_count());
+    for (const TieLines& lines : home.part->ties) {
+      std::vector<Index> nodes;
+      collect(home, lines.nodes, false, 0, nodes);
+      add_nodes(home, lines.others, gathered);
+      const bool has_surface = !lines.surface.set.empty();
+      const Placed* in = has_surface ? find_placed(home, lines.surface.instance) : nullptr;
+      const SetLines* surface = in ? in->part->surfaces.find(lines.surface.set) : nullptr;
+      if (surface) add_nodes(*in, *surface, gathered);
+      const std::vector<Index> others = gathered.take();
+      const bool are_pairs = nodes.size() > 1 && nodes.size() == others.size();
+      if (others.empty() || (nodes.size() > 1 && others.size() > 1 && !are_pairs)) continue;
+      for (std::size_t i = 0; i < nodes.size(); ++i)
+        assembly_.mesh().ties.push_back(
+            {nodes[i], are_pairs ? std::vector<Index>{others[i]} : others});
+    }
   }
 
   void add_nodes(const Placed& home, const SetLines& set, GroupNodes& nodes) const {
@@ -921,18 +1032,20 @@ class Reader {
     }
   }
 
+  /// The instance of a name, null where there is no such; of an empty one `home`.
+  const Placed* find_placed(const Placed& home, const std::string& instance) const {
+    if (instance.empty()) return &home;
+    const auto placed = std::ranges::find(placed_, instance, &Placed::instance);
+    return placed == placed_.end() ? nullptr : &*placed;
+  }
+
   /// Appends the nodes, or cells, of a member; a name of nothing is left out too.
   void collect(const Placed& home, const SetLines::Member& member, bool is_of_elements, int depth,
                std::vector<Index>& found) const {
     constexpr int kDeepest = 32;
     if (depth > kDeepest) return;
-    const Placed* in = &home;
-    if (!member.instance.empty()) {
-      const auto is_it = [&](const Placed& placed) { return placed.instance == member.instance; };
-      const auto placed = std::ranges::find_if(placed_, is_it);
-      if (placed == placed_.end()) return;
-      in = &*placed;
-    }
+    const Placed* in = find_placed(home, member.instance);
+    if (!in) return;
     if (member.set.empty()) return collect_numbers(*in, {&member.number, 1}, is_of_elements, found);
     const SetLines* set = (is_of_elements ? in->part->elements : in->part->nodes).find(member.set);
     if (!set) return;
@@ -974,6 +1087,7 @@ class Reader {
   Index element_nodes_ = 0;
   std::vector<Index> element_;  ///< its number and nodes so far
   Index* left_out_ = nullptr;
+  std::string coupling_;  ///< set of its element
   bool is_behind_comma_ = false;
   SetLines* set_ = nullptr;
   std::string instance_;

@@ -68,6 +68,7 @@ class Reader {
   ReadMesh run() {
     read_file(0);
     end_element();
+    end_ties();
     MeshAssembly assembly(sources_);
     assembly.add(std::move(mesh_));
     ReadMesh result = assembly.finish(std::move(sources_), "part");
@@ -76,7 +77,19 @@ class Reader {
   }
 
  private:
-  enum class Data { Skip, Nodes, Elements, LeftOut, Title, SetHead, Set, Include, Folder };
+  enum class Data {
+    Skip,
+    Nodes,
+    Elements,
+    LeftOut,
+    Title,
+    SetHead,
+    Set,
+    Include,
+    Folder,
+    Bodies,
+    Interpolation
+  };
 
   void read_file(std::size_t file) {
     const std::string_view text = sources_.text(file);
@@ -205,6 +218,10 @@ class Reader {
       data_ = Data::Include;
     else if (is_of(name, "INCLUDE_PATH"))
       data_ = Data::Folder;
+    else if (is_of(name, "CONSTRAINED_NODAL_RIGID_BODY"))
+      begin_bodies(name);
+    else if (name == "CONSTRAINED_INTERPOLATION")
+      begin_interpolation();
     else
       check_other(name);
   }
@@ -249,6 +266,10 @@ class Reader {
       case Data::Folder:
         if (const std::string name = read_name(line); !name.empty()) sources_.add_folder(name);
         return;
+      case Data::Bodies:
+        return read_body(line);
+      case Data::Interpolation:
+        return read_interpolation(line);
     }
   }
 
@@ -477,6 +498,7 @@ class Reader {
     read_integers(here_, line, set_width(), 1, numbers);
     if (numbers.empty()) fail_expected("the number of a set", line);
     if (set_.name.empty()) set_.name = std::to_string(numbers[0]);
+    if (!is_segment_) node_sets_.emplace(numbers[0], mesh_.sets.size());
     mesh_.sets.push_back(std::move(set_));
     data_ = Data::Set;
   }
@@ -496,6 +518,76 @@ class Reader {
       if (numbers[i + 1] - numbers[i] > kLongest) sources_.fail(here_, "the range is too long");
       for (Index number = numbers[i]; number != 0 && number <= numbers[i + 1]; ++number)
         all.push_back(number);
+    }
+  }
+
+  /// What moves as one body: the first node is tied to the others, and to those of sets.
+  struct BodyLines {
+    std::vector<Index> nodes = {};
+    std::vector<Index> sets = {};
+  };
+
+  void begin_bodies(const std::string& name) {
+    const std::vector<std::string> options = options_of(name, "CONSTRAINED_NODAL_RIGID_BODY");
+    has_one_body_ = !options.empty();
+    skipped_ = std::ranges::find(options, "TITLE") != options.end() ? 1 : 0;
+    data_ = Data::Bodies;
+  }
+
+  /// Number, system, set of nodes, node; with options, more lines follow.
+  void read_body(std::string_view line) {
+    if (skipped_ > 0) {
+      --skipped_;
+      return;
+    }
+    if (has_one_body_) data_ = Data::Skip;
+    const std::vector<Index> numbers = tie_numbers(line, 4);
+    if (numbers.size() < 3 || numbers[2] == 0) return;
+    BodyLines& body = bodies_.emplace_back();
+    body.sets.push_back(numbers[2]);
+    if (numbers.size() == 4 && numbers[3] != 0) body.nodes.push_back(numbers[3]);
+  }
+
+  void begin_interpolation() {
+    data_ = Data::Interpolation;
+    is_first_line_ = true;
+  }
+
+  /// Number, node that depends, its directions, system, kind of the others; then a line for each
+  /// other node, or each set of others.
+  void read_interpolation(std::string_view line) {
+    const std::vector<Index> numbers = tie_numbers(line, is_first_line_ ? 5 : 1);
+    if (std::exchange(is_first_line_, false)) {
+      bodies_.emplace_back();
+      if (numbers.size() > 1) bodies_.back().nodes.push_back(numbers[1]);
+      are_sets_ = numbers.size() == 5 && numbers[4] == 1;
+      if (numbers.size() < 2) data_ = Data::Skip;
+    } else if (!numbers.empty()) {
+      (are_sets_ ? bodies_.back().sets : bodies_.back().nodes).push_back(numbers[0]);
+    }
+  }
+
+  /// None where one is no number.
+  std::vector<Index> tie_numbers(std::string_view line, std::size_t most) const {
+    std::vector<Index> numbers;
+    try {
+      read_integers(here_, line, set_width(), most, numbers);
+    } catch (const Error&) {
+      numbers.clear();
+    }
+    return numbers;
+  }
+
+  void end_ties() {
+    for (BodyLines& body : bodies_) {
+      for (const Index set : body.sets) {
+        const auto found = node_sets_.find(set);
+        if (found == node_sets_.end()) continue;
+        const std::vector<Index>& nodes = mesh_.sets[found->second].numbers;
+        body.nodes.insert(body.nodes.end(), nodes.begin(), nodes.end());
+      }
+      if (body.nodes.size() > 1)
+        mesh_.ties.push_back({body.nodes[0], {body.nodes.begin() + 1, body.nodes.end()}});
     }
   }
 
@@ -543,6 +635,10 @@ class Reader {
   Index* left_out_lines_ = nullptr;
   NumberedSet set_;
   bool is_range_ = false, is_column_ = false, is_segment_ = false;
+  std::map<Index, std::size_t> node_sets_;  ///< of the mesh's sets
+  std::vector<BodyLines> bodies_;
+  bool has_one_body_ = false, is_first_line_ = false, are_sets_ = false;
+  int skipped_ = 0;   ///< lines
   std::string name_;  ///< of a file or a folder
 };
 

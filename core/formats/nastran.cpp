@@ -104,6 +104,7 @@ class Card {
   std::string_view field(std::size_t i) const {
     return i < count_ ? fields_[i] : std::string_view();
   }
+  std::size_t count() const { return count_; }
 
  private:
   std::array<std::string_view, 24> fields_;
@@ -498,9 +499,59 @@ class Reader {
       read_default(record);
     } else if (name.starts_with("CORD")) {
       read_system(name, record);
-    } else if (std::ranges::find(kLeftOut, name) != std::end(kLeftOut)) {
+    } else if (!read_tie(name, record) && std::ranges::find(kLeftOut, name) != std::end(kLeftOut)) {
       ++left_out_[name];
     }
+  }
+
+  /// The fields of a card of any length, without blanks.
+  static std::vector<std::string> all_fields(std::string_view record) {
+    const Marks marks(record);
+    std::vector<std::string> fields;
+    Card card;
+    for (std::size_t at = 0; at < record.size();) {
+      const std::string_view line = without_comment(take_line(record, at));
+      if (is_empty(line)) continue;
+      card.clear();
+      card.append_line(line, marks);
+      for (std::size_t i = 0; i < card.count(); ++i) fields.emplace_back(trimmed(card.field(i)));
+    }
+    return fields;
+  }
+
+  /// RBE2, element, node, components, others; RBE3, element, blank, node, components, weight,
+  /// components, others, weight, ...; RBAR, element, node, other. False for what is no such card.
+  bool read_tie(const std::string& name, std::string_view record) {
+    const bool is_rbe3 = name == "RBE3";
+    if (!is_rbe3 && name != "RBE2" && name != "RBAR") return false;
+    const std::vector<std::string> fields = all_fields(record);
+    NumberedTie tie;
+    const std::size_t node = is_rbe3 ? 2 : 1;
+    const std::size_t first = is_rbe3 ? 6 : name == "RBE2" ? 3 : 2;
+    const std::size_t last = std::min(fields.size(), name == "RBAR" ? 3 : fields.size());
+    if (first >= last || !read_integer(fields[node], tie.node)) return false;
+    constexpr Index kLongest = 1 << 20;  // of a range
+    for (std::size_t i = first; i < last; ++i) {
+      Index number = 0;
+      double weight = 0;
+      if (fields[i].empty()) continue;
+      if (upper(fields[i]) == "THRU" && !tie.others.empty() && i + 1 < last &&
+          read_integer(fields[i + 1], number)) {
+        if (number > tie.others.back() + kLongest) return false;
+        while (tie.others.back() < number) tie.others.push_back(tie.others.back() + 1);
+        ++i;
+      } else if (read_integer(fields[i], number)) {
+        if (number < 1 || number > kHighestNumber) return false;
+        tie.others.push_back(number);
+      } else if (is_rbe3 && read_real(fields[i], weight)) {
+        ++i;  // its components
+      } else {
+        break;  // what the card says of other things
+      }
+    }
+    if (tie.others.empty()) return false;
+    mesh_.ties.push_back(std::move(tie));
+    return true;
   }
 
   Index number_of(DeckPlace place, std::string_view field, std::string_view what,

@@ -138,6 +138,20 @@ void append_sets(const NumberedMesh& part, const MeshAssembly::Placed& placed, M
   }
 }
 
+/// Numbers that no node has are left out here, too.
+void append_ties(const NumberedMesh& part, const MeshAssembly::Placed& placed, Mesh& mesh) {
+  const auto node_of = [&](Index number) {
+    const Index row = placed.rows.find(number);
+    return row < 0 ? -1 : placed.nodes[std::size_t(row)];
+  };
+  for (const NumberedTie& numbered : part.ties) {
+    Tie tie{.node = node_of(numbered.node), .others = {}};
+    for (const Index number : numbered.others)
+      if (const Index node = node_of(number); node >= 0) tie.others.push_back(node);
+    if (tie.node >= 0 && !tie.others.empty()) mesh.ties.push_back(std::move(tie));
+  }
+}
+
 // Cohesive elements as decks have them: two opposite faces of a hexahedron or a wedge lie on each
 // other, the nodes of the one on those of the other.
 bool has_no_thickness(const Mesh& mesh, Index cell) {
@@ -247,6 +261,7 @@ MeshAssembly::Placed MeshAssembly::add(NumberedMesh part, const std::vector<Node
   append_points(part, frames, placed.nodes, points_, mesh_.node_numbers);
   append_cells(part, placed.rows, placed.nodes, sources_, mesh_);
   append_sets(part, placed, mesh_);
+  append_ties(part, placed, mesh_);
   for (NodeRecords& block : part.records) {
     for (Index& node : block.nodes) node = placed.nodes[std::size_t(node)];
     block.frames.insert(block.frames.end(), frames.begin(), frames.end());
@@ -284,7 +299,9 @@ void remark_on_left_out(const std::map<std::string, Index>& counts,
     if (count > 0) text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + kind;
   if (!text.empty())
     remarks.push_back(
-        "elements that are no cells of the mesh, whose nodes move with what is next to them: " +
+        "elements that are no cells of the mesh, whose nodes move with what is next to them or "
+        "tied "
+        "to them: " +
         text);
 }
 

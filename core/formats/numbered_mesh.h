@@ -21,6 +21,12 @@ struct NumberedSet {
   std::vector<Index> rows = {};  ///< elements, or nodes, by their place in the deck
 };
 
+/// A node that is tied to others, by numbers.
+struct NumberedTie {
+  Index node = 0;
+  std::vector<Index> others = {};
+};
+
 /// Nodes, elements and sets with the numbers of their file: what a deck gives before it is known
 /// which nodes there are.
 struct NumberedMesh {
@@ -36,6 +42,7 @@ struct NumberedMesh {
   std::vector<DeckPlace> places;    ///< of each element
 
   std::vector<NumberedSet> sets;
+  std::vector<NumberedTie> ties;
 
   Index element_count() const { return std::ssize(types); }
 
@@ -92,9 +99,9 @@ class MeshAssembly {
 
   explicit MeshAssembly(const DeckSources& sources) : sources_(sources) {}
 
-  /// Adds a part, moved by `frames`, and its sets as groups. A node defined twice in one place is
-  /// one node. Throws IoError where it lies in two places, and for elements whose nodes are
-  /// missing.
+  /// Adds a part, moved by `frames`, its sets as groups, and its ties. A node defined twice in one
+  /// place is one node. Throws IoError where it lies in two places, and for elements whose nodes
+  /// are missing.
   Placed add(NumberedMesh part, const std::vector<NodeFrame>& frames = {});
 
   Mesh& mesh() { return mesh_; }

@@ -116,6 +116,46 @@ TEST_CASE("An Abaqus deck gives its cells, points, sets and materials", "[core][
   CHECK_THAT(file.remarks()[1], Catch::Contains("normals"));
 }
 
+TEST_CASE("Couplings, rigid bodies and constraints of Abaqus tie nodes", "[core][formats]") {
+  const FormatFolder folder;
+  const auto read = [&](const std::string& lines) {
+    return MeshFile(folder.put("ties.inp", replaced(kDeck, "*STEP\n", lines + "*STEP\n")));
+  };
+  using Ties = std::vector<Tie>;
+  // Nodes 10, 7, 30, 4, 5, 11, 12, 13 are 0 to 7.
+  CHECK(read("*COUPLING, CONSTRAINT NAME=c, REF NODE=13, SURFACE=Faces\n*KINEMATIC\n1, 6\n")
+            .mesh()
+            .ties == Ties{{7, {0, 2, 1}}});
+  CHECK(read("*NSET, NSET=ref\n13\n*SURFACE, TYPE=NODE, NAME=nodes\nfixed, 1.\n11\n"
+             "*COUPLING, REF NODE=REF, SURFACE=nodes\n*DISTRIBUTING\n")
+            .mesh()
+            .ties == Ties{{7, {3, 1, 0, 5}}});
+  CHECK(read("*RIGID BODY, REF NODE=13, ELSET=upper\n").mesh().ties == Ties{{7, {1, 2, 3, 4}}});
+  CHECK(read("*RIGID BODY, REF NODE=13, TIE NSET=fixed, PIN NSET=both\n").mesh().ties ==
+        Ties{{7, {6, 3, 1, 0}}});
+  CHECK(read("*RIGID BODY, REF NODE=13, NSET=fixed, ROT NODE=12\n").mesh().ties ==
+        Ties{{7, {3, 1, 0, 6}}});
+  CHECK(read("*KINEMATIC COUPLING, REF NODE=13\nfixed, 1, 3\n11, 1\n").mesh().ties ==
+        Ties{{7, {3, 1, 0, 5}}});
+  CHECK(read("*NSET, NSET=a\n11, 12\n*NSET, NSET=b\n4, 5\n*MPC\nBEAM, 13, 4\nlink, a, 10\n"
+             "TIE, a, b\nSLIDER, 13, 4, 5\n")
+            .mesh()
+            .ties == Ties{{7, {3}}, {5, {0}}, {6, {0}}, {5, {3}}, {6, {4}}});
+
+  const MeshFile old = read(
+      "*ELEMENT, TYPE=DCOUP3D, ELSET=load\n91, 13\n*DISTRIBUTING COUPLING, ELSET=Load\n"
+      "11, 1.\nfixed, 1.\n");
+  CHECK(old.mesh().ties == Ties{{7, {5, 3, 1, 0}}});
+  CHECK_THAT(old.remarks()[0], !Catch::Contains("DCOUP3D"));
+
+  // What names nothing ties nothing; what is in other files is not looked for.
+  CHECK(read("*COUPLING, REF NODE=13\n*COUPLING, REF NODE=99, SURFACE=faces\n*RIGID BODY\n"
+             "*COUPLING, SURFACE=none, REF NODE=13\n*MPC, INPUT=none.inp\n*MPC\nBEAM\nBEAM, 13\n"
+             "BEAM, both, fixed\n*KINEMATIC COUPLING, REF NODE=x.y\n,\n")
+            .mesh()
+            .ties.empty());
+}
+
 TEST_CASE("The element sets of a deck without sections are its regions", "[core][formats]") {
   const FormatFolder folder;
   const std::string text =
@@ -211,6 +251,20 @@ TEST_CASE("Instances of an Abaqus deck lie where the assembly puts them", "[core
   CHECK(group_of(mesh, "RIGHT.tip").nodes == std::vector<Index>{8});
   CHECK(group_of(mesh, "faces").nodes == std::vector<Index>{5, 6, 7});
 
+  SECTION("The assembly ties nodes of instances") {
+    const MeshFile tied(
+        folder.put("tied.inp", replaced(kParts, "*END ASSEMBLY",
+                                        "*COUPLING, REF NODE=1, SURFACE=faces\n*KINEMATIC\n"
+                                        "*MPC\nBEAM, left.tip, right.1\n*END ASSEMBLY")));
+    CHECK(tied.mesh().ties == std::vector<Tie>{{0, {5, 7, 6}}, {4, {5}}});
+  }
+  SECTION("And so does a part, in each instance") {
+    const MeshFile tied(
+        folder.put("tied.inp", replaced(kParts, "*END PART",
+                                        "*SURFACE, NAME=base\nsolid, S1\n"
+                                        "*COUPLING, REF NODE=4, SURFACE=base\n*END PART")));
+    CHECK(tied.mesh().ties == std::vector<Tie>{{4, {1, 3, 2}}, {8, {5, 7, 6}}});
+  }
   SECTION("Instances that move alike in the part's own frame are written") {
     Points moved = mesh.points;
     moved.row(2) += Eigen::RowVector3d(0.25, 0, 0);

@@ -112,6 +112,32 @@ TEST_CASE("An LS-DYNA deck gives its cells, points, sets and parts", "[core][for
   }
 }
 
+TEST_CASE("LS-DYNA's nodal rigid bodies and interpolations tie nodes", "[core][formats]") {
+  const FormatFolder folder;
+  const auto ties = [&](const std::string& lines) {
+    return MeshFile(folder.put("ties.k", replaced(kDeck, "*END\n", lines + "*END\n"))).mesh().ties;
+  };
+  using Ties = std::vector<Tie>;
+  // Nodes 11 to 18, 30, 40 are 0 to 9; set 1 has the nodes 4 to 7.
+  CHECK(ties("*CONSTRAINED_NODAL_RIGID_BODY\n"
+             "         9                   1        40\n"
+             "        10         0         1         0\n") ==
+        Ties{{9, {4, 5, 6, 7}}, {4, {5, 6, 7}}});
+  CHECK(ties("*CONSTRAINED_NODAL_RIGID_BODY_SPC_TITLE\na body\n"
+             "         9         0         1        40\n"
+             "       1.0         7         7\n") == Ties{{9, {4, 5, 6, 7}}});
+  // The set may follow.
+  CHECK(ties("*CONSTRAINED_NODAL_RIGID_BODY\n8,,2,40\n*SET_NODE\n2\n11,12\n") == Ties{{9, {0, 1}}});
+  CHECK(ties("*CONSTRAINED_INTERPOLATION\n"
+             "         1        40    123456\n"
+             "        11       123       1.0\n"
+             "        13       123       1.0\n") == Ties{{9, {0, 2}}});
+  CHECK(ties("*CONSTRAINED_INTERPOLATION\n1,40,123456,,1\n1\n") == Ties{{9, {4, 5, 6, 7}}});
+  CHECK(ties("*CONSTRAINED_NODAL_RIGID_BODY\n&pid,0,1,40\n9,0,7,40\n9\n\n"
+             "*CONSTRAINED_INTERPOLATION\n&a\nb\n*CONSTRAINED_INTERPOLATION\n1,40\nb\n")
+            .empty());
+}
+
 TEST_CASE("LS-DYNA decks come back with other coordinates alone", "[core][formats]") {
   const FormatFolder folder;
   // Sixteen columns hold 13 digits and more.

@@ -71,6 +71,37 @@ TEST_CASE("A Nastran deck gives its cells, points and properties", "[core][forma
   CHECK_THAT(file.remarks()[0], Catch::Contains(": 1 CELAS2"));
 }
 
+TEST_CASE("Nastran's rigid elements tie nodes", "[core][formats]") {
+  const FormatFolder folder;
+  const auto read = [&](const std::string& cards) {
+    return MeshFile(folder.put("ties.bdf", replaced(kDeck, "PSOLID  1", cards + "PSOLID  1")));
+  };
+  using Ties = std::vector<Tie>;
+  // Nodes 10, 7, 30, 4, 11, 12, 13 are 0 to 6.
+  CHECK(read("RBE2    50      12      123456  10      7       30      4       11\n"
+             "        13      6.5-6\n")
+            .mesh()
+            .ties == Ties{{5, {0, 1, 2, 3, 4, 6}}});
+  CHECK(read("RBE2,50,30,123,10,THRU,13,7\n").mesh().ties == Ties{{2, {0, 4, 5, 6, 1}}});
+  CHECK(read("RBE3    50              13      123456  1.0     123     10      7\n"
+             "+       30      .5      123     4       11\n"
+             "+       UM      12      123\n")
+            .mesh()
+            .ties == Ties{{6, {0, 1, 2, 3, 4}}});
+  CHECK(read("RBE3,50,,13,123456,1.0,123,10,7\n+,ALPHA,1.-5\n").mesh().ties == Ties{{6, {0, 1}}});
+  CHECK(read("RBAR    50      13      4       123456\n").mesh().ties == Ties{{6, {3}}});
+
+  // Those that tie nothing are counted as before; numbers of no node are left out.
+  const MeshFile odd = read(
+      "RBE2    50\nRBE2    51      x       123     10\nRBE3,52,,13,123456,1.0,123\n"
+      "RBAR    53      13\nRBE2,54,999,123,10\nRBE2,55,13,123,10,THRU,99999999\n");
+  CHECK(odd.mesh().ties.empty());
+  CHECK_THAT(odd.remarks()[0], Catch::Contains("1 RBAR, 3 RBE2, 1 RBE3"));
+  const MeshFile file = read("RBAR    50      13      4       123456\n");
+  REQUIRE(file.remarks().size() == 1);
+  CHECK_THAT(file.remarks()[0], !Catch::Contains("RBAR"));
+}
+
 TEST_CASE("Nastran decks come back with other coordinates alone", "[core][formats]") {
   const FormatFolder folder;
   // Sixteen columns hold 13 digits of a negative number.
