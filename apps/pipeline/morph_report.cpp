@@ -1,5 +1,7 @@
 #include "apps/pipeline/morph_report.h"
 
+#include <algorithm>
+
 namespace cadmorph {
 
 CadFigures figures_of(const CadModel& cad) {
@@ -17,6 +19,7 @@ void set_quality(MeshFigures& figures, const QualityReport& quality, const Valid
   figures.min_scaled_jacobian = quality.min;
   figures.mean_scaled_jacobian = quality.mean;
   figures.worst_twentieth = worst_cells(quality).worst_twentieth;
+  figures.poor = std::ranges::count_if(quality.values, [](double q) { return q < kPoor; });
   figures.worst_cell = quality.worst_cell;
   figures.inverted = quality.inverted;
   figures.invalid = validity.invalid;

@@ -27,6 +27,9 @@ struct CadFigures {
   double diagonal = 0;  ///< millimetres
 };
 
+/// Below this scaled Jacobian solvers converge badly.
+inline constexpr double kPoor = 0.1;
+
 /// How the nodes and elements of a mesh are.
 struct MeshFigures {
   double max_distance = 0;  ///< of surface nodes to the CAD, millimetres
@@ -34,6 +37,7 @@ struct MeshFigures {
   double min_scaled_jacobian = 0;
   double mean_scaled_jacobian = 0;
   double worst_twentieth = 0;  ///< mean scaled Jacobian of the worst 5 % of the cells
+  Index poor = 0;              ///< cells below kPoor
   Index worst_cell = -1;       ///< of the smallest scaled Jacobian
   Index inverted = 0;          ///< cells with a corner Jacobian that is not positive
   Index invalid = 0;           ///< cells that fail the exact validity test

@@ -43,6 +43,7 @@ Json to_json(const MeshFigures& figures, double diagonal) {
           {"min_scaled_jacobian", json_number(figures.min_scaled_jacobian)},
           {"mean_scaled_jacobian", json_number(figures.mean_scaled_jacobian)},
           {"worst_twentieth", json_number(figures.worst_twentieth)},
+          {"cells_below_0.1", figures.poor},
           {"worst_cell", figures.worst_cell},
           {"inverted_corner_jacobian", figures.inverted},
           {"invalid_exact", figures.invalid},

@@ -12,9 +12,12 @@ namespace {
 
 constexpr int kLabelWidth = 14;
 
-// A result is worth a hint when its smallest scaled Jacobian is below the first, and below the
-// second part of the base's, or the base's below the first, too.
-constexpr double kPoor = 0.1, kLoss = 0.5;
+// A result is worth a hint when its smallest scaled Jacobian is poor, and below this part of the
+// base's, or the base's is poor, too.
+constexpr double kLoss = 0.5;
+
+// First cells on what moved, whose neighbours are so much higher on the mean, are layers of a flow.
+constexpr double kGrowing = 1.1;
 
 std::string cad_line(const CadFigures& cad) {
   return cad.file.string() + format(" (%s faces, %s edges, %s vertices; unit %s; diagonal %.4g mm)",
@@ -61,6 +64,8 @@ std::string before_after_table(const PipelineReport& report) {
   std::vector<Row> rows = {{"", "before", "after"}};
   for (Row& row : distance_rows(report)) rows.push_back(std::move(row));
   for (Row& row : quality_rows(report.before, report.after)) rows.push_back(std::move(row));
+  if (report.layers.growth_before >= kGrowing)
+    for (Row& row : layer_rows(report.layers)) rows.push_back(std::move(row));
   return align(rows);
 }
 
@@ -322,6 +327,7 @@ std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& afte
       row("Scaled Jacobian, mean", "%.4f", before.mean_scaled_jacobian, after.mean_scaled_jacobian),
       row("Scaled Jacobian, mean of the worst 5 %", "%.4f", before.worst_twentieth,
           after.worst_twentieth),
+      counts("Elements below 0.1", before.poor, after.poor),
       counts("Inverted elements (corner Jacobians)", before.inverted, after.inverted),
       counts("Invalid elements (exact test)", before.invalid, after.invalid)};
   const QualityChecks &a = before.checks, &b = after.checks;
