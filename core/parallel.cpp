@@ -10,6 +10,8 @@
 
 #include <algorithm>
 #include <memory>
+#include <mutex>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -95,17 +97,26 @@ void parallel_for(Index count, Index grain, const std::function<void(Index, Inde
 
 void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
                        const std::function<void(Index)>& work,
-                       const std::function<void(Index)>& take) {
+                       const std::function<void(Index)>& take, PipelineOrder order) {
+  using tbb::filter_mode;
+  const filter_mode serial = order == PipelineOrder::Kept ? filter_mode::serial_in_order
+                                                          : filter_mode::serial_out_of_order;
   // Isolated, and with a context of its own: see parallel_for.
   tbb::this_task_arena::isolate([&] {
     tbb::task_group_context context(tbb::task_group_context::isolated);
     Order reading, taking;
     std::vector<Order> items(static_cast<std::size_t>(slots));
-    Index count = 0;
-    // There are never more items on their way than slots, and they leave in their order.
+    std::vector<Index> free(static_cast<std::size_t>(slots));  // there are as many tokens
+    std::iota(free.rbegin(), free.rend(), Index(0));
+    std::mutex mutex;
     const auto first = [&](tbb::flow_control& control) {
       reading.acquire();
-      const Index slot = count++ % slots;
+      Index slot = 0;
+      {
+        const std::lock_guard guard(mutex);
+        slot = free.back();
+        free.pop_back();
+      }
       items[slot].acquire();
       const ReleaseAtEnd has_read{reading}, has_item{items[slot]};
       if (!read(slot)) control.stop();
@@ -114,7 +125,8 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
     const auto second = [&](Index slot) {
       items[slot].acquire();
       const ReleaseAtEnd done{items[slot]};
-      work(slot);
+      // A thread that waits within the item's own work takes up no other item meanwhile.
+      tbb::this_task_arena::isolate([&] { work(slot); });
       return slot;
     };
     const auto third = [&](Index slot) {
@@ -122,15 +134,16 @@ void parallel_pipeline(Index slots, const std::function<bool(Index)>& read,
       taking.acquire();
       const ReleaseAtEnd done{items[slot]}, has_taken{taking};
       take(slot);
+      const std::lock_guard guard(mutex);
+      free.push_back(slot);
     };
     reading.release();
     const AcquireAtEnd all_read{reading}, all_taken{taking};
-    tbb::parallel_pipeline(
-        std::size_t(slots),
-        tbb::make_filter<void, Index>(tbb::filter_mode::serial_in_order, first) &
-            tbb::make_filter<Index, Index>(tbb::filter_mode::parallel, second) &
-            tbb::make_filter<Index, void>(tbb::filter_mode::serial_in_order, third),
-        context);
+    tbb::parallel_pipeline(std::size_t(slots),
+                           tbb::make_filter<void, Index>(serial, first) &
+                               tbb::make_filter<Index, Index>(filter_mode::parallel, second) &
+                               tbb::make_filter<Index, void>(serial, third),
+                           context);
   });
 }
 

@@ -19,13 +19,16 @@ int thread_count();
 void parallel_for(Index count, Index grain,
                   const std::function<void(Index begin, Index end)>& body);
 
+/// Whether the items of a pipeline end as they came, or as they are done.
+enum class PipelineOrder { Kept, Any };
+
 /// A line of work over items that come one after the other: `read` makes the next in a slot of
 /// [0, slots) and returns false when there is none, `work` goes on with it on any thread, `take`
-/// ends it, in the order of the items. The three run at the same time, on different slots. Rethrows
-/// exceptions.
+/// ends it. The three run at the same time, on different slots. Rethrows exceptions.
 void parallel_pipeline(Index slots, const std::function<bool(Index slot)>& read,
                        const std::function<void(Index slot)>& work,
-                       const std::function<void(Index slot)>& take);
+                       const std::function<void(Index slot)>& take,
+                       PipelineOrder order = PipelineOrder::Kept);
 
 /// A loop over items, one a task, that the other threads run while the caller does something else.
 class BackgroundLoop {

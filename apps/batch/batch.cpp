@@ -1,8 +1,5 @@
 #include "apps/batch/batch.h"
 
-#include <oneapi/tbb/parallel_pipeline.h>
-#include <oneapi/tbb/task_arena.h>
-
 #include <algorithm>
 #include <map>
 #include <optional>
@@ -233,24 +230,17 @@ class BatchRun {
     // A block's worth read ahead, what the readers themselves hold included.
     const auto held = static_cast<std::size_t>(thread_count());
     StepReaders readers(todo_, options_.timeout_s, most > held ? most - held : 1, is_stopped_);
-    const auto next = [&](tbb::flow_control& flow) {
-      Block block = work_on(readers.next(most));
-      if (block.empty()) flow.stop();
-      return block;
+    std::vector<Block> blocks(under_way / most);
+    const auto next = [&](Index slot) {
+      blocks[slot] = work_on(readers.next(most));
+      return !blocks[slot].empty();
     };
-    // A thread that waits for its own block's loops must not take up another block meanwhile.
-    const auto morph = [this](Block block) {
-      tbb::this_task_arena::isolate([&] { morph_block(block); });
-      return block;
+    const auto finish_block = [&](Index slot) {
+      for (const WorkPointer& work : std::exchange(blocks[slot], {})) finish(*work);
     };
-    tbb::parallel_pipeline(
-        under_way / most,
-        tbb::make_filter<void, Block>(tbb::filter_mode::serial_out_of_order, next) &
-            tbb::make_filter<Block, Block>(tbb::filter_mode::parallel, morph) &
-            tbb::make_filter<Block, void>(tbb::filter_mode::serial_out_of_order,
-                                          [this](const Block& block) {
-                                            for (const WorkPointer& work : block) finish(*work);
-                                          }));
+    parallel_pipeline(
+        std::ssize(blocks), next, [&](Index slot) { morph_block(blocks[slot]); }, finish_block,
+        PipelineOrder::Any);
   }
 
   // As many as keep the threads busy and fit into the memory allowed.

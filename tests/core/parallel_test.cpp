@@ -25,6 +25,33 @@ TEST_CASE("A loop runs all its chunks although the loop around it has failed", "
   if (has_begun) CHECK(done == 1000);  // on one thread it never is
 }
 
+TEST_CASE("A pipeline works on each item once, in a slot of its own", "[core]") {
+  constexpr Index kItems = 200, kSlots = 3;
+  for (const PipelineOrder order : {PipelineOrder::Kept, PipelineOrder::Any}) {
+    std::array<Index, kSlots> items{};
+    std::array<std::atomic<int>, kSlots> users{};
+    std::atomic<bool> is_shared = false;
+    std::vector<Index> taken;
+    Index next = 0;
+    const auto read = [&](Index slot) {
+      if (next == kItems) return false;
+      is_shared = is_shared || ++users[slot] != 1;
+      items[slot] = next++;
+      return true;
+    };
+    const auto take = [&](Index slot) {
+      taken.push_back(items[slot]);
+      --users[slot];
+    };
+    parallel_pipeline(
+        kSlots, read, [&](Index slot) { items[slot] = 7 * items[slot]; }, take, order);
+    CHECK_FALSE(is_shared);
+    if (order == PipelineOrder::Any) std::ranges::sort(taken);
+    REQUIRE(std::ssize(taken) == kItems);
+    for (Index i = 0; i < kItems; ++i) CHECK(taken[i] == 7 * i);
+  }
+}
+
 TEST_CASE("A loop in the background runs all its items and tells what went wrong", "[core]") {
   std::atomic<int> done = 0;
   BackgroundLoop loop;
