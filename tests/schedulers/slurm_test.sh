@@ -133,9 +133,9 @@ write_manifest "$scratch/variants.csv" 48
 set_up_slurm
 
 job=$(submit)
-wait_until 60 has_begun || fail "the first task finishes no variant"
+wait_until 180 has_begun || fail "the first task finishes no variant"
 scancel --signal=KILL --full "${job}_1"
-wait_until 90 is_over "$job" || fail "the array does not end"
+wait_until 240 is_over "$job" || fail "the array does not end"
 echo "first array: $(state_of "$job"), $(row_count) of 24 variants in the killed task"
 (($(row_count) < 24)) || fail "the task was over before it was killed"
 code=0
@@ -145,7 +145,7 @@ missing=$(sed -nE 's/^  (v[0-9]{2})$/\1/p' "$scratch/missing" | head -1)
 [[ -n $missing && ! -e $folder/$missing.vtu ]] || fail "no missing variant is named, but '$missing'"
 
 job=$(submit)
-wait_until 90 is_over "$job" || fail "the second array does not end"
+wait_until 240 is_over "$job" || fail "the second array does not end"
 echo "second array: $(state_of "$job")"
 [[ $(state_of "$job") == '2 JobState=COMPLETED' ]] || fail "a task of the second array failed"
 cadmorph batch --collect "$folder"
@@ -159,7 +159,7 @@ cp "$scratch/variants.csv" .
 cp "$root/models/bore/step20.step" variant.step
 make_decomposed_case case
 run_shown_commands docs/schedulers.md
-wait_until 120 is_all_over || fail "the shown commands do not end"
+wait_until 300 is_all_over || fail "the shown commands do not end"
 require_same_results "$scratch/expected" out
 [[ -f out/results.8-of-8.csv ]] || fail "not eight shares"
 
