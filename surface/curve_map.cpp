@@ -35,7 +35,7 @@ constexpr double kFreeFormBits = 4.5;
 // hundredths, a profile laid on from elsewhere by tenths.
 constexpr double kBendUnit = 0.01;
 // What a change strains a curve by, of the most possible, that costs the first bit: parts are
-// strained by some hundredths. A way of running that strains by a fifth less than the parameters is
+// strained by some hundredths. A way of running that strains by a sixth less than the parameters is
 // no accident.
 constexpr double kStrainUnit = 0.05, kClearlyLess = 0.25;
 constexpr int kStrainProbes = 48;
