@@ -180,7 +180,7 @@ std::vector<LocalMidNode> mid_nodes_of(CellType type) {
                       {face.nodes.begin(), face.nodes.begin() + of_face.corners}});
     ++next;
   }
-  if (next < info.nodes) {  // in the middle of all
+  if (info.corners > 0 && next < info.nodes) {  // in the middle of all
     result.push_back({next, std::vector<int>(std::size_t(info.corners))});
     std::iota(result.back().corners.begin(), result.back().corners.end(), 0);
   }

@@ -81,6 +81,16 @@ TEST_CASE("each mid node of a facet lies between the corners beside it", "[core]
   }
 }
 
+TEST_CASE("a vertex has no mid node, and each mid node lies between others", "[core][mesh]") {
+  CHECK(mid_nodes_of(CellType::Vertex).empty());
+  CHECK(mid_nodes_of(CellType::Line).empty());
+  for (const CellType type : {CellType::QuadraticEdge, CellType::BiquadraticQuad,
+                              CellType::TriquadraticHexahedron, CellType::QuadraticWedge}) {
+    CHECK(std::ssize(mid_nodes_of(type)) == cell_node_count(type) - info_of(type).corners);
+    for (const LocalMidNode& mid : mid_nodes_of(type)) CHECK(mid.corners.size() >= 2);
+  }
+}
+
 TEST_CASE("dimension and node counts follow the type", "[core][mesh]") {
   REQUIRE(dimension(CellType::Vertex) == 0);
   REQUIRE(dimension(CellType::QuadraticEdge) == 1);
