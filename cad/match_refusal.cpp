@@ -151,8 +151,9 @@ void refuse_match(const MatchSide& base, const MatchSide& variant) {
        << ": base has " << b_solids << " solids, " << b.faces << " faces, " << b.curves
        << " edges, " << b.corners << " vertices, variant " << v_solids << ", " << v.faces << ", "
        << v.curves << ", " << v.corners << " (seams not counted). "
-       << (lost.empty() ? "The counts agree but the faces are connected differently"
-                        : "Without a partner: " + list(lost))
+       << (lost.empty()
+               ? "The counts agree but the faces are connected differently, or are of other kinds"
+               : "Without a partner: " + list(lost))
        << ". " << remedy(base, variant);
   throw TopologyError(text.str());
 }

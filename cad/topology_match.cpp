@@ -23,6 +23,9 @@ constexpr double kNameBits = 3;
 constexpr double kJointBits = 2;
 // Of the diagonal, and radians: off a plane.
 constexpr double kInPlane = 1e-6;
+// Confidence of a pair of a flat and a round face below which it is none: another face is less than
+// four times as far. A chamfer in a fillet's place is nearer by far.
+constexpr double kOfOtherKind = 0.8;
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
 void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOptions& options,
@@ -125,6 +128,21 @@ std::optional<TopologyMatch> best_match(const MatchSide& base, const MatchSide& 
   return cheaper(std::move(match), std::move(other));
 }
 
+// A feature that came and another one that went leave the counts as they were.
+bool has_wrong_kinds(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  const auto is_flat = [](SurfaceType type) { return type == SurfaceType::Plane; };
+  const auto is_round = [](SurfaceType type) {
+    using enum SurfaceType;
+    return type == Cylinder || type == Sphere || type == Torus;
+  };
+  for (const FaceId face : base.faces().ids()) {
+    const SurfaceType from = base.faces()[face].type, to = variant.faces()[match.faces[face]].type;
+    const bool is_other = (is_flat(from) && is_round(to)) || (is_round(from) && is_flat(to));
+    if (is_other && match.face_confidence[face] < kOfOtherKind) return true;
+  }
+  return false;
+}
+
 bool are_solid(const CadModel& model) {
   return std::ranges::all_of(model.faces(), [](const CadFace& face) { return face.solid >= 0; });
 }
@@ -165,7 +183,8 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
     if (b.graph.faces != v.graph.faces || b.graph.curves != v.graph.curves ||
         b.graph.corners != v.graph.corners)
       return std::nullopt;
-    if (auto match = best_match(b, v, options)) {
+    auto match = best_match(b, v, options);
+    if (match && (!options.given_faces.empty() || !has_wrong_kinds(base, variant, *match))) {
       match->is_oriented = is_oriented && are_solids;
       best = cheaper(std::move(best), std::move(match));
     }

@@ -9,6 +9,7 @@
 #include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakePrism.hxx>
 #include <BRep_Builder.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_ListOfShape.hxx>
@@ -443,6 +444,38 @@ TEST_CASE("an added hole is refused and named", "[cad][match][errors]") {
   CHECK_THAT(refusal(base, variant), Contains("cylinder"));
   // The other way round a hole was removed.
   CHECK_THAT(refusal(variant, base), Contains("base face " + std::to_string(added + 1) + " "));
+}
+
+TEST_CASE("a round feature in place of a flat one is refused", "[cad][match][errors]") {
+  struct Hole {
+    Vector2d corner;
+    bool is_round = false;
+  };
+  // With three walls each: a prism's, or a quarter of a cylinder's.
+  const auto punched = [](const std::vector<Hole>& holes) {
+    TopoDS_Shape plate = BRepPrimAPI_MakeBox(60, 60, 10).Solid();
+    for (const auto& [corner, is_round] : holes) {
+      const gp_Pnt at(corner.x(), corner.y(), -1);
+      const TopoDS_Face floor =
+          BRepBuilderAPI_MakeFace(BRepBuilderAPI_MakePolygon(at, at.Translated(gp_Vec(8, 0, 0)),
+                                                             at.Translated(gp_Vec(0, 8, 0)), true)
+                                      .Wire())
+              .Face();
+      plate =
+          BRepAlgoAPI_Cut(plate, is_round ? BRepPrimAPI_MakeCylinder(gp_Ax2(at, gp_Dir(0, 0, 1)), 8,
+                                                                     12, std::numbers::pi / 2)
+                                                .Shape()
+                                          : BRepPrimAPI_MakePrism(floor, gp_Vec(0, 0, 12)).Shape());
+    }
+    return to_model(plate);
+  };
+  const CadModel base = punched({{{10, 26}}, {{42, 26}}});
+  CHECK_NOTHROW(match_topology(base, punched({{{26, 10}}, {{26, 42}}})));
+  const CadModel variant = punched({{{26, 10}}, {{26, 42}, true}});
+  REQUIRE(variant.faces().size() == base.faces().size());
+  CHECK_THAT(refusal(base, variant), Contains("of other kinds"));
+  // In its place it is the same feature of another shape.
+  CHECK_NOTHROW(match_topology(base, punched({{{10, 26}}, {{42, 26}, true}})));
 }
 
 TEST_CASE("a removed solid is refused and named", "[cad][match][errors]") {
