@@ -13,7 +13,7 @@ namespace {
 constexpr int kLabelWidth = 14;
 
 // A result is worth a hint when its smallest scaled Jacobian is poor, and below this part of the
-// base's, or the base's is poor, too.
+// base's, or the base's is poor, too; and when the mean of its worst elements is below that part.
 constexpr double kLoss = 0.5;
 
 // First cells on what moved, whose neighbours are so much higher on the mean, are layers of a flow.
@@ -176,14 +176,20 @@ std::string leg_text(const LegReport& leg) {
 std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
-  const bool has_lost = after < kLoss * before, is_poor = after < kPoor;
+  // One bad element of the input hides what many others lost.
+  const bool have_many_lost = report.after.poor > report.before.poor &&
+                              report.after.worst_twentieth < kLoss * report.before.worst_twentieth;
+  const bool has_lost = have_many_lost || after < kLoss * before, is_poor = after < kPoor;
   // Cells of finite volumes may have no Jacobian to speak of in the input already.
-  if (report.outcome != Outcome::Done || !report.can_repair || before <= 0 ||
+  if (report.outcome != Outcome::Done || !report.can_repair || (before <= 0 && !have_many_lost) ||
       (report.improving && !is_poor))
     return "";
   if (!has_lost && !(is_poor && (report.improving || before < kPoor))) return "";
-  const std::string worst = format("the worst element's scaled Jacobian is %.4f", after);
-  const std::string of_input = format(", in the input %.4f", before);
+  const std::string worst =
+      have_many_lost ? with_commas(report.after.poor) + " elements have a scaled Jacobian below 0.1"
+                     : format("the worst element's scaled Jacobian is %.4f", after);
+  const std::string of_input = ", in the input " + (have_many_lost ? with_commas(report.before.poor)
+                                                                   : format("%.4f", before));
   if (report.improving)
     return worst + of_input + ": improving could not raise it further; " +
            (before < kPoor
