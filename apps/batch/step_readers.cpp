@@ -13,10 +13,12 @@ namespace cadmorph {
 
 StepReaders::StepReaders(std::vector<const Variant*> variants, double timeout_s, std::size_t ahead,
                          const std::atomic<bool>& is_stopped)
-    : variants_(std::move(variants)), timeout_(timeout_s), is_stopped_(is_stopped) {
-  queue_.set_capacity(static_cast<std::ptrdiff_t>(ahead));
+    : variants_(std::move(variants)), timeout_(timeout_s), ahead_(ahead), is_stopped_(is_stopped) {
+  const std::size_t count = std::min<std::size_t>(thread_count(), variants_.size());
+  open_ = count;
+  threads_.reserve(count);
   try {
-    start(std::min<std::size_t>(thread_count(), variants_.size()));
+    while (threads_.size() < count) threads_.emplace_back([this] { run(); });
   } catch (const std::system_error& error) {
     close();
     throw SolverError(std::string("can't start a thread that reads STEP files: ") + error.what());
@@ -26,62 +28,59 @@ StepReaders::StepReaders(std::vector<const Variant*> variants, double timeout_s,
 StepReaders::~StepReaders() { close(); }
 
 std::vector<StepRead> StepReaders::next(std::size_t most) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return !items_.empty() || open_ == 0; });
+  if (error_) std::rethrow_exception(error_);
   std::vector<StepRead> block;
-  while (open_ > 0 && !is_over() && (block.empty() || (block.size() < most && !queue_.empty())))
-    if (const Item item = pop()) block.push_back(std::move(*item));
-  rethrow();
-  if (is_over()) block.clear();
+  while (!is_over() && !items_.empty() && block.size() < most) {
+    block.push_back(std::move(items_.front()));
+    items_.pop_front();
+  }
+  changed_.notify_all();
   return block;
 }
 
-void StepReaders::start(std::size_t count) {
-  threads_.reserve(count);
-  while (open_ < count) {
-    threads_.emplace_back([this] { run(); });
-    ++open_;
-  }
-}
-
-// Takes what the readers still push, so that none of them waits for room.
 void StepReaders::close() {
+  const std::lock_guard guard(mutex_);
   is_closed_ = true;
-  while (open_ > 0) pop();
+  changed_.notify_all();
 }
 
 void StepReaders::run() {
+  std::exception_ptr error;
   try {
-    StepWorker worker;
-    while (!is_over()) {
-      const std::size_t i = next_++;
-      if (i >= variants_.size()) break;
-      queue_.push(read(worker, *variants_[i]));
-    }
+    read_all();
   } catch (...) {
-    const std::lock_guard guard(mutex_);
-    error_ = std::current_exception();
+    error = std::current_exception();
   }
-  queue_.push(nullptr);
-}
-
-StepReaders::Item StepReaders::read(StepWorker& worker, const Variant& variant) const {
-  const Stopwatch watch;
-  auto item = std::make_shared<StepRead>();
-  item->variant = &variant;
-  item->reply = worker.read(variant.step, timeout_, [this] { return is_over(); });
-  item->seconds = watch.seconds();
-  return item;
-}
-
-StepReaders::Item StepReaders::pop() {
-  Item item;
-  queue_.pop(item);
-  if (!item) --open_;
-  return item;
-}
-
-void StepReaders::rethrow() {
   const std::lock_guard guard(mutex_);
-  if (error_) std::rethrow_exception(error_);
+  if (error) error_ = error;
+  --open_;
+  changed_.notify_all();
+}
+
+void StepReaders::read_all() {
+  StepWorker worker;
+  while (!is_over()) {
+    const std::size_t i = next_++;
+    if (i >= variants_.size()) break;
+    put(read(worker, *variants_[i]));
+  }
+}
+
+StepRead StepReaders::read(StepWorker& worker, const Variant& variant) const {
+  const Stopwatch watch;
+  StepRead item{.variant = &variant,
+                .reply = worker.read(variant.step, timeout_, [this] { return is_over(); })};
+  item.seconds = watch.seconds();
+  return item;
+}
+
+void StepReaders::put(StepRead item) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return items_.size() < ahead_ || is_closed_; });
+  items_.push_back(std::move(item));
+  changed_.notify_all();
 }
 
 }  // namespace cadmorph

@@ -1,12 +1,11 @@
 #pragma once
 
-#include <oneapi/tbb/concurrent_queue.h>
-
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstddef>
+#include <deque>
 #include <exception>
-#include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -40,25 +39,26 @@ class StepReaders {
   std::vector<StepRead> next(std::size_t most);
 
  private:
-  using Item = std::shared_ptr<StepRead>;  // null: one reader has no more
-
   bool is_over() const { return is_closed_ || is_stopped_; }
-  void start(std::size_t count);
   void close();
   void run();
-  Item read(StepWorker& worker, const Variant& variant) const;
-  Item pop();
-  void rethrow();
+  void read_all();
+  StepRead read(StepWorker& worker, const Variant& variant) const;
+  void put(StepRead item);
 
   std::vector<const Variant*> variants_;
   std::chrono::duration<double> timeout_;
+  std::size_t ahead_;
   const std::atomic<bool>& is_stopped_;
   std::atomic<bool> is_closed_ = false;
   std::atomic<std::size_t> next_ = 0;
-  tbb::concurrent_bounded_queue<Item> queue_;
-  std::size_t open_ = 0;  ///< readers whose end has not been seen
-  std::mutex mutex_;
+
+  std::mutex mutex_;  ///< of what follows
+  std::condition_variable changed_;
+  std::deque<StepRead> items_;
+  std::size_t open_ = 0;  ///< readers at work
   std::exception_ptr error_;
+
   std::vector<std::jthread> threads_;
 };
 
