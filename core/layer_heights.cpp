@@ -20,6 +20,7 @@ constexpr double kKept = 0.01;  // of its height, by which a cell may change tha
 constexpr double kFlat = 1.5;
 // Heights that are worth holding are those of thin cells: others grow by accident.
 constexpr double kThin = 0.5;
+constexpr double kHigh = 1;  // of the same edge: where a mesher ends its layers
 // Layers towards a wall are made with growth rates of 1.1 to 1.3, the same from one to the next;
 // other cells are as high as they happen to be.
 constexpr double kGrowth = 1.1, kSameRate = 0.1;
@@ -44,6 +45,7 @@ Vector3d normal(const std::vector<Index>& nodes, const Points& points) {
 
 // A cell between a face and the one opposite to it.
 struct Storey {
+  Index cell = -1;
   std::vector<Index> floor, ceiling;
   Index above = -1;  // the cell beyond the ceiling
 
@@ -59,7 +61,7 @@ bool can_stand(CellType type) {
 
 Storey storey(const CellNeighbours& neighbours, Index cell, const std::vector<Facet>& facets,
               std::size_t floor) {
-  Storey result{.floor = corners(facets[floor]), .ceiling = {}, .above = -1};
+  Storey result{.cell = cell, .floor = corners(facets[floor]), .ceiling = {}, .above = -1};
   for (std::size_t f = 0; f < facets.size(); ++f) {
     std::vector<Index> nodes = corners(facets[f]);
     const bool is_apart = std::ranges::none_of(
@@ -72,12 +74,12 @@ Storey storey(const CellNeighbours& neighbours, Index cell, const std::vector<Fa
 }
 
 // The cell that stands on a storey, if it is one of these.
-Storey next(const Mesh& mesh, const CellNeighbours& neighbours, Index below, const Storey& under) {
+Storey next(const Mesh& mesh, const CellNeighbours& neighbours, const Storey& under) {
   const Index cell = under.above;
   if (cell < 0 || !can_stand(mesh.types[cell])) return {};
   const std::vector<Facet> facets = cell_facets(mesh, cell);
   for (std::size_t f = 0; f < facets.size(); ++f)
-    if (neighbours.neighbour[neighbours.offsets[cell] + static_cast<Index>(f)] == below)
+    if (neighbours.neighbour[neighbours.offsets[cell] + static_cast<Index>(f)] == under.cell)
       return storey(neighbours, cell, facets, f);
   return {};
 }
@@ -134,7 +136,7 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
     result.most = result.cells == 0 ? ratio : std::max(result.most, ratio);
     ++result.cells;
     kept += std::abs(ratio - 1) <= kKept;
-    const Storey second = next(mesh, neighbours, cell, first);
+    const Storey second = next(mesh, neighbours, first);
     if (second.ceiling.empty() || first.height(after) == 0) continue;
     ++stacked;
     result.growth_before += second.height(before) / height;
@@ -170,6 +172,18 @@ void add_adjacent(const std::vector<Storey>& storeys, std::vector<std::size_t>& 
         if (!std::exchange(is_in[i], 1)) layer.push_back(i);
 }
 
+// The ceilings of a layer's cells above the first.
+void add_ceilings(const Mesh& mesh, const CellNeighbours& neighbours, const Storey& first,
+                  const Points& points, std::vector<Index>& nodes) {
+  Storey below = first, one = next(mesh, neighbours, first);
+  const double rate = one.height(points) / first.height(points);
+  while (!one.ceiling.empty() && is_flat(one, points, kHigh) &&
+         std::abs(one.height(points) / below.height(points) / rate - 1) <= kSameRate) {
+    nodes.insert(nodes.end(), one.ceiling.begin(), one.ceiling.end());
+    below = std::exchange(one, next(mesh, neighbours, one));
+  }
+}
+
 std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                                          const std::vector<char>& is_surface,
                                          const Points& points) {
@@ -186,18 +200,20 @@ std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours&
     if (!is_thin)
       first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
     if (first.floor.empty()) continue;
-    const Storey second = next(mesh, neighbours, cell, first);
+    const Storey second = next(mesh, neighbours, first);
     const double rate = growth(first, second);
-    const double next_rate = growth(second, next(mesh, neighbours, first.above, second));
+    const double next_rate = growth(second, next(mesh, neighbours, second));
     if (rate < kGrowth || std::abs(next_rate / rate - 1) > kSameRate) continue;
     if (is_thin) layer.push_back(growing.size());
     growing.push_back(std::move(first));
   }
   add_adjacent(growing, layer);
   std::vector<Index> result;
-  for (const std::size_t i : layer)
+  for (const std::size_t i : layer) {
     for (const auto* nodes : {&growing[i].floor, &growing[i].ceiling})
       result.insert(result.end(), nodes->begin(), nodes->end());
+    add_ceilings(mesh, neighbours, growing[i], points, result);
+  }
   std::ranges::sort(result);
   result.erase(std::ranges::unique(result).begin(), result.end());
   return result;
@@ -235,9 +251,8 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
   return measure_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points, moved);
 }
 
-std::vector<Index> nodes_of_first_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                         const std::vector<char>& is_surface,
-                                         const Points& points) {
+std::vector<Index> nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                   const std::vector<char>& is_surface, const Points& points) {
   if (!neighbours.neighbour.empty())
     return nodes_of_solid_layers(mesh, neighbours, is_surface, points);
   if (flat_axis(mesh, points) < 0) return {};

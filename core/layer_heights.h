@@ -23,11 +23,12 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const std::vector<char>& is_surface, const Points& before,
                             const Points& after);
 
-/// The nodes of the first cells of layers that grow: on each stands another that is at least a
-/// tenth higher, and on that one a third that is higher at the same rate. Cells at most half as
-/// high as the shortest edge of their face on the surface tell of a layer; higher ones belong to it
-/// where they go on from it. Ascending.
-std::vector<Index> nodes_of_first_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                         const std::vector<char>& is_surface, const Points& points);
+/// The nodes of layers that grow from the surface: on each first cell stands another that is at
+/// least a tenth higher, and on that one a third that is higher at the same rate. Cells at most
+/// half as high as the shortest edge of their face on the surface tell of a layer; higher ones
+/// belong to it where they go on from it. A layer goes up to where the rate changes or cells are
+/// higher than they are wide. Ascending.
+std::vector<Index> nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                   const std::vector<char>& is_surface, const Points& points);
 
 }  // namespace cadmorph

@@ -51,7 +51,8 @@ constexpr double kFacesWork = 6;
 constexpr int kIterations = 6, kIterationsLost = 20;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
 constexpr int kTrials = 3;
-// Attempts of the last power go on while each has the figures rise by this factor.
+// What a search has the figures rise by, else its moves are not worth having; attempts of the last
+// power go on while each does.
 constexpr double kWorthwhile = 1.01;
 // Rows of nodes that left their places by less, in parts of the wall, stay, and nodes amid edges,
 // in parts of these.
@@ -338,7 +339,21 @@ class BestMesh {
     std::ranges::sort(around.nodes);
     add_followers(around, has_node);
     carry_followers(around, next);
+    if (distorts(next.positions, around.cells)) return;
     try_at_once(RaiseBy::WallRows, std::move(next), around);
+  }
+
+  // Whether these cells are farther from their shapes of reference than where they came. Thin ones
+  // can be sheared flat at no loss of their scaled Jacobian.
+  bool distorts(const Points& positions, const std::vector<Index>& cells) const {
+    const auto energy_at = [&](const Points& at) {
+      ShapeEnergy energy(mesh_, reference_.points, at, FreeNodes(mesh_.node_count(), {}, nullptr),
+                         cells, orientation_);
+      energy.set_power(2);
+      VectorXd slope;
+      return energy(VectorXd(), slope);
+    };
+    return energy_at(positions) > energy_at(came_.points);
   }
 
   // Straight rows are given up, as the surface nodes' places are, where little is kept.
@@ -541,9 +556,10 @@ class BestMesh {
     const double kept = is_of_rows ? kForRows : 1;
     const double before = sum_of_shares(report.best, report.base);
     const double sum = sum_of_shares(now, report.base);
+    const double worth = attempt.power > 0 ? kWorthwhile * before : before;
     if (now.min < kept * report.plain.min ||
         now.worst_twentieth < kept * report.plain.worst_twentieth ||
-        (is_of_rows ? sum < kept * before : sum <= before))
+        (is_of_rows ? sum < kept * before : sum <= worth))
       return;
     attempt.is_taken = is_at_result_ = true;
     report.best = now;

@@ -306,7 +306,7 @@ RowMatrix slides_to_follow(const BaseSide& base, const SlidingNodes& nodes,
   std::vector<char> is_fixed = base.fixed_nodes();
   for (const Index node : nodes.nodes)
     if (std::ranges::binary_search(held.resting, node)) is_fixed[node] = 0;
-  for (const Index node : nodes_of_first_layers(mesh, base.neighbours, on_cad(base), mesh.points))
+  for (const Index node : nodes_of_layers(mesh, base.neighbours, on_cad(base), mesh.points))
     is_fixed[node] = 1;
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
@@ -391,7 +391,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   // Faces of finite volumes that are raised keep them by themselves.
   if (!how.volumes)
     for (const Index node :
-         nodes_of_first_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points)) {
+         nodes_of_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points)) {
       is_fixed[node] = 1;
       how.held.push_back(node);
     }

@@ -72,7 +72,8 @@ TEST_CASE("Heights and growth of layers are compared", "[volume][layers]") {
 }
 
 TEST_CASE("Layers are told by their growth", "[volume][layers]") {
-  // Heights of the cells on the floor: 1, g, g^2, ... of a thousandth.
+  // Heights of the six cells on the floor: 1, g, g^2, ... of a thousandth, the last two three
+  // times as high.
   const auto on_floor = [](double growth) {
     Mesh mesh = graded_layers(6, 1e-3);
     std::vector<char> is_floor(static_cast<std::size_t>(mesh.node_count()), 0);
@@ -82,13 +83,15 @@ TEST_CASE("Layers are told by their growth", "[volume][layers]") {
       if (is_floor[n]) continue;
       const double layer = std::round(std::log(mesh.points(n, 2) / 1e-3) / std::log(factor));
       double height = 0;
-      for (int k = 0; k <= int(layer); ++k) height += 1e-3 * std::pow(growth, k);
+      for (int k = 0; k <= int(layer); ++k) height += (k < 4 ? 1e-3 : 3e-3) * std::pow(growth, k);
       mesh.points(n, 2) = height;
     }
+    double top = 0;
+    for (int k = 0; k < 4; ++k) top += 1e-3 * std::pow(growth, k);
     std::vector<Index> expected;
     for (Index n = 0; n < mesh.node_count(); ++n)
-      if (mesh.points(n, 2) < 1.5e-3) expected.push_back(n);
-    return std::pair(nodes_of_first_layers(mesh, find_cell_neighbours(mesh), is_floor, mesh.points),
+      if (mesh.points(n, 2) < 1.001 * top) expected.push_back(n);
+    return std::pair(nodes_of_layers(mesh, find_cell_neighbours(mesh), is_floor, mesh.points),
                      expected);
   };
   for (const double growth : {1.2, 1.5}) {
