@@ -3,7 +3,6 @@
 #include <compare>
 #include <concepts>
 #include <cstddef>
-#include <iterator>
 #include <vector>
 
 namespace cadmorph {

@@ -39,14 +39,14 @@ constexpr Index kGrain = 512;
 constexpr double kStray = 1, kAlike = 0.5, kMostStrays = 0.05, kMostOfEntity = 0.5;
 
 // Nodes of facet edges that no other facet has, ascending.
-std::vector<int> rim_nodes(const SurfaceMesh& surface) {
-  std::vector<std::pair<int, int>> edges;
-  for (std::size_t f = 0; f < surface.facets.size(); ++f)
+std::vector<RowId> rim_nodes(const SurfaceMesh& surface) {
+  std::vector<std::pair<RowId, RowId>> edges;
+  for (const FacetId f : surface.facets.ids())
     for (int i = 0; i < surface.corners[f]; ++i)
       edges.push_back(
           std::minmax({surface.facets[f][i], surface.facets[f][(i + 1) % surface.corners[f]]}));
   std::ranges::sort(edges);
-  std::vector<int> nodes;
+  std::vector<RowId> nodes;
   for (std::size_t i = 0; i < edges.size(); ++i) {
     const bool is_shared =
         (i > 0 && edges[i - 1] == edges[i]) || (i + 1 < edges.size() && edges[i + 1] == edges[i]);
@@ -60,7 +60,7 @@ std::vector<int> rim_nodes(const SurfaceMesh& surface) {
 class Associator {
  public:
   // `body`: the body of the mesh that each facet bounds.
-  Associator(const CadModel& model, const SurfaceMesh& surface, std::vector<int> body,
+  Associator(const CadModel& model, const SurfaceMesh& surface, IdVector<FacetId, int> body,
              const AssociationOptions& options)
       : model_(model),
         surface_(surface),
@@ -71,27 +71,27 @@ class Associator {
     const Index nodes = surface_.points.rows();
     feet_.resize(static_cast<std::size_t>(nodes));
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
-      for (Index n = begin; n < end; ++n) feet_[n] = finder_.find(n);
+      for (RowId n(begin); n < end; ++n) feet_[n] = finder_.find(n);
     });
     classify();
   }
 
   /// Nodes on no entity that lie by the CAD, amid others that are on one, are put on one, too,
   /// unless `is_expected`. `outer` marks the facets of the outside.
-  void take_strays(const std::vector<char>& outer, const std::vector<char>& is_expected) {
-    const std::vector<int> strays = find_strays(outer, is_expected);
+  void take_strays(const IdVector<FacetId, char>& outer, const IdVector<RowId, char>& is_expected) {
+    const std::vector<RowId> strays = find_strays(outer, is_expected);
     if (strays.empty()) return;
-    std::map<int, NodeFeet> before;
-    for (const int n : strays) before.emplace(n, std::exchange(feet_[n], wide_feet(n)));
+    std::map<RowId, NodeFeet> before;
+    for (const RowId n : strays) before.emplace(n, std::exchange(feet_[n], wide_feet(n)));
     classify();
     if (are_most_of_an_entity(strays)) {
       for (auto& [n, feet] : before) feet_[n] = std::move(feet);
       return classify();
     }
-    for (const int n : strays) {
+    for (const RowId n : strays) {
       if (result_.dimension[n] == CadDimension::None) continue;
       ++result_.stray_nodes;
-      Index& farthest = result_.farthest_stray;
+      RowId& farthest = result_.farthest_stray;
       if (farthest < 0 || result_.distance[n] > result_.distance[farthest]) farthest = n;
     }
   }
@@ -105,32 +105,32 @@ class Associator {
     const Index nodes = surface_.points.rows();
     prepare(nodes);
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
-      for (Index n = begin; n < end; ++n) classify_by_distance(n);
+      for (RowId n(begin); n < end; ++n) classify_by_distance(n);
     });
     find_senses();
     const auto facets = static_cast<Index>(surface_.facets.size());
     parallel_for(facets, kGrain, [&](Index begin, Index end) {
-      for (Index f = begin; f < end; ++f) result_.facet_face[f] = vote(f);
+      for (FacetId f(begin); f < end; ++f) result_.facet_face[f] = vote(f);
     });
     parallel_for(nodes, kGrain, [&](Index begin, Index end) {
-      for (Index n = begin; n < end; ++n) classify_by_vote(n);
+      for (RowId n(begin); n < end; ++n) classify_by_vote(n);
     });
     find_straight_nodes(model_, surface_, is_off_voted_, result_);
   }
 
-  bool is_unmatched(int n) const {
+  bool is_unmatched(RowId n) const {
     return result_.dimension[n] == CadDimension::None && !result_.is_amid[n];
   }
 
-  NodeFeet wide_feet(int n) const {
+  NodeFeet wide_feet(RowId n) const {
     double sum = 0;
     int count = 0;
-    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i) {
-      const int f = surface_.incident_facets[i], corners = surface_.corners[f];
-      const std::vector<int>& facet = surface_.facets[f];
+    for (const FacetId f : surface_.facets_at(n)) {
+      const int corners = surface_.corners[f];
+      const std::vector<RowId>& facet = surface_.facets[f];
       const auto at = std::find(facet.begin(), facet.begin() + corners, n) - facet.begin();
       if (at == corners) continue;
-      for (const Index other : {facet[(at + 1) % corners], facet[(at + corners - 1) % corners]})
+      for (const RowId other : {facet[(at + 1) % corners], facet[(at + corners - 1) % corners]})
         sum += (point(other) - point(n)).norm();
       count += 2;
     }
@@ -139,43 +139,43 @@ class Associator {
 
   // Calls visit(facet) for each facet of the outside at a node.
   template <class Visit>
-  void for_each_outer(int n, const std::vector<char>& outer, Visit&& visit) const {
-    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
-      if (outer[surface_.incident_facets[i]]) visit(surface_.incident_facets[i]);
+  void for_each_outer(RowId n, const IdVector<FacetId, char>& outer, Visit&& visit) const {
+    for (const FacetId f : surface_.facets_at(n))
+      if (outer[f]) visit(f);
   }
 
   // Whether unmatched nodes that hang together are all by the CAD, amid others that are on it:
   // unlike those of a far field or a symmetry plane, which go somewhere.
-  bool are_by_cad(const std::vector<int>& nodes, const std::vector<char>& outer) const {
+  bool are_by_cad(const std::vector<RowId>& nodes, const IdVector<FacetId, char>& outer) const {
     double area = 0, facing = 0;
     bool is_amid_others = false;
-    for (const int n : nodes) {
+    for (const RowId n : nodes) {
       const NodeFeet feet = wide_feet(n);
       if (feet.faces.empty()) return false;
       const Vector3d normal = model_.normal(feet.faces[0].face, feet.faces[0].uv);
-      for_each_outer(n, outer, [&](int f) {
+      for_each_outer(n, outer, [&](FacetId f) {
         const Vector3d own = area_vector(surface_, surface_.points, f);
         area += own.norm();
         facing += std::abs(own.dot(normal));
         is_amid_others |= !std::ranges::all_of(surface_.facets[f],
-                                               [&](int other) { return is_unmatched(other); });
+                                               [&](RowId other) { return is_unmatched(other); });
       });
     }
     return is_amid_others && facing >= kAlike * area;
   }
 
-  std::vector<int> find_strays(const std::vector<char>& outer,
-                               const std::vector<char>& is_expected) const {
-    std::vector<char> is_seen(result_.dimension.size(), 0);
-    std::vector<int> strays;
+  std::vector<RowId> find_strays(const IdVector<FacetId, char>& outer,
+                                 const IdVector<RowId, char>& is_expected) const {
+    IdVector<RowId, char> is_seen(result_.dimension.size(), 0);
+    std::vector<RowId> strays;
     int outside = 0;
-    for (int seed = 0; seed < std::ssize(is_seen); ++seed) {
+    for (const RowId seed : is_seen.ids()) {
       bool is_outside = false;
-      for_each_outer(seed, outer, [&](int) { is_outside = true; });
+      for_each_outer(seed, outer, [&](FacetId) { is_outside = true; });
       outside += is_outside;
       if (!is_outside || !is_unmatched(seed) || is_seen[seed]) continue;
       const auto nodes = unmatched_around(surface_, result_, outer, seed, is_seen);
-      if (std::ranges::none_of(nodes, [&](int n) { return is_expected[n] != 0; }) &&
+      if (std::ranges::none_of(nodes, [&](RowId n) { return is_expected[n] != 0; }) &&
           are_by_cad(nodes, outer))
         strays.insert(strays.end(), nodes.begin(), nodes.end());
     }
@@ -184,15 +184,15 @@ class Associator {
   }
 
   // Of a face's nodes, or of those on the rim of a sheet by an edge.
-  bool are_most_of_an_entity(const std::vector<int>& strays) const {
+  bool are_most_of_an_entity(const std::vector<RowId>& strays) const {
     IdVector<FaceId, Index> on_face(model_.faces().size(), 0), strays_on_face = on_face;
     IdVector<EdgeId, Index> on_edge(model_.edges().size(), 0), strays_on_edge = on_edge;
-    for (int n = 0; n < static_cast<int>(surface_.points.rows()); ++n) {
+    for (const RowId n : result_.dimension.ids()) {
       if (result_.dimension[n] == CadDimension::Face) ++on_face[result_.face(n)];
       if (result_.dimension[n] == CadDimension::Edge) ++on_edge[result_.edge(n)];
     }
-    const std::vector<int> rim = rim_nodes(surface_);
-    for (const int n : strays) {
+    const std::vector<RowId> rim = rim_nodes(surface_);
+    for (const RowId n : strays) {
       if (result_.dimension[n] == CadDimension::Face) ++strays_on_face[result_.face(n)];
       if (!feet_[n].edges.empty() && std::ranges::binary_search(rim, n))
         ++strays_on_edge[feet_[n].edges.front().edge];
@@ -217,13 +217,13 @@ class Associator {
     result_.facet_face.assign(surface_.facets.size(), {});
   }
 
-  Vector3d point(Index n) const { return surface_.points.row(n); }
+  Vector3d point(RowId n) const { return surface_.points.row(n); }
 
-  double on_entity(Index n, double tolerance) const {
+  double on_entity(RowId n, double tolerance) const {
     return tolerance + kOnEntity * surface_.local_length[n];
   }
 
-  void assign(Index n, CadDimension dimension, int entity, const Vector2d& uv, double distance) {
+  void assign(RowId n, CadDimension dimension, int entity, const Vector2d& uv, double distance) {
     result_.dimension[n] = dimension;
     result_.entity[n] = entity;
     result_.uv.row(n) = uv;
@@ -231,7 +231,7 @@ class Associator {
   }
 
   // Nearest physical vertex among the ends of the near edges.
-  std::pair<VertexId, double> nearest_corner(Index n) const {
+  std::pair<VertexId, double> nearest_corner(RowId n) const {
     std::pair<VertexId, double> best{{}, 1e300};
     for (const EdgeFoot& foot : feet_[n].edges)
       for (const VertexId v : {model_.edges()[foot.edge].start, model_.edges()[foot.edge].end}) {
@@ -242,7 +242,7 @@ class Associator {
     return best;
   }
 
-  void classify_by_distance(Index n) {
+  void classify_by_distance(RowId n) {
     const NodeFeet& feet = feet_[n];
     const auto [corner, distance] = nearest_corner(n);
     if (corner >= 0 && distance <= on_entity(n, model_.vertices()[corner].tolerance)) {
@@ -269,7 +269,7 @@ class Associator {
   }
 
   // Faces of the near edges that end at a corner near a node.
-  std::vector<FaceId> faces_at(Index n, VertexId corner) const {
+  std::vector<FaceId> faces_at(RowId n, VertexId corner) const {
     std::vector<FaceId> faces;
     for (const EdgeFoot& foot : feet_[n].edges) {
       const CadEdge& e = model_.edges()[foot.edge];
@@ -280,7 +280,7 @@ class Associator {
   }
 
   // Faces that a node may belong to, by its feet or by the corner or edge it lies on.
-  std::vector<FaceId> possible_faces(Index n) const {
+  std::vector<FaceId> possible_faces(RowId n) const {
     std::vector<FaceId> faces;
     if (result_.dimension[n] == CadDimension::Edge) faces = faces_of(result_.edge(n));
     if (result_.dimension[n] == CadDimension::Vertex) faces = faces_at(n, result_.vertex(n));
@@ -290,7 +290,7 @@ class Associator {
     return faces;
   }
 
-  std::vector<FaceId> common_faces(Index f) const {
+  std::vector<FaceId> common_faces(FacetId f) const {
     std::vector<FaceId> common;
     for (int i = 0; i < surface_.corners[f]; ++i) {
       const auto faces = possible_faces(surface_.facets[f][i]);
@@ -307,7 +307,7 @@ class Associator {
   }
 
   // Largest distance of a facet's corners from a trimmed face.
-  double corner_gap(Index f, FaceId face) const {
+  double corner_gap(FacetId f, FaceId face) const {
     double gap = 0;
     for (int i = 0; i < surface_.corners[f]; ++i)
       for (const FaceCandidate& c : feet_[surface_.facets[f][i]].faces)
@@ -321,7 +321,7 @@ class Associator {
   }
 
   // Whether a node lies on the nearest of its faces alone, or no other is near.
-  bool is_on_one(Index n) const {
+  bool is_on_one(RowId n) const {
     const auto& faces = feet_[n].faces;
     return faces.size() == 1 ||
            (faces[0].distance <= on_entity(n, model_.faces()[faces[0].face].tolerance) &&
@@ -331,13 +331,13 @@ class Associator {
   // Whether each body's facets look out of the solids, +1, or into them, as those of a fluid do.
   void find_senses() {
     std::vector<double> sums;
-    for (std::size_t f = 0; f < body_.size(); ++f) {
+    for (const FacetId f : body_.ids()) {
       sums.resize(std::max(sums.size(), static_cast<std::size_t>(body_[f]) + 1), 0.0);
-      const Index n = surface_.facets[f][0];
+      const RowId n = surface_.facets[f][0];
       const NodeFeet& feet = feet_[n];
       if (result_.dimension[n] != CadDimension::Face || !is_on_one(n)) continue;
       const FaceCandidate& c = feet.faces.front();
-      const Vector3d area = area_vector(surface_, surface_.points, static_cast<Index>(f));
+      const Vector3d area = area_vector(surface_, surface_.points, f);
       sums[body_[f]] += facing(area, c.face, c.uv);
     }
     for (const double sum : sums) senses_.push_back(sum > 0 ? 1.0 : sum < 0 ? -1.0 : 0.0);
@@ -345,7 +345,7 @@ class Associator {
 
   // CAD face of a facet: common to its corners; of several, the one that its corners, centroid and
   // normal fit; of the coincident faces of two touching solids, the one of the facet's own side.
-  FaceId vote(Index f) const {
+  FaceId vote(FacetId f) const {
     const auto common = common_faces(f);
     if (common.empty()) return {};
     if (common.size() == 1) return common.front();
@@ -370,17 +370,16 @@ class Associator {
     return best;
   }
 
-  Vector2d seed(Index f, FaceId face, const Vector3d& x) const {
-    for (const int n : surface_.facets[f])
+  Vector2d seed(FacetId f, FaceId face, const Vector3d& x) const {
+    for (const RowId n : surface_.facets[f])
       for (const FaceCandidate& c : feet_[n].faces)
         if (c.face == face && result_.dimension[n] == CadDimension::Face) return c.uv;
     return finder_.seed(face, x, surface_.local_length[surface_.facets[f][0]]);
   }
 
-  void classify_by_vote(Index n) {
+  void classify_by_vote(RowId n) {
     Votes votes;
-    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
-      ++votes[result_.facet_face[surface_.incident_facets[i]]];
+    for (const FacetId f : surface_.facets_at(n)) ++votes[result_.facet_face[f]];
     votes.erase(FaceId());
     if (votes.empty() || result_.dimension[n] == CadDimension::None) return;
     if (result_.dimension[n] == CadDimension::Vertex) return take_voted_corner(n, votes);
@@ -392,7 +391,7 @@ class Associator {
 
   // The face with the most votes of those that the node lies on, or as good as: facets that cut an
   // edge off vote for either side of it.
-  void take_voted_face(Index n, const Votes& votes) {
+  void take_voted_face(RowId n, const Votes& votes) {
     const auto& faces = feet_[n].faces;
     if (faces.empty()) return;
     const double least = std::ranges::min_element(faces, {}, &FaceCandidate::gap)->gap;
@@ -417,7 +416,7 @@ class Associator {
   }
 
   // Of the coincident corners of touching solids, the one between the voted faces.
-  void take_voted_corner(Index n, const Votes& votes) {
+  void take_voted_corner(RowId n, const Votes& votes) {
     int most = count_voted(faces_at(n, result_.vertex(n)), votes);
     for (const EdgeFoot& foot : feet_[n].edges)
       for (const VertexId v : {model_.edges()[foot.edge].start, model_.edges()[foot.edge].end}) {
@@ -432,7 +431,7 @@ class Associator {
   }
 
   // The same for edges.
-  void take_voted_edge(Index n, const Votes& votes) {
+  void take_voted_edge(RowId n, const Votes& votes) {
     int most = count_voted(faces_of(result_.edge(n)), votes);
     for (const EdgeFoot& foot : feet_[n].edges) {
       if (foot.distance > on_entity(n, model_.edges()[foot.edge].tolerance)) continue;
@@ -444,7 +443,7 @@ class Associator {
   }
 
   // Whether the node lies off one of the faces that its facets voted for.
-  bool is_off_any(Index n, const Votes& votes) const {
+  bool is_off_any(RowId n, const Votes& votes) const {
     return std::any_of(votes.begin(), votes.end(), [&](const auto& vote) {
       return std::none_of(feet_[n].faces.begin(), feet_[n].faces.end(),
                           [&](const FaceCandidate& c) {
@@ -455,7 +454,7 @@ class Associator {
   }
 
   // Whether a node may belong where the voted faces meet, `distance` from it.
-  bool may_meet(Index n, const Votes& votes, double distance) const {
+  bool may_meet(RowId n, const Votes& votes, double distance) const {
     double off = 0;
     for (const FaceCandidate& c : feet_[n].faces)
       if (votes.contains(c.face)) off = std::max(off, c.distance);
@@ -463,7 +462,7 @@ class Associator {
   }
 
   // A node off the CAD between facets of several faces: their common corner or curve.
-  bool take_voted_entity(Index n, const Votes& votes) {
+  bool take_voted_entity(RowId n, const Votes& votes) {
     const double limit = finder_.edge_reach(n);
     if (votes.size() > 2) {
       const auto [corner, distance] = nearest_corner(n);
@@ -484,18 +483,18 @@ class Associator {
 
   const CadModel& model_;
   const SurfaceMesh& surface_;
-  std::vector<int> body_;
+  IdVector<FacetId, int> body_;
   std::vector<double> senses_;
-  std::vector<char> is_off_voted_;  // off one of the faces that the node's facets voted for
+  IdVector<RowId, char> is_off_voted_;  // off one of the faces that the node's facets voted for
   FootFinder finder_;
-  std::vector<NodeFeet> feet_;
+  IdVector<RowId, NodeFeet> feet_;
   Association result_;
 };
 
 void count(Association& a) {
   Index matched = 0;
   double sum = 0;
-  for (std::size_t n = 0; n < a.dimension.size(); ++n) {
+  for (const RowId n : a.dimension.ids()) {
     switch (a.dimension[n]) {
       case CadDimension::Vertex:
         ++a.vertex_nodes;
@@ -511,7 +510,7 @@ void count(Association& a) {
         continue;
     }
     ++matched;
-    const double d = a.distance[static_cast<Index>(n)];
+    const double d = a.distance[n];
     sum += d;
     a.max_distance = std::max(a.max_distance, d);
   }
@@ -519,9 +518,9 @@ void count(Association& a) {
 }
 
 // Bodies, numbered from 0: the regions of the mesh.
-std::vector<int> bodies_of(const Mesh& mesh, const Boundary& boundary) {
+IdVector<FacetId, int> bodies_of(const Mesh& mesh, const Boundary& boundary) {
   std::map<int, int> number;
-  std::vector<int> bodies;
+  IdVector<FacetId, int> bodies;
   for (const Index cell : boundary.cell)
     bodies.push_back(
         number.emplace(mesh.region(cell), static_cast<int>(number.size())).first->second);
@@ -539,7 +538,8 @@ Association associate(const CadModel& base, const Mesh& mesh, const Boundary& bo
   Associator associator(base, surface, bodies_of(mesh, boundary), options);
   associator.run();
   if (options.takes_strays) {
-    std::vector<char> outer, is_expected;
+    IdVector<FacetId, char> outer;
+    IdVector<RowId, char> is_expected;
     for (const Index neighbour : boundary.neighbour) outer.push_back(neighbour < 0);
     for (const Index node : boundary.nodes)
       is_expected.push_back(std::ranges::binary_search(options.expected_off, node));

@@ -6,6 +6,7 @@
 #include "core/boundary.h"
 #include "core/mesh.h"
 #include "core/progress.h"
+#include "surface/ids.h"
 
 namespace cadmorph {
 
@@ -31,27 +32,28 @@ enum class CadDimension : std::int8_t { None = -1, Vertex = 0, Edge = 1, Face = 
 
 /// Where each surface node lies on the base CAD, and how well. Rows follow Boundary::nodes.
 struct Association {
-  std::vector<CadDimension> dimension;
-  std::vector<int> entity;    ///< vertex, edge or face id of the base model; -1
-  Parameters uv;              ///< face: (u, v); edge: (t, 0)
-  Eigen::VectorXd distance;   ///< to that entity, millimetres; 0 for unmatched nodes
-  std::vector<char> is_free;  ///< on an interface that is not in the CAD: follows the volume
-  std::vector<char> is_amid;  ///< off the CAD, in the middle of a straight edge or facet: stays
-  std::vector<FaceId> facet_face;  ///< CAD face of each boundary facet, -1
+  IdVector<RowId, CadDimension> dimension;
+  IdVector<RowId, int> entity;    ///< vertex, edge or face id of the base model; -1
+  Parameters uv;                  ///< face: (u, v); edge: (t, 0)
+  Eigen::VectorXd distance;       ///< to that entity, millimetres; 0 for unmatched nodes
+  IdVector<RowId, char> is_free;  ///< on an interface that is not in the CAD: follows the volume
+  IdVector<RowId, char> is_amid;  ///< off the CAD, in the middle of a straight edge or facet: stays
+  IdVector<FacetId, FaceId> facet_face;  ///< CAD face of each boundary facet, -1
   Index vertex_nodes = 0, edge_nodes = 0, face_nodes = 0;
   Index unmatched_nodes = 0;  ///< on the outside but on no CAD face
   Index amid_nodes = 0;
   /// Of the nodes on an entity: farther off than the tolerance, few amid nodes that are not.
   Index stray_nodes = 0;
-  Index farthest_stray = -1;  ///< row
-  double max_distance = 0;    ///< millimetres
+  RowId farthest_stray;
+  double max_distance = 0;  ///< millimetres
   double mean_distance = 0;
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
 
   /// The entity of a node that lies on one of that kind.
-  VertexId vertex(Index row) const { return VertexId(entity[row]); }
-  EdgeId edge(Index row) const { return EdgeId(entity[row]); }
-  FaceId face(Index row) const { return FaceId(entity[row]); }
+  VertexId vertex(RowId row) const { return VertexId(entity[row]); }
+  EdgeId edge(RowId row) const { return EdgeId(entity[row]); }
+  FaceId face(RowId row) const { return FaceId(entity[row]); }
+  double t(RowId row) const { return uv.coeff(row, 0); }  ///< on its edge
 
   template <class Archive>
   void serialize(Archive& archive) {

@@ -30,21 +30,21 @@ Vector3d normal_at(const FaceSide& side, Index i) {
 
 }  // namespace
 
-FaceFolds::FaceFolds(const SurfaceMesh& surface, const std::vector<int>& facets,
-                     const std::vector<int>& rows, const FaceSide& before) {
+FaceFolds::FaceFolds(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                     const std::vector<RowId>& rows, const FaceSide& before) {
   std::vector<Vector3d> normals(rows.size(), Vector3d::Zero());  // none at poles
   parallel_for(std::ssize(rows), 256, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
       if (!is_at_pole(before, i, surface.local_length[rows[i]])) normals[i] = normal_at(before, i);
   });
-  for (const int f : facets) {
+  for (const FacetId f : facets) {
     facets_.push_back({.facet = f,
                        .inward_corners = surface.corners[f] > 3
                                              ? inward_corners(surface, before.points, f, kStraight)
                                              : 0,
                        .first = static_cast<int>(witnesses_.size())});
     const Vector3d area = area_vector(surface, before.points, f);
-    for (const int n : surface.facets[f]) {
+    for (const RowId n : surface.facets[f]) {
       const auto it = std::ranges::lower_bound(rows, n);
       if (it == rows.end() || *it != n) continue;
       const auto node = static_cast<int>(it - rows.begin());
@@ -54,8 +54,8 @@ FaceFolds::FaceFolds(const SurfaceMesh& surface, const std::vector<int>& facets,
   }
 }
 
-std::vector<Index> FaceFolds::find(const SurfaceMesh& surface, const FaceSide& after) const {
-  std::vector<Index> turned, kept, dented;
+std::vector<FacetId> FaceFolds::find(const SurfaceMesh& surface, const FaceSide& after) const {
+  std::vector<FacetId> turned, kept, dented;
   std::vector<std::optional<Vector3d>> normals(after.uv.rows());
   for (std::size_t i = 0; i < facets_.size(); ++i) {
     const Facet& facet = facets_[i];
@@ -74,7 +74,7 @@ std::vector<Index> FaceFolds::find(const SurfaceMesh& surface, const FaceSide& a
     }
   }
   // The mesh's own orientation may be that of the complement: what counts is a mixed sign.
-  std::vector<Index> folds = 2 * turned.size() <= facets_.size() ? turned : kept;
+  std::vector<FacetId> folds = 2 * turned.size() <= facets_.size() ? turned : kept;
   folds.insert(folds.end(), dented.begin(), dented.end());
   std::ranges::sort(folds);
   folds.erase(std::unique(folds.begin(), folds.end()), folds.end());

@@ -22,12 +22,12 @@ class FaceFolds {
  public:
   FaceFolds() = default;
   /// `facets` of the face, `rows` of the nodes that lie on it, ascending.
-  FaceFolds(const SurfaceMesh& surface, const std::vector<int>& facets,
-            const std::vector<int>& rows, const FaceSide& before);
+  FaceFolds(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+            const std::vector<RowId>& rows, const FaceSide& before);
 
   /// Facets that look to the wrong side of the surface, or turn a corner inwards, `after` and not
   /// before; ascending. `surface` as before.
-  std::vector<Index> find(const SurfaceMesh& surface, const FaceSide& after) const;
+  std::vector<FacetId> find(const SurfaceMesh& surface, const FaceSide& after) const;
 
  private:
   /// A node by which a facet is judged.
@@ -36,7 +36,7 @@ class FaceFolds {
     bool looks_out = false;
   };
   struct Facet {
-    int facet = 0;
+    FacetId facet;
     int inward_corners = 0;
     int first = 0;  ///< of its witnesses, which follow each other up to those of the next
   };

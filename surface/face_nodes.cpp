@@ -41,7 +41,7 @@ void collect_joints(const Association& association, const std::vector<Joints::On
 
 // The place of a node on the face's wires; none where it lies on a seam, or not on them.
 std::optional<FaceDomain::Sample> on_wires(const CadModel& base, FaceId face,
-                                           const Association& association, int node) {
+                                           const Association& association, RowId node) {
   for (const auto& wire : base.faces()[face].wires)
     for (const CoedgeId c : wire) {
       const EdgeId id = base.coedges()[c].edge;
@@ -51,7 +51,7 @@ std::optional<FaceDomain::Sample> on_wires(const CadModel& base, FaceId face,
       const VertexId vertex = association.vertex(node);
       if (is_vertex ? edge.start != vertex && edge.end != vertex : id != association.edge(node))
         continue;
-      const double t = !is_vertex             ? association.uv(node, 0)
+      const double t = !is_vertex             ? association.t(node)
                        : edge.start == vertex ? edge.first
                                               : edge.last;
       return FaceDomain::Sample{c, t, wire_parameters(base, c, t, 0), 0};
@@ -70,14 +70,14 @@ std::map<EdgeId, double> spacings(const CadModel& base, const FaceDomain& domain
 
 FaceBorder collect_border(const CadModel& base, const SurfaceMesh& surface,
                           const Association& association, const FaceNodes& nodes) {
-  const auto is_within = [&](int n) { return association.dimension[n] == CadDimension::Face; };
-  std::map<int, double> heights;  // of border nodes: the nearest node within the face
-  for (const int f : nodes.facets)
-    for (const int n : surface.facets[f]) {
+  const auto is_within = [&](RowId n) { return association.dimension[n] == CadDimension::Face; };
+  std::map<RowId, double> heights;  // of border nodes: the nearest node within the face
+  for (const FacetId f : nodes.facets)
+    for (const RowId n : surface.facets[f]) {
       if (is_within(n) || association.dimension[n] == CadDimension::None) continue;
       double& height =
           heights.try_emplace(n, std::numeric_limits<double>::infinity()).first->second;
-      for (const int other : surface.facets[f])
+      for (const RowId other : surface.facets[f])
         if (is_within(other))
           height = std::min(height, (surface.points.row(other) - surface.points.row(n)).norm());
     }
@@ -92,7 +92,7 @@ FaceBorder collect_border(const CadModel& base, const SurfaceMesh& surface,
       }))
     return {};
   std::vector<FaceDomain::Sample> samples;
-  std::vector<int> rows;
+  std::vector<RowId> rows;
   for (const auto& [node, height] : heights)
     if (const auto sample = on_wires(base, nodes.face, association, node)) {
       samples.push_back(*sample);
@@ -102,13 +102,13 @@ FaceBorder collect_border(const CadModel& base, const SurfaceMesh& surface,
   return {base, nodes.face, std::move(samples), surface.points(rows, Eigen::all), widest};
 }
 
-std::vector<int> nodes_around(const SurfaceMesh& surface, const FaceNodes& nodes) {
-  std::vector<int> result;
-  for (const int f : nodes.facets)
+std::vector<RowId> nodes_around(const SurfaceMesh& surface, const FaceNodes& nodes) {
+  std::vector<RowId> result;
+  for (const FacetId f : nodes.facets)
     result.insert(result.end(), surface.facets[f].begin(), surface.facets[f].end());
   std::ranges::sort(result);
   result.erase(std::unique(result.begin(), result.end()), result.end());
-  std::erase_if(result, [&](int n) { return std::ranges::binary_search(nodes.rows, n); });
+  std::erase_if(result, [&](RowId n) { return std::ranges::binary_search(nodes.rows, n); });
   return result;
 }
 
@@ -119,12 +119,12 @@ IdVector<FaceId, FaceNodes> collect_face_nodes(const CadModel& base, const Surfa
                                                const Points& feet) {
   IdVector<FaceId, FaceNodes> faces(base.faces().size());
   IdVector<EdgeId, int> nodes_on_edge(base.edges().size(), 0);
-  for (int n = 0; n < static_cast<int>(association.entity.size()); ++n) {
+  for (const RowId n : association.entity.ids()) {
     if (association.dimension[n] == CadDimension::Face)
       faces[association.face(n)].rows.push_back(n);
     if (association.dimension[n] == CadDimension::Edge) ++nodes_on_edge[association.edge(n)];
   }
-  for (int f = 0; f < static_cast<int>(association.facet_face.size()); ++f)
+  for (const FacetId f : association.facet_face.ids())
     if (association.facet_face[f] >= 0) faces[association.facet_face[f]].facets.push_back(f);
   for (const FaceId f : faces.ids()) {
     FaceNodes& nodes = faces[f];

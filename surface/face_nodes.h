@@ -14,14 +14,14 @@ namespace cadmorph {
 /// A face's part of the surface mesh, by rows of that, and the domain that carries it.
 struct FaceNodes {
   FaceId face;
-  std::vector<int> rows;  ///< nodes on the face alone, ascending
-  std::vector<int> facets;
-  std::vector<int> around;      ///< the other nodes of the facets, ascending
+  std::vector<RowId> rows;  ///< nodes on the face alone, ascending
+  std::vector<FacetId> facets;
+  std::vector<RowId> around;    ///< the other nodes of the facets, ascending
   Parameters uv;                ///< of the nodes
   Points points;                ///< S(uv)
   std::vector<Index> straight;  ///< of the rows (by number): amid straight edges of a plane face
 
-  std::vector<int> joints;  ///< nodes within the face that move with something else
+  std::vector<RowId> joints;  ///< nodes within the face that move with something else
   Parameters joint_uv;
   Index placed_joints = 0;  ///< the first of them, which corners and curves place; then crossings
 

@@ -31,23 +31,23 @@ constexpr double kSettled = 1e-3;
 constexpr double kMostWork = 1e8;
 
 // Corner triangles round a ring of rows; one for a triangle.
-void add_corners(const std::vector<int>& ring, std::vector<std::array<int, 3>>& triangles) {
+void add_corners(const std::vector<RowId>& ring, std::vector<std::array<RowId, 3>>& triangles) {
   const std::size_t n = ring.size();
   for (std::size_t i = 0; i < (n == 3 ? 1 : n); ++i)
     triangles.push_back({ring[i], ring[(i + 1) % n], ring[(i + n - 1) % n]});
 }
 
 // Triangles whose areas have the sign of the facet's everywhere when none is folded.
-std::vector<std::array<int, 3>> triangles_of(const SurfaceMesh& surface,
-                                             const std::vector<int>& facets) {
-  std::vector<std::array<int, 3>> triangles;
-  for (const int f : facets) {
-    const std::vector<int>& rows = surface.facets[f];
+std::vector<std::array<RowId, 3>> triangles_of(const SurfaceMesh& surface,
+                                               const std::vector<FacetId>& facets) {
+  std::vector<std::array<RowId, 3>> triangles;
+  for (const FacetId f : facets) {
+    const std::vector<RowId>& rows = surface.facets[f];
     const auto corners = std::size_t(surface.corners[f]);
     add_corners({rows.begin(), rows.begin() + std::ptrdiff_t(corners)}, triangles);
     if (rows.size() < 2 * corners) continue;
-    const std::vector<int> middles(rows.begin() + std::ptrdiff_t(corners),
-                                   rows.begin() + std::ptrdiff_t(2 * corners));
+    const std::vector<RowId> middles(rows.begin() + std::ptrdiff_t(corners),
+                                     rows.begin() + std::ptrdiff_t(2 * corners));
     for (std::size_t i = 0; i < corners; ++i)
       triangles.push_back({rows[i], middles[i], middles[(i + corners - 1) % corners]});
     add_corners(middles, triangles);
@@ -59,8 +59,8 @@ std::vector<std::array<int, 3>> triangles_of(const SurfaceMesh& surface,
 class FaceDistortion : public HessianGuess {
  public:
   // Of `rows`, those at the positions `free` move.
-  FaceDistortion(const SurfaceMesh& surface, const std::vector<int>& facets,
-                 const std::vector<int>& rows, const std::vector<Index>& free,
+  FaceDistortion(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                 const std::vector<RowId>& rows, const std::vector<Index>& free,
                  const FaceSide& mapped)
       : surface_(surface), rows_(rows), mapped_(mapped) {
     for (const Index i : free)
@@ -85,9 +85,9 @@ class FaceDistortion : public HessianGuess {
   Parameters parameters(const VectorXd& x, const std::vector<Index>& free) {
     Parameters result = mapped_.uv;
     for (const Index i : free) {
-      const int row = rows_[i];
+      const RowId row = rows_[i];
       const auto& around = surface_.between[row];
-      const auto count = std::ranges::count_if(around, [](int end) { return end >= 0; });
+      const auto count = std::ranges::count_if(around, [](RowId end) { return end >= 0; });
       if (count <= 2)
         result.row(i) = at(x, node_of(row)).transpose();
       else
@@ -190,14 +190,14 @@ class FaceDistortion : public HessianGuess {
     return (place(x, node.a) + place(x, node.b)) / 2;
   }
 
-  Node add_place(int row, const Vector2d& uv) {
+  Node add_place(RowId row, const Vector2d& uv) {
     const Index i = std::ssize(places_);
     places_.push_back(uv);
     return nodes_[row] = {i, i};
   }
 
   // A node that is new stays where it is.
-  Node node_of(int row) {
+  Node node_of(RowId row) {
     if (const auto found = nodes_.find(row); found != nodes_.end()) return found->second;
     if (const auto own = std::ranges::lower_bound(rows_, row); own != rows_.end() && *own == row)
       return add_place(row, mapped_.uv.row(own - rows_.begin()).transpose());
@@ -207,7 +207,7 @@ class FaceDistortion : public HessianGuess {
   }
 
   // Returns its area in the parameters' sense.
-  double add_triangle(const std::array<int, 3>& rows) {
+  double add_triangle(const std::array<RowId, 3>& rows) {
     const Vector3d a = surface_.points.row(rows[1]) - surface_.points.row(rows[0]);
     const Vector3d b = surface_.points.row(rows[2]) - surface_.points.row(rows[0]);
     const double length = a.norm(), height = a.cross(b).norm() / length;
@@ -238,9 +238,9 @@ class FaceDistortion : public HessianGuess {
   }
 
   const SurfaceMesh& surface_;
-  const std::vector<int>& rows_;  ///< of the nodes within the face
+  const std::vector<RowId>& rows_;  ///< of the nodes within the face
   const FaceSide& mapped_;
-  std::map<int, Node> nodes_;     ///< of rows
+  std::map<RowId, Node> nodes_;
   std::vector<Vector2d> places_;  ///< parameters where they start
   Index free_ = 0;                ///< the first of them, which move
   std::vector<Triangle> triangles_;
@@ -251,16 +251,16 @@ class FaceDistortion : public HessianGuess {
 // The nodes within some rings of facets round the folded ones, as positions among `rows`, and all
 // facets that they are on.
 struct Rings {
-  Rings(const SurfaceMesh& surface, const std::vector<int>& all, const std::vector<int>& rows,
-        const std::vector<Index>& folded, int count) {
-    std::vector<char> is_near(std::size_t(surface.points.rows()), 0);
-    const auto take = [&](Index facet) {
-      for (const int row : surface.facets[facet]) is_near[row] = 1;
+  Rings(const SurfaceMesh& surface, const std::vector<FacetId>& all, const std::vector<RowId>& rows,
+        const std::vector<FacetId>& folded, int count) {
+    IdVector<RowId, char> is_near(std::size_t(surface.points.rows()), 0);
+    const auto take = [&](FacetId facet) {
+      for (const RowId row : surface.facets[facet]) is_near[row] = 1;
     };
     const auto find_touched = [&] {
       facets.clear();
-      std::ranges::copy_if(all, std::back_inserter(facets), [&](int facet) {
-        return std::ranges::any_of(surface.facets[facet], [&](int row) { return is_near[row]; });
+      std::ranges::copy_if(all, std::back_inserter(facets), [&](FacetId facet) {
+        return std::ranges::any_of(surface.facets[facet], [&](RowId row) { return is_near[row]; });
       });
     };
     std::ranges::for_each(folded, take);
@@ -273,12 +273,12 @@ struct Rings {
       if (is_near[rows[i]]) nodes.push_back(Index(i));
   }
 
-  std::vector<int> facets;
+  std::vector<FacetId> facets;
   std::vector<Index> nodes;
 };
 
-Parameters unfold(const SurfaceMesh& surface, const std::vector<int>& facets,
-                  const std::vector<int>& rows, const std::vector<Index>& free,
+Parameters unfold(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                  const std::vector<RowId>& rows, const std::vector<Index>& free,
                   const FaceSide& mapped) {
   FaceDistortion distortion(surface, facets, rows, free, mapped);
   VectorXd x = distortion.start(), gradient;
@@ -305,15 +305,15 @@ Parameters unfold(const SurfaceMesh& surface, const std::vector<int>& facets,
 
 }  // namespace
 
-Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
-                       const std::vector<int>& rows, const FaceSide& mapped,
-                       const std::vector<Index>& folded, int rings) {
+Parameters unfold_face(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                       const std::vector<RowId>& rows, const FaceSide& mapped,
+                       const std::vector<FacetId>& folded, int rings) {
   const Rings around(surface, facets, rows, folded, rings);
   return unfold(surface, around.facets, rows, around.nodes, mapped);
 }
 
-Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
-                       const std::vector<int>& rows, const FaceSide& mapped) {
+Parameters unfold_face(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                       const std::vector<RowId>& rows, const FaceSide& mapped) {
   std::vector<Index> all(rows.size());
   std::iota(all.begin(), all.end(), 0);
   return unfold(surface, facets, rows, all, mapped);

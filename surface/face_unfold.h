@@ -10,12 +10,12 @@ namespace cadmorph {
 /// (core/foldover.h); all others stay at `mapped.points`. Returns the parameters of `rows`, from
 /// `mapped.uv` on. Facets are taken as flat, in the metric where they start. For faces without seam
 /// or pole among these nodes; O(facets in the rings) a step.
-Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
-                       const std::vector<int>& rows, const FaceSide& mapped,
-                       const std::vector<Index>& folded, int rings);
+Parameters unfold_face(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                       const std::vector<RowId>& rows, const FaceSide& mapped,
+                       const std::vector<FacetId>& folded, int rings);
 
 /// The same with all nodes.
-Parameters unfold_face(const SurfaceMesh& surface, const std::vector<int>& facets,
-                       const std::vector<int>& rows, const FaceSide& mapped);
+Parameters unfold_face(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                       const std::vector<RowId>& rows, const FaceSide& mapped);
 
 }  // namespace cadmorph

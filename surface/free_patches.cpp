@@ -36,38 +36,41 @@ constexpr double kLeastCovered = 0.25;
 constexpr double kOffCad = 0.5, kSamplesApart = 1.5;
 constexpr Index kSamples = 100'000, kCoverSamples = 10'000;
 
-bool is_unmatched_node(const Association& association, int n) {
+bool is_unmatched_node(const Association& association, RowId n) {
   return association.dimension[n] == CadDimension::None && !association.is_amid[n];
 }
 
 // Whether something else than its patch moves it.
-bool is_given(const Association& association, const PatchMarks& marks, int n) {
+bool is_given(const Association& association, const PatchMarks& marks, RowId n) {
   return association.dimension[n] != CadDimension::None ||
          (!marks.is_moved.empty() && marks.is_moved[n]);
 }
 
-std::vector<char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
-                                   const Association& association, const PatchMarks& marks = {}) {
-  std::vector<char> is_unmatched(surface.facets.size(), 0);
-  const std::vector<char> is_crack = find_cracks(surface, boundary, association);
-  for (std::size_t f = 0; f < surface.facets.size(); ++f)
+IdVector<FacetId, char> unmatched_facets(const SurfaceMesh& surface, const Boundary& boundary,
+                                         const Association& association,
+                                         const PatchMarks& marks = {}) {
+  IdVector<FacetId, char> is_unmatched(surface.facets.size(), 0);
+  const IdVector<FacetId, char> is_crack = find_cracks(surface, boundary, association);
+  for (const FacetId f : surface.facets.ids())
     is_unmatched[f] =
         (boundary.neighbour[f] < 0 || (!marks.is_inner.empty() && marks.is_inner[f])) &&
-        !is_crack[f] && std::any_of(surface.facets[f].begin(), surface.facets[f].end(), [&](int n) {
-          return is_unmatched_node(association, n);
-        });
+        !is_crack[f] &&
+        std::any_of(surface.facets[f].begin(), surface.facets[f].end(),
+                    [&](RowId n) { return is_unmatched_node(association, n); });
   return is_unmatched;
 }
 
 // The first of the nodes at each place, of those that are asked about.
-std::vector<int> first_at_place(const SurfaceMesh& surface, const std::vector<int>& nodes) {
-  std::vector<int> order = nodes, first(static_cast<std::size_t>(surface.points.rows()));
-  std::iota(first.begin(), first.end(), 0);
-  const auto place = [&](int n) {
-    return std::array{surface.points(n, 0), surface.points(n, 1), surface.points(n, 2)};
+IdVector<RowId, RowId> first_at_place(const SurfaceMesh& surface, const std::vector<RowId>& nodes) {
+  std::vector<RowId> order = nodes;
+  IdVector<RowId, RowId> first(static_cast<std::size_t>(surface.points.rows()));
+  std::iota(first.begin(), first.end(), RowId(0));
+  const auto place = [&](RowId n) {
+    const Vector3d x = surface.points.row(n);
+    return std::array{x[0], x[1], x[2]};
   };
   std::ranges::sort(
-      order, [&](int a, int b) { return place(a) != place(b) ? place(a) < place(b) : a < b; });
+      order, [&](RowId a, RowId b) { return place(a) != place(b) ? place(a) < place(b) : a < b; });
   for (std::size_t i = 1; i < order.size(); ++i)
     if (place(order[i]) == place(order[i - 1])) first[order[i]] = first[order[i - 1]];
   return first;
@@ -77,7 +80,7 @@ double size_of(const SurfaceMesh& surface) {
   return (surface.points.colwise().maxCoeff() - surface.points.colwise().minCoeff()).norm();
 }
 
-double off_plane(const SurfaceMesh& surface, int facet, const FreePatch& patch) {
+double off_plane(const SurfaceMesh& surface, FacetId facet, const FreePatch& patch) {
   double worst = 0;
   for (int i = 0; i < surface.corners[facet]; ++i) {
     const Vector3d x = surface.points.row(surface.facets[facet][i]);
@@ -87,15 +90,15 @@ double off_plane(const SurfaceMesh& surface, int facet, const FreePatch& patch) 
 }
 
 // Open facets, the largest first: their planes are the surest.
-std::vector<int> seeds(const SurfaceMesh& surface, const std::vector<char>& is_open) {
-  std::vector<int> result;
-  std::vector<double> area(surface.facets.size(), 0);
-  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) {
+std::vector<FacetId> seeds(const SurfaceMesh& surface, const IdVector<FacetId, char>& is_open) {
+  std::vector<FacetId> result;
+  IdVector<FacetId, double> area(surface.facets.size(), 0);
+  for (const FacetId f : is_open.ids()) {
     if (!is_open[f]) continue;
     area[f] = area_vector(surface, surface.points, f).norm();
     result.push_back(f);
   }
-  std::ranges::stable_sort(result, std::greater<>(), [&](int f) { return area[f]; });
+  std::ranges::stable_sort(result, std::greater<>(), [&](FacetId f) { return area[f]; });
   return result;
 }
 
@@ -104,7 +107,7 @@ struct MeanPlane {
   Vector3d area = Vector3d::Zero(), moment = Vector3d::Zero();
   double weight = 0;
 
-  void add(const SurfaceMesh& surface, int facet) {
+  void add(const SurfaceMesh& surface, FacetId facet) {
     const Vector3d own = area_vector(surface, surface.points, facet);
     area += own.dot(area) < 0 ? Vector3d(-own) : own;
     moment += own.norm() * centroid(surface, surface.points, facet);
@@ -116,34 +119,34 @@ struct MeanPlane {
 struct PatchGrowth {
   // Grows a patch from `seed`, over facets of its plane if is_planar, else smoothly over what is
   // left.
-  FreePatch grow(int seed, bool is_planar, int id);
+  FreePatch grow(FacetId seed, bool is_planar, int id);
   // A part of a curved boundary: facets beside it go on smoothly, but leave its plane.
   bool is_bent(const FreePatch& patch, int id) const;
 
   const SurfaceMesh& surface;
   const PatchMarks& marks;
-  std::vector<char> is_open;
+  IdVector<FacetId, char> is_open;
   double tolerance;
-  std::vector<int> patch_of;  ///< each facet's
+  IdVector<FacetId, int> patch_of;
 };
 
-FreePatch PatchGrowth::grow(int seed, bool is_planar, int id) {
+FreePatch PatchGrowth::grow(FacetId seed, bool is_planar, int id) {
   FreePatch patch;
   patch.is_planar = is_planar;
   patch.origin = centroid(surface, surface.points, seed);
   patch.normal = area_vector(surface, surface.points, seed).normalized();
   MeanPlane plane;
   const int waiting = patch_of[seed];
-  const auto normal_of = [&](int g) -> Vector3d {
+  const auto normal_of = [&](FacetId g) -> Vector3d {
     return area_vector(surface, surface.points, g).normalized();
   };
-  const auto belongs = [&](int from, int g) {
+  const auto belongs = [&](FacetId from, FacetId g) {
     if (!is_open[g] || patch_of[g] != waiting || !marks.is_one_group(seed, g)) return false;
     if (!is_planar) return normal_of(g).dot(normal_of(from)) > kSmoothJoint;
     return std::abs(normal_of(g).dot(patch.normal)) > kSmoothJoint &&
            off_plane(surface, g, patch) <= tolerance;
   };
-  const auto add = [&](int g) {
+  const auto add = [&](FacetId g) {
     patch_of[g] = id;
     patch.facets.push_back(g);
     plane.add(surface, g);
@@ -155,18 +158,17 @@ FreePatch PatchGrowth::grow(int seed, bool is_planar, int id) {
   for (std::size_t before = 0; before < patch.facets.size();) {  // the plane became surer
     before = patch.facets.size();
     for (std::size_t k = 0; k < patch.facets.size(); ++k)
-      for (const int n : surface.facets[patch.facets[k]])
-        for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
-          if (belongs(patch.facets[k], surface.incident_facets[i])) add(surface.incident_facets[i]);
+      for (const RowId n : surface.facets[patch.facets[k]])
+        for (const FacetId g : surface.facets_at(n))
+          if (belongs(patch.facets[k], g)) add(g);
   }
   return patch;
 }
 
 bool PatchGrowth::is_bent(const FreePatch& patch, int id) const {
-  for (const int f : patch.facets)
-    for (const int n : surface.facets[f])
-      for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
-        const int g = surface.incident_facets[i];
+  for (const FacetId f : patch.facets)
+    for (const RowId n : surface.facets[f])
+      for (const FacetId g : surface.facets_at(n)) {
         if (!is_open[g] || patch_of[g] == id || !marks.is_one_group(f, g)) continue;
         const Vector3d normal = area_vector(surface, surface.points, g).normalized();
         if (normal.dot(patch.normal) > kSmoothJoint && off_plane(surface, g, patch) > tolerance)
@@ -176,31 +178,29 @@ bool PatchGrowth::is_bent(const FreePatch& patch, int id) const {
 }
 
 void sort_nodes(const SurfaceMesh& surface, const Association& association, const PatchMarks& marks,
-                const std::vector<int>& patch_of, int id, FreePatch& patch) {
-  std::vector<int> nodes;
-  for (const int f : patch.facets)
+                const IdVector<FacetId, int>& patch_of, int id, FreePatch& patch) {
+  std::vector<RowId> nodes;
+  for (const FacetId f : patch.facets)
     nodes.insert(nodes.end(), surface.facets[f].begin(), surface.facets[f].end());
   std::sort(nodes.begin(), nodes.end());
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
-  for (const int n : nodes) {
+  for (const RowId n : nodes) {
     if (association.is_amid[n]) continue;
     if (is_given(association, marks, n)) {
       patch.touched.push_back(n);
       continue;
     }
     bool is_shared = false;
-    for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
-      const int other = patch_of[surface.incident_facets[i]];
-      is_shared |= other >= 0 && other != id;
-    }
+    for (const FacetId f : surface.facets_at(n)) is_shared |= patch_of[f] >= 0 && patch_of[f] != id;
     (is_shared ? patch.border : patch.inner).push_back(n);
   }
 }
 
-std::vector<int> patches_at(const SurfaceMesh& surface, const std::vector<int>& patch_of, int n) {
+std::vector<int> patches_at(const SurfaceMesh& surface, const IdVector<FacetId, int>& patch_of,
+                            RowId n) {
   std::vector<int> ids;
-  for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
-    if (const int id = patch_of[surface.incident_facets[i]]; id >= 0) ids.push_back(id);
+  for (const FacetId f : surface.facets_at(n))
+    if (patch_of[f] >= 0) ids.push_back(patch_of[f]);
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
   return ids;
@@ -209,7 +209,7 @@ std::vector<int> patches_at(const SurfaceMesh& surface, const std::vector<int>& 
 void sort_along(const SurfaceMesh& surface, FreeLine& line) {
   const auto sort = [&] {
     std::ranges::stable_sort(line.nodes, std::less<>(),
-                             [&](int n) { return surface.points.row(n).dot(line.direction); });
+                             [&](RowId n) { return surface.points.row(n).dot(line.direction); });
   };
   sort();
   // Its own nodes tell the direction better than planes that meet at a small angle.
@@ -222,12 +222,12 @@ void sort_along(const SurfaceMesh& surface, FreeLine& line) {
 
 // Finds the lines between two planar patches and gives both patches a copy.
 void add_lines(const SurfaceMesh& surface, const Association& association, const PatchMarks& marks,
-               const std::vector<int>& patch_of, std::vector<FreePatch>& patches) {
+               const IdVector<FacetId, int>& patch_of, std::vector<FreePatch>& patches) {
   std::map<std::pair<int, int>, FreeLine> lines;
-  std::vector<char> is_free(association.dimension.size(), 0), is_seen(is_free);
+  IdVector<RowId, char> is_free(association.dimension.size(), 0), is_seen(is_free);
   for (const FreePatch& patch : patches)
     for (const auto* nodes : {&patch.border, &patch.touched})
-      for (const int n : *nodes) {
+      for (const RowId n : *nodes) {
         if (std::exchange(is_seen[n], 1)) continue;
         const std::vector<int> ids = patches_at(surface, patch_of, n);
         is_free[n] = ids.size() == 2 && is_unmatched_node(association, n) &&
@@ -238,14 +238,14 @@ void add_lines(const SurfaceMesh& surface, const Association& association, const
               lines[{ids[i], ids[j]}].nodes.push_back(n);
       }
   for (auto& [pair, line] : lines) {
-    const auto is_touched = [&](int n) {
+    const auto is_touched = [&](RowId n) {
       return !is_unmatched_node(association, n) || is_given(association, marks, n);
     };
     const Vector3d along = patches[pair.first].normal.cross(patches[pair.second].normal);
     if (along.norm() < kLeastAngle || std::ranges::none_of(line.nodes, is_touched)) continue;
     line.direction = along.normalized();
     sort_along(surface, line);
-    for (const int n : line.nodes) line.is_free.push_back(is_free[n]);
+    for (const RowId n : line.nodes) line.is_free.push_back(is_free[n]);
     line.is_free.front() = line.is_free.back() = 0;
     patches[pair.first].lines.push_back(line);
     patches[pair.second].lines.push_back(line);
@@ -258,10 +258,9 @@ void add_lines(const SurfaceMesh& surface, const Association& association, const
 double covered_faces(const CadModel& base, const SurfaceMesh& surface,
                      const Association& association) {
   std::vector<double> area(base.faces().size(), 0);
-  for (std::size_t f = 0; f < association.facet_face.size(); ++f)
+  for (const FacetId f : association.facet_face.ids())
     if (association.facet_face[f] >= 0)
-      area[association.facet_face[f]] +=
-          area_vector(surface, surface.points, static_cast<Index>(f)).norm();
+      area[association.facet_face[f]] += area_vector(surface, surface.points, f).norm();
   const double margin = plane_tolerance(surface);
   const Eigen::AlignedBox3d box(Vector3d(surface.points.colwise().minCoeff().array() - margin),
                                 Vector3d(surface.points.colwise().maxCoeff().array() + margin));
@@ -283,13 +282,13 @@ double covered_faces(const CadModel& base, const SurfaceMesh& surface,
 
 // Surface nodes on no face.
 struct NodesOff {
-  int row;               ///< of one of them
+  RowId row;             ///< of one of them
   Index count, outside;  ///< so many of those on the outside
 };
 
 // Of a node that is off the CAD: how far, and the part of the mesh that names it.
 std::string describe_off(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
-                         const SurfaceMesh& surface, int row) {
+                         const SurfaceMesh& surface, RowId row) {
   const FaceSamples samples = sample_faces(base, kSamples);
   const Vector3d x = surface.points.row(row);
   const Index near = KdTree(samples.points).nearest(x.data(), 1)[0].index;
@@ -360,15 +359,15 @@ void refuse_left_behind(const CadModel& base, const Mesh& mesh, const Boundary& 
   const FaceSamples samples = sample_faces(base, kSamples);
   const KdTree tree(samples.points);
   const auto is_open = unmatched_facets(surface, boundary, association);
-  std::vector<char> is_seen(association.dimension.size(), 0);
-  const auto is_near = [&](int n) {
+  IdVector<RowId, char> is_seen(association.dimension.size(), 0);
+  const auto is_near = [&](RowId n) {
     const double reach = kOffCad * surface.local_length[n] + kSamplesApart * samples.spacing;
     const Vector3d x = surface.points.row(n);
     return tree.nearest(x.data(), 1)[0].squared_distance <= reach * reach;
   };
-  for (std::size_t f = 0; f < is_open.size(); ++f) {
+  for (const FacetId f : is_open.ids()) {
     if (!is_open[f]) continue;
-    for (const int n : surface.facets[f]) {
+    for (const RowId n : surface.facets[f]) {
       if (!is_unmatched_node(association, n) || is_seen[n]) continue;
       const auto nodes = unmatched_around(surface, association, is_open, n, is_seen);
       if (std::all_of(nodes.begin(), nodes.end(), is_near))
@@ -380,9 +379,9 @@ void refuse_left_behind(const CadModel& base, const Mesh& mesh, const Boundary& 
 
 // Whether unmatched nodes bound a space of their own: the facets at them use no other nodes.
 bool is_hole(const SurfaceMesh& surface, const Association& association,
-             const std::vector<char>& is_open) {
-  for (std::size_t f = 0; f < is_open.size(); ++f)
-    if (is_open[f] && !std::ranges::all_of(surface.facets[f], [&](int n) {
+             const IdVector<FacetId, char>& is_open) {
+  for (const FacetId f : is_open.ids())
+    if (is_open[f] && !std::ranges::all_of(surface.facets[f], [&](RowId n) {
           return is_unmatched_node(association, n);
         }))
       return false;
@@ -391,25 +390,26 @@ bool is_hole(const SurfaceMesh& surface, const Association& association,
 
 }  // namespace
 
-std::vector<char> find_cracks(const SurfaceMesh& surface, const Boundary& boundary,
-                              const Association& association) {
-  std::vector<char> is_crack(surface.facets.size(), 0);
-  std::vector<int> open, nodes;
-  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) {
-    const std::vector<int>& facet = surface.facets[f];
+IdVector<FacetId, char> find_cracks(const SurfaceMesh& surface, const Boundary& boundary,
+                                    const Association& association) {
+  IdVector<FacetId, char> is_crack(surface.facets.size(), 0);
+  std::vector<FacetId> open;
+  std::vector<RowId> nodes;
+  for (const FacetId f : surface.facets.ids()) {
+    const std::vector<RowId>& facet = surface.facets[f];
     if (boundary.neighbour[f] >= 0 ||
-        std::ranges::none_of(facet, [&](int n) { return is_unmatched_node(association, n); }))
+        std::ranges::none_of(facet, [&](RowId n) { return is_unmatched_node(association, n); }))
       continue;
     open.push_back(f);
     nodes.insert(nodes.end(), facet.begin(), facet.end());
   }
   std::ranges::sort(nodes);
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
-  const std::vector<int> first = first_at_place(surface, nodes);
-  std::map<std::vector<int>, std::vector<int>> by_place;
-  for (const int f : open) {
-    std::vector<int> key;
-    for (const int n : surface.facets[f]) key.push_back(first[n]);
+  const IdVector<RowId, RowId> first = first_at_place(surface, nodes);
+  std::map<std::vector<RowId>, std::vector<FacetId>> by_place;
+  for (const FacetId f : open) {
+    std::vector<RowId> key;
+    for (const RowId n : surface.facets[f]) key.push_back(first[n]);
     std::ranges::sort(key);
     by_place[key].push_back(f);
   }
@@ -422,9 +422,9 @@ std::vector<char> find_cracks(const SurfaceMesh& surface, const Boundary& bounda
 
 std::string describe_cracks(const Mesh& mesh, const SurfaceMesh& surface, const Boundary& boundary,
                             const Association& association) {
-  const std::vector<char> is_crack = find_cracks(surface, boundary, association);
-  std::vector<int> nodes;
-  for (std::size_t f = 0; f < is_crack.size(); ++f)
+  const IdVector<FacetId, char> is_crack = find_cracks(surface, boundary, association);
+  std::vector<RowId> nodes;
+  for (const FacetId f : is_crack.ids())
     if (is_crack[f]) nodes.insert(nodes.end(), surface.facets[f].begin(), surface.facets[f].end());
   if (nodes.empty()) return {};
   std::ranges::sort(nodes);
@@ -444,16 +444,15 @@ double plane_tolerance(const SurfaceMesh& surface) {
   return kSamePlane * std::max(size_of(surface), surface.points.cwiseAbs().maxCoeff());
 }
 
-std::vector<int> unmatched_around(const SurfaceMesh& surface, const Association& association,
-                                  const std::vector<char>& is_open, int seed,
-                                  std::vector<char>& is_seen) {
-  std::vector<int> nodes{seed};
+std::vector<RowId> unmatched_around(const SurfaceMesh& surface, const Association& association,
+                                    const IdVector<FacetId, char>& is_open, RowId seed,
+                                    IdVector<RowId, char>& is_seen) {
+  std::vector<RowId> nodes{seed};
   is_seen[seed] = 1;
   for (std::size_t k = 0; k < nodes.size(); ++k)
-    for (int i = surface.incident_offsets[nodes[k]]; i < surface.incident_offsets[nodes[k] + 1];
-         ++i) {
-      if (!is_open[surface.incident_facets[i]]) continue;
-      for (const int n : surface.facets[surface.incident_facets[i]])
+    for (const FacetId f : surface.facets_at(nodes[k])) {
+      if (!is_open[f]) continue;
+      for (const RowId n : surface.facets[f])
         if (is_unmatched_node(association, n) && !std::exchange(is_seen[n], 1)) nodes.push_back(n);
     }
   return nodes;
@@ -465,17 +464,17 @@ std::vector<FreePatch> find_free_patches(const SurfaceMesh& surface, const Bound
                      .marks = marks,
                      .is_open = unmatched_facets(surface, boundary, association, marks),
                      .tolerance = plane_tolerance(surface),
-                     .patch_of = std::vector<int>(surface.facets.size(), kNoPatch)};
-  std::vector<int>& patch_of = growth.patch_of;
+                     .patch_of = IdVector<FacetId, int>(surface.facets.size(), kNoPatch)};
+  IdVector<FacetId, int>& patch_of = growth.patch_of;
   std::vector<FreePatch> patches;
-  const std::vector<int> order = seeds(surface, growth.is_open);
+  const std::vector<FacetId> order = seeds(surface, growth.is_open);
   for (const bool is_planar : {true, false})
-    for (const int f : order) {
+    for (const FacetId f : order) {
       if (patch_of[f] != (is_planar ? kNoPatch : kPartOfCurved)) continue;
       const int id = static_cast<int>(patches.size());
       FreePatch patch = growth.grow(f, is_planar, id);
       if (is_planar && growth.is_bent(patch, id)) {
-        for (const int g : patch.facets) patch_of[g] = kPartOfCurved;
+        for (const FacetId g : patch.facets) patch_of[g] = kPartOfCurved;
         continue;
       }
       patches.push_back(std::move(patch));
@@ -491,14 +490,12 @@ void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& bou
                      const SurfaceMesh& surface, const AssociationOptions& options,
                      Association& association) {
   Index outside = 0, unmatched = 0, unexpected = 0;
-  int example = -1;
-  const std::vector<char> is_crack = find_cracks(surface, boundary, association);
-  for (int n = 0; n < static_cast<int>(surface.points.rows()); ++n) {
+  RowId example;
+  const IdVector<FacetId, char> is_crack = find_cracks(surface, boundary, association);
+  for (const RowId n : association.dimension.ids()) {
     bool is_outside = false;
-    for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i) {
-      const int f = surface.incident_facets[i];
+    for (const FacetId f : surface.facets_at(n))
       is_outside |= boundary.neighbour[f] < 0 && !is_crack[f];
-    }
     outside += is_outside;
     if (!is_unmatched_node(association, n)) continue;
     association.is_free[n] = !is_outside;

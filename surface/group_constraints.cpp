@@ -58,28 +58,23 @@ void refuse_doubles(const GroupConstraints& constraints) {
     throw InvalidInputError("the group '" + *twice + "' of the mesh is to do two things at once");
 }
 
-int row_of(const Boundary& boundary, Index node) {
-  return static_cast<int>(std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin());
-}
-
 // Nodes of the facets on the CAD, by pieces that hang together.
-std::vector<std::vector<int>> parts_on_cad(const SurfaceMesh& surface,
-                                           const Association& association) {
-  std::vector<std::vector<int>> parts;
-  std::vector<char> is_seen(surface.facets.size(), 0);
-  for (int seed = 0; seed < static_cast<int>(surface.facets.size()); ++seed) {
-    std::vector<int> facets;
-    const auto take = [&](int f) {
+std::vector<std::vector<RowId>> parts_on_cad(const SurfaceMesh& surface,
+                                             const Association& association) {
+  std::vector<std::vector<RowId>> parts;
+  IdVector<FacetId, char> is_seen(surface.facets.size(), 0);
+  for (const FacetId seed : surface.facets.ids()) {
+    std::vector<FacetId> facets;
+    const auto take = [&](FacetId f) {
       if (association.facet_face[f] >= 0 && !std::exchange(is_seen[f], 1)) facets.push_back(f);
     };
     take(seed);
     if (facets.empty()) continue;
-    std::vector<int> nodes;
+    std::vector<RowId> nodes;
     for (std::size_t k = 0; k < facets.size(); ++k)
-      for (const int n : surface.facets[facets[k]]) {
+      for (const RowId n : surface.facets[facets[k]]) {
         nodes.push_back(n);
-        for (int i = surface.incident_offsets[n]; i < surface.incident_offsets[n + 1]; ++i)
-          take(surface.incident_facets[i]);
+        std::ranges::for_each(surface.facets_at(n), take);
       }
     std::ranges::sort(nodes);
     nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
@@ -115,7 +110,7 @@ Index& count_of(CadDimension dimension, Association& association) {
   return association.unmatched_nodes;
 }
 
-void take_from_cad(std::size_t row, Association& association) {
+void take_from_cad(RowId row, Association& association) {
   if (association.is_free[row]) {
     association.is_free[row] = 0;
   } else if (association.is_amid[row]) {
@@ -127,7 +122,7 @@ void take_from_cad(std::size_t row, Association& association) {
   ++association.unmatched_nodes;
   association.dimension[row] = CadDimension::None;
   association.entity[row] = -1;
-  association.distance[static_cast<Index>(row)] = 0;
+  association.distance[row] = 0;
 }
 
 std::string describe(const RigidGroup& group, const Isometry& motion, const SurfaceMesh& surface,
@@ -141,7 +136,7 @@ std::string describe(const RigidGroup& group, const Isometry& motion, const Surf
        << Eigen::AngleAxisd(motion.linear).angle() * 180 / std::numbers::pi
        << " degrees, its centre shifted by " << (motion(centre) - centre).norm() << " mm";
   double most = 0;
-  for (const int n : group.part)
+  for (const RowId n : group.part)
     most = std::max(most,
                     (moved.row(n).transpose() - motion(surface.points.row(n).transpose())).norm());
   text << "; the part itself leaves that motion by up to " << most << " mm";
@@ -154,8 +149,8 @@ bool is_taken_from_cad(GroupConstraint constraint) {
   return constraint == GroupConstraint::Hold || constraint == GroupConstraint::Rigid;
 }
 
-std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
-                                              const GroupConstraints& constraints) {
+IdVector<RowId, GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
+                                                  const GroupConstraints& constraints) {
   std::vector<GroupConstraint> of_node(static_cast<std::size_t>(mesh.node_count()),
                                        GroupConstraint::None);
   refuse_doubles(constraints);
@@ -164,7 +159,7 @@ std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& 
   mark(mesh, constraints.sliding, GroupConstraint::Slide, of_node);
   mark(mesh, constraints.rigid, GroupConstraint::Rigid, of_node);
   mark(mesh, constraints.held, GroupConstraint::Hold, of_node);
-  std::vector<GroupConstraint> result;
+  IdVector<RowId, GroupConstraint> result;
   for (const Index node : boundary.nodes) result.push_back(of_node[static_cast<std::size_t>(node)]);
   return result;
 }
@@ -185,10 +180,10 @@ std::vector<Index> named_nodes(const Mesh& mesh, const GroupConstraints& constra
   return result;
 }
 
-std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary,
-                               const std::string& name) {
+std::vector<RowId> rows_of_group(const Mesh& mesh, const Boundary& boundary,
+                                 const std::string& name) {
   check_name(mesh, name);
-  std::vector<int> rows;
+  std::vector<RowId> rows;
   for (const Index node : nodes_of(mesh, name))
     if (std::ranges::binary_search(boundary.nodes, node)) rows.push_back(row_of(boundary, node));
   std::ranges::sort(rows);
@@ -196,9 +191,9 @@ std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary,
   return rows;
 }
 
-void apply_constraints(const std::vector<GroupConstraint>& constraints, const Boundary& boundary,
-                       Association& association) {
-  for (std::size_t row = 0; row < constraints.size(); ++row) {
+void apply_constraints(const IdVector<RowId, GroupConstraint>& constraints,
+                       const Boundary& boundary, Association& association) {
+  for (const RowId row : constraints.ids()) {
     const bool is_on_cad = association.dimension[row] != CadDimension::None;
     if (is_taken_from_cad(constraints[row])) take_from_cad(row, association);
     if (is_on_cad || association.is_amid[row]) continue;
@@ -210,7 +205,7 @@ void apply_constraints(const std::vector<GroupConstraint>& constraints, const Bo
       ++association.unmatched_nodes;
     }
   }
-  for (Index f = 0; f < boundary.facet_count(); ++f) {
+  for (const FacetId f : association.facet_face.ids()) {
     const auto is_taken = [&](Index node) {
       return is_taken_from_cad(constraints[row_of(boundary, node)]);
     };
@@ -249,15 +244,15 @@ BodiesInGroups find_bodies_in_rigid_groups(const Mesh& mesh, const Boundary& bou
                                            const Association& association) {
   BodiesInGroups result;
   if (names.empty()) return result;
-  const std::vector<std::vector<int>> parts = parts_on_cad(surface, association);
+  const std::vector<std::vector<RowId>> parts = parts_on_cad(surface, association);
   for (const std::string& name : names) {
-    const std::vector<int> rows = rows_of_group(mesh, boundary, name);
-    std::vector<int>& bodies = result[name];
-    for (const std::vector<int>& part : parts)
+    const std::vector<RowId> rows = rows_of_group(mesh, boundary, name);
+    std::vector<RowId>& bodies = result[name];
+    for (const std::vector<RowId>& part : parts)
       if (std::ranges::includes(rows, part)) bodies.insert(bodies.end(), part.begin(), part.end());
     std::ranges::sort(bodies);
     const auto on_cad = std::ranges::count_if(
-        rows, [&](int row) { return association.dimension[row] != CadDimension::None; });
+        rows, [&](RowId row) { return association.dimension[row] != CadDimension::None; });
     if (bodies.size() == rows.size() || (bodies.empty() && 2 * on_cad > std::ssize(rows)))
       throw InvalidInputError("the group '" + name +
                               "' lies on the CAD, which moves it: only what the CAD does not tell "
@@ -276,10 +271,10 @@ std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& 
   const auto describe = [&](const std::string& name, const char* what, const std::string& but) {
     lines.push_back("the group '" + name + "' is to " + what + ", but " + but);
   };
-  const auto is_all = [&](const std::vector<int>& rows, const auto& is) {
+  const auto is_all = [&](const std::vector<RowId>& rows, const auto& is) {
     return !rows.empty() && std::ranges::all_of(rows, is);
   };
-  const auto is_on_cad = [&](int row) {
+  const auto is_on_cad = [&](RowId row) {
     return association.dimension[row] != CadDimension::None || association.is_amid[row];
   };
   constexpr const char* kOnCad =
@@ -288,15 +283,15 @@ std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& 
     if (is_all(rows_of_group(mesh, boundary, name), is_on_cad))
       describe(name, "follow the volume", kOnCad);
   // Patches that slide are moved by what touches them.
-  std::vector<char> is_moved(association.dimension.size(), 0);
+  IdVector<RowId, char> is_moved(association.dimension.size(), 0);
   for (const FreePatch& patch : patches)  // what it shares with others tells nothing of it
     if (!patch.touched.empty())
-      for (const int n : patch.inner.empty() ? patch.border : patch.inner) is_moved[n] = 1;
+      for (const RowId n : patch.inner.empty() ? patch.border : patch.inner) is_moved[n] = 1;
   for (const std::string& name : constraints.sliding) {
-    const std::vector<int> rows = rows_of_group(mesh, boundary, name);
+    const std::vector<RowId> rows = rows_of_group(mesh, boundary, name);
     if (is_all(rows, is_on_cad))
       describe(name, "slide", kOnCad);
-    else if (is_all(rows, [&](int n) { return !is_moved[n]; }))
+    else if (is_all(rows, [&](RowId n) { return !is_moved[n]; }))
       describe(name, "slide", "nothing that lies on the CAD touches it: it stays as it is");
   }
   if (constraints.prescribed().empty()) return lines;
@@ -319,9 +314,9 @@ std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& 
 
 PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
                         const GroupConstraints& constraints,
-                        const std::vector<GroupConstraint>& of_node) {
+                        const IdVector<RowId, GroupConstraint>& of_row) {
   PatchMarks marks;
-  for (const GroupConstraint constraint : of_node)
+  for (const GroupConstraint constraint : of_row)
     marks.is_moved.push_back(constraint == GroupConstraint::Rigid);
   marks.is_inner.assign(static_cast<std::size_t>(boundary.facet_count()), 0);
   marks.group.assign(static_cast<std::size_t>(boundary.facet_count()), -1);
@@ -330,7 +325,7 @@ PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
     for (const std::string& name : *names) {
       std::vector<char> is_in(static_cast<std::size_t>(mesh.node_count()), 0);
       for (const Index node : nodes_of(mesh, name)) is_in[static_cast<std::size_t>(node)] = 1;
-      for (Index f = 0; f < boundary.facet_count(); ++f)
+      for (const FacetId f : marks.group.ids())
         if (std::ranges::all_of(boundary.facet(f), [&](Index node) { return is_in[node]; })) {
           marks.group[f] = id;
           marks.is_inner[f] |= names == &constraints.sliding && boundary.neighbour[f] >= 0;
@@ -346,13 +341,14 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
                                           const std::vector<std::string>& names,
                                           const BodiesInGroups& bodies) {
   if (names.empty()) return {};
-  const std::vector<std::vector<int>> parts = parts_on_cad(surface, association);
+  const std::vector<std::vector<RowId>> parts = parts_on_cad(surface, association);
   if (parts.empty())
     throw InvalidInputError(
         "group '" + names.front() +
         "' is to move with the nearest part, but no surface of the mesh lies on "
         "the CAD that is not held or rigid itself");
-  std::vector<int> nodes, part_of;
+  std::vector<RowId> nodes;
+  std::vector<int> part_of;
   for (std::size_t p = 0; p < parts.size(); ++p) {
     nodes.insert(nodes.end(), parts[p].begin(), parts[p].end());
     part_of.insert(part_of.end(), parts[p].size(), static_cast<int>(p));
@@ -360,16 +356,18 @@ std::vector<RigidGroup> find_rigid_groups(const Mesh& mesh, const Boundary& boun
   const KdTree tree(surface.points(nodes, Eigen::all));
   std::vector<RigidGroup> result;
   for (const std::string& name : names) {
-    RigidGroup group{.name = name, .nodes = rows_of_group(mesh, boundary, name), .part = {}};
-    if (const std::vector<int>& inside = bodies.at(name); !inside.empty()) {
-      std::erase_if(group.nodes, [&](int row) { return std::ranges::binary_search(inside, row); });
+    RigidGroup group{
+        .name = name, .nodes = rows_of_group(mesh, boundary, name), .part = {}, .nearest = {}};
+    if (const std::vector<RowId>& inside = bodies.at(name); !inside.empty()) {
+      std::erase_if(group.nodes,
+                    [&](RowId row) { return std::ranges::binary_search(inside, row); });
       group.part = inside;
       group.nearest = inside.front();
       result.push_back(std::move(group));
       continue;
     }
     Neighbour nearest{0, std::numeric_limits<double>::infinity()};
-    for (const int row : group.nodes) {
+    for (const RowId row : group.nodes) {
       const Vector3d x = surface.points.row(row);
       const Neighbour near = tree.nearest(x.data(), 1).front();
       if (near.squared_distance < nearest.squared_distance) nearest = near;
@@ -387,7 +385,7 @@ std::vector<std::string> move_rigid_groups(const SurfaceMesh& surface,
   for (const RigidGroup& group : groups) {
     const Isometry motion =
         fit_motion(surface.points(group.part, Eigen::all), moved(group.part, Eigen::all));
-    for (const int n : group.nodes) moved.row(n) = motion(surface.points.row(n));
+    for (const RowId n : group.nodes) moved.row(n) = motion(surface.points.row(n));
     lines.push_back(describe(group, motion, surface, moved));
   }
   return lines;

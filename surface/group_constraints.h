@@ -43,8 +43,8 @@ bool is_taken_from_cad(GroupConstraint constraint);
 /// The constraint of each boundary node (rows as Boundary::nodes). Where groups share a node the
 /// first that counts is: held, rigid, sliding, following. Throws InvalidInputError for a name that
 /// no group has (it lists those there are), and for one that is to do two things.
-std::vector<GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
-                                              const GroupConstraints& constraints);
+IdVector<RowId, GroupConstraint> find_constraints(const Mesh& mesh, const Boundary& boundary,
+                                                  const GroupConstraints& constraints);
 
 /// The nodes of all groups that are named, ascending. Throws InvalidInputError for a name that no
 /// group has.
@@ -52,12 +52,13 @@ std::vector<Index> named_nodes(const Mesh& mesh, const GroupConstraints& constra
 
 /// The boundary nodes (rows, ascending) of the groups of this name. Throws InvalidInputError for a
 /// name that no group has (it lists those there are).
-std::vector<int> rows_of_group(const Mesh& mesh, const Boundary& boundary, const std::string& name);
+std::vector<RowId> rows_of_group(const Mesh& mesh, const Boundary& boundary,
+                                 const std::string& name);
 
 /// Takes held and rigid nodes from the CAD, and marks following ones that are on no CAD face as
 /// free, sliding ones as not free. Again applied, it changes nothing.
-void apply_constraints(const std::vector<GroupConstraint>& constraints, const Boundary& boundary,
-                       Association& association);
+void apply_constraints(const IdVector<RowId, GroupConstraint>& constraints,
+                       const Boundary& boundary, Association& association);
 
 /// Marks the nodes of the groups that are to be held, rigid or to slide and have nodes inside of
 /// the mesh, off its `boundary`; empty where there are none. See extract_boundary. Throws
@@ -70,15 +71,14 @@ std::vector<char> mark_parts_inside(const Mesh& mesh, const Boundary& boundary,
 void require_groups_on_boundary(const Mesh& mesh, const Boundary& boundary,
                                 const GroupConstraints& constraints);
 
-/// Rows of Boundary::nodes, ascending, by the name of the group.
-using BodiesInGroups = std::map<std::string, std::vector<int>>;
+/// Ascending, by the name of the group.
+using BodiesInGroups = std::map<std::string, std::vector<RowId>>;
 
 /// The nodes of bodies within each group that is to move as
 /// one piece: of the pieces of the mesh's surface that lie on the CAD and hang together, those that
 /// lie in the group whole, as a propeller does in its zone. The CAD moves these, and the rest of
 /// the group with them. Throws InvalidInputError for a group that lies on the CAD for the most part
 /// else: the CAD moves it. `association`: without the constraints.
-using BodiesInGroups = std::map<std::string, std::vector<int>>;
 BodiesInGroups find_bodies_in_rigid_groups(const Mesh& mesh, const Boundary& boundary,
                                            const SurfaceMesh& surface,
                                            const std::vector<std::string>& names,
@@ -95,14 +95,13 @@ std::vector<std::string> describe_idle_groups(const Mesh& mesh, const Boundary& 
 /// Where the groups cut the surface into patches of their own, and which nodes move rigidly.
 PatchMarks mark_patches(const Mesh& mesh, const Boundary& boundary,
                         const GroupConstraints& constraints,
-                        const std::vector<GroupConstraint>& of_node);
+                        const IdVector<RowId, GroupConstraint>& of_row);
 
-/// Nodes that move as one piece, and those of the part of the CAD's surface that they go with
-/// (rows of Boundary::nodes).
+/// Nodes that move as one piece, and those of the part of the CAD's surface that they go with.
 struct RigidGroup {
   std::string name;
-  std::vector<int> nodes, part;
-  int nearest = -1;  ///< the part's node that is nearest to the group
+  std::vector<RowId> nodes, part;
+  RowId nearest;  ///< the part's node that is nearest to the group
 };
 
 /// A group's part: the bodies in it, or of the pieces of the mesh's surface that lie on the CAD and

@@ -41,7 +41,7 @@ Shape shape_of(const SurfaceMesh& surface, const Sheet& sheet) {
   const Points border = surface.points(sheet.border, Eigen::all);
   shape.centre = border.colwise().mean();
   shape.side.setZero();
-  for (const int f : sheet.facets) {
+  for (const FacetId f : sheet.facets) {
     const Vector3d area = area_vector(surface, surface.points, f);
     shape.side += area;
     shape.area += area.norm();
@@ -97,14 +97,14 @@ void add_periods(const Shape& a, const Shape& b, std::vector<Isometry>& result) 
 }
 
 // The image of each node of `from` among `to`; nothing where one has none of its own.
-std::optional<std::vector<int>> images(const SurfaceMesh& surface, const std::vector<int>& from,
-                                       const std::vector<int>& to, const Isometry& map,
-                                       double tolerance) {
-  if (from.empty()) return std::vector<int>();
+std::optional<std::vector<RowId>> images(const SurfaceMesh& surface, const std::vector<RowId>& from,
+                                         const std::vector<RowId>& to, const Isometry& map,
+                                         double tolerance) {
+  if (from.empty()) return std::vector<RowId>();
   const KdTree tree(surface.points(to, Eigen::all));
   std::vector<char> is_taken(to.size(), 0);
-  std::vector<int> result;
-  for (const int node : from) {
+  std::vector<RowId> result;
+  for (const RowId node : from) {
     const Vector3d x = map(surface.points.row(node));
     const Neighbour near = tree.nearest(x.data(), 1).front();
     if (near.squared_distance > tolerance * tolerance || std::exchange(is_taken[near.index], 1))

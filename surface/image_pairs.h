@@ -11,9 +11,9 @@ inline constexpr double kSameMotion = 1e-3;
 
 /// A part of the surface whose nodes move along it.
 struct Sheet {
-  std::vector<int> inner;   ///< nodes whose motion follows from that of the border
-  std::vector<int> border;  ///< the other nodes of its facets
-  std::vector<int> facets;
+  std::vector<RowId> inner;   ///< nodes whose motion follows from that of the border
+  std::vector<RowId> border;  ///< the other nodes of its facets
+  std::vector<FacetId> facets;
   bool is_planar = false;
 };
 
@@ -31,11 +31,12 @@ Isometry fit_motion(const Points& from, const Points& to);
 /// Two sheets that are images of each other, node by node, before and after: the sides of a mesh
 /// that is one cell thick, of a wedge, of a periodic sector, passage or duct.
 struct ImagePair {
-  std::vector<int> from, to;  ///< nodes of the first sheet, the inner ones first, and their images
-  std::size_t inner = 0;      ///< how many are inner ones
-  Isometry before, after;     ///< carry the first sheet's nodes onto those of the second
-  std::size_t original = 0;   ///< the first sheet
-  std::size_t image = 0;      ///< the second one
+  std::vector<RowId> from,
+      to;                    ///< nodes of the first sheet, the inner ones first, and their images
+  std::size_t inner = 0;     ///< how many are inner ones
+  Isometry before, after;    ///< carry the first sheet's nodes onto those of the second
+  std::size_t original = 0;  ///< the first sheet
+  std::size_t image = 0;     ///< the second one
 
   /// Where to[i] has to be (millimetres) with from[i] at its row of `moved`: where it was off the
   /// image before, it stays off as far.

@@ -51,10 +51,10 @@ std::optional<Vector3d> meet(const ModelPair& pair, const CurveMaps& curve_maps,
   return std::nullopt;
 }
 
-// Crossings of the same faces, numbered, by row of the surface mesh.
-std::map<int, int> sets_of_faces(const Joints& joints) {
+// Crossings of the same faces, numbered.
+std::map<RowId, int> sets_of_faces(const Joints& joints) {
   std::map<std::vector<FaceId>, int> number;
-  std::map<int, int> sets;
+  std::map<RowId, int> sets;
   for (const Joints::Crossing& crossing : joints.crossings) {
     if (!crossing.edges.empty()) continue;
     std::vector<FaceId> faces = crossing.faces;
@@ -72,7 +72,7 @@ class CrossingWarps {
                 const IdVector<FaceId, FaceNodes>& faces, const Points& feet)
       : pair_(pair), maps_(curve_maps), faces_(faces), feet_(feet) {}
 
-  using Places = std::map<int, std::vector<Vector3d>>;
+  using Places = std::map<RowId, std::vector<Vector3d>>;
 
   // By what the curves and corners say.
   Places by_curves(const Points& placed) const {
@@ -86,7 +86,7 @@ class CrossingWarps {
   }
 
   // By the crossings with other faces, too.
-  Places by_crossings(const std::map<int, int>& sets, const Points& placed) const {
+  Places by_crossings(const std::map<RowId, int>& sets, const Points& placed) const {
     Places places;
     for (const FaceNodes& nodes : faces_) {
       std::set<int> here;
@@ -106,7 +106,8 @@ class CrossingWarps {
   // Moves the joints sought by a warp that follows the others.
   void add(const FaceNodes& nodes, const std::vector<char>& is_sought, const Points& placed,
            Places& places) const {
-    std::vector<int> sought, known, sought_rows, known_rows;
+    std::vector<int> sought, known;
+    std::vector<RowId> sought_rows, known_rows;
     for (int i = 0; i < static_cast<int>(nodes.joints.size()); ++i) {
       (is_sought[i] ? sought : known).push_back(i);
       (is_sought[i] ? sought_rows : known_rows).push_back(nodes.joints[i]);
@@ -163,14 +164,14 @@ void join_curves(const ModelPair& pair, const Joints& joints, const Association&
     for (Index i = begin; i < end; ++i) {
       const Joints::Crossing& crossing = joints.crossings[i];
       if (crossing.edges.empty()) continue;
-      const int n = crossing.node;
+      const RowId n = crossing.node;
       const EdgeId edge = association.edge(n);
-      const CurveLocation to = curve_maps[curve_of(edge)]({edge, association.uv(n, 0)});
+      const CurveLocation to = curve_maps[curve_of(edge)]({edge, association.t(n)});
       const Vector3d near = pair.variant.evaluate_edge(to.edge, to.t).point;
       met[i] = meet(pair, curve_maps, crossing, near).value_or(near);
     }
   });
-  std::map<int, Vector3d> crossings;  // by row
+  std::map<RowId, Vector3d> crossings;
   for (std::size_t i = 0; i < met.size(); ++i)
     if (!joints.crossings[i].edges.empty()) crossings.emplace(joints.crossings[i].node, met[i]);
 
@@ -187,7 +188,7 @@ void join_curves(const ModelPair& pair, const Joints& joints, const Association&
 
 Crossings cross_faces(const ModelPair& pair, const CurveMaps& curve_maps, const Joints& joints,
                       const IdVector<FaceId, FaceNodes>& faces, const SurfaceFeet& nodes) {
-  const std::map<int, int> sets = sets_of_faces(joints);
+  const std::map<RowId, int> sets = sets_of_faces(joints);
   if (sets.empty()) return {};
   const CrossingWarps warps(pair, curve_maps, faces, nodes.base);
   Points moved = nodes.variant;
@@ -195,7 +196,7 @@ Crossings cross_faces(const ModelPair& pair, const CurveMaps& curve_maps, const 
     parallel_for(std::ssize(joints.crossings), 16, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
         const Joints::Crossing& crossing = joints.crossings[i];
-        const int n = crossing.node;
+        const RowId n = crossing.node;
         if (!crossing.edges.empty()) continue;
         const Vector3d predicted = pair.prediction(Vector3d(nodes.base.row(n)));
         const auto places = by_warp.find(n);
@@ -220,9 +221,9 @@ Crossings cross_faces(const ModelPair& pair, const CurveMaps& curve_maps, const 
 PartedJoints find_parted_joints(const ModelPair& pair, const CurveMaps& curve_maps,
                                 const Joints& joints, const SurfaceMesh& surface,
                                 const Points& placed) {
-  std::set<int> parted;
+  std::set<RowId> parted;
   PartedJoints result;
-  const auto judge = [&](int row, double distance) {
+  const auto judge = [&](RowId row, double distance) {
     if (distance < kParted * surface.local_length[row]) return;
     parted.insert(row);
     result.distance = std::max(result.distance, distance);

@@ -22,8 +22,8 @@ struct SurfaceFeet {
   const Points& variant;  ///< on the variant, as far as they are placed there: corners and curves
 };
 
-/// Places of nodes on the variant, millimetres, by row of the surface mesh.
-using Crossings = std::map<int, Eigen::Vector3d>;
+/// Places of nodes on the variant, millimetres.
+using Crossings = std::map<RowId, Eigen::Vector3d>;
 
 /// Where the nodes go at which faces pass through each other: to where the faces' images meet, near
 /// the places that the faces' own warps give, or the predicted one where these differ by a mesh

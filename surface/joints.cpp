@@ -76,7 +76,7 @@ class JointFinder {
   }
 
   Joints run() {
-    for (int n = 0; n < static_cast<int>(association_.entity.size()); ++n)
+    for (const RowId n : association_.entity.ids())
       if (association_.dimension[n] != CadDimension::None) look_at(n);
     collect_nodes();
     for (auto& of_face : joints_.of_face) thin_out(of_face);
@@ -84,12 +84,12 @@ class JointFinder {
   }
 
  private:
-  CadDimension dimension(int n) const { return association_.dimension[n]; }
-  VertexId vertex(int n) const { return association_.vertex(n); }
-  EdgeId edge(int n) const { return association_.edge(n); }
-  FaceId face(int n) const { return association_.face(n); }
+  CadDimension dimension(RowId n) const { return association_.dimension[n]; }
+  VertexId vertex(RowId n) const { return association_.vertex(n); }
+  EdgeId edge(RowId n) const { return association_.edge(n); }
+  FaceId face(RowId n) const { return association_.face(n); }
 
-  void look_at(int n) {
+  void look_at(RowId n) {
     const bool is_vertex = dimension(n) == CadDimension::Vertex;
     std::map<EdgeId, double> edges;  // with a parameter
     if (dimension(n) != CadDimension::Face) edges = foreign_edges(n);
@@ -122,18 +122,18 @@ class JointFinder {
 
   // The node's own entity is one of those that cross.
   void add(Joints::Crossing crossing) {
-    const int n = crossing.node;
+    const RowId n = crossing.node;
     if (dimension(n) == CadDimension::Face) {
       crossing.faces.push_back(face(n));
       joints_.of_face[face(n)].push_back({n, association_.uv.row(n)});
     } else {
       crossing.edges.push_back(edge(n));
-      joints_.on_edges.push_back({n, edge(n), association_.uv(n, 0)});
+      joints_.on_edges.push_back({n, edge(n), association_.t(n)});
     }
     joints_.crossings.push_back(std::move(crossing));
   }
 
-  std::vector<FaceId> own_faces(int n) const {
+  std::vector<FaceId> own_faces(RowId n) const {
     if (dimension(n) == CadDimension::Face) return {face(n)};
     if (dimension(n) == CadDimension::Vertex) return faces_at_[vertex(n)];
     std::vector<FaceId> faces;
@@ -143,10 +143,10 @@ class JointFinder {
   }
 
   // Of the facets around a node, ascending; not those that its own entity is or bounds.
-  std::vector<FaceId> foreign_faces(int n) const {
+  std::vector<FaceId> foreign_faces(RowId n) const {
     std::vector<FaceId> faces;
-    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i) {
-      const FaceId face = association_.facet_face[surface_.incident_facets[i]];
+    for (const FacetId f : surface_.facets_at(n)) {
+      const FaceId face = association_.facet_face[f];
       const bool is_own = dimension(n) == CadDimension::Face && face == this->face(n);
       if (face >= 0 && !is_own) faces.push_back(face);
     }
@@ -158,16 +158,16 @@ class JointFinder {
   }
 
   // Of the nodes beside a node, with a parameter; not its own curve's.
-  std::map<EdgeId, double> foreign_edges(int n) const {
+  std::map<EdgeId, double> foreign_edges(RowId n) const {
     std::map<EdgeId, double> edges;
-    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
-      for (const int other : surface_.facets[surface_.incident_facets[i]])
+    for (const FacetId f : surface_.facets_at(n))
+      for (const RowId other : surface_.facets[f])
         if (dimension(other) == CadDimension::Edge && !is_on_curve_of(n, edge(other)))
-          edges.emplace(edge(other), association_.uv(other, 0));
+          edges.emplace(edge(other), association_.t(other));
     return edges;
   }
 
-  bool is_on_curve_of(int n, EdgeId edge) const {
+  bool is_on_curve_of(RowId n, EdgeId edge) const {
     const CadSkeleton& skeleton = base_.skeleton();
     const CurveId curve = skeleton.curve_of_edge[edge];
     if (dimension(n) == CadDimension::Edge) return skeleton.curve_of_edge[this->edge(n)] == curve;
@@ -177,17 +177,17 @@ class JointFinder {
     });
   }
 
-  double on_entity(int n, double tolerance) const {
+  double on_entity(RowId n, double tolerance) const {
     return tolerance + kOnEntity * surface_.local_length[n];
   }
 
-  std::optional<EdgeFoot> wire_near(FaceId face, int n) {
+  std::optional<EdgeFoot> wire_near(FaceId face, RowId n) {
     const Outline& outline = outlines_.try_emplace(face, base_, face).first->second;
     return outline.near(surface_.points.row(n), kClear * surface_.local_length[n]);
   }
 
   // Parameters of a node that lies on a face.
-  std::optional<Vector2d> within(FaceId face, int n) const {
+  std::optional<Vector2d> within(FaceId face, RowId n) const {
     const FaceFoot foot = project_on_face(base_, face, surface_.points.row(n), seed(face, n));
     if (foot.distance > on_entity(n, base_.faces()[face].tolerance) ||
         !base_.is_inside(face, foot.uv))
@@ -196,16 +196,16 @@ class JointFinder {
   }
 
   // Parameters of a node of the face beside this one; else those that a search finds.
-  Vector2d seed(FaceId face, int n) const {
-    for (int i = surface_.incident_offsets[n]; i < surface_.incident_offsets[n + 1]; ++i)
-      for (const int other : surface_.facets[surface_.incident_facets[i]])
+  Vector2d seed(FaceId face, RowId n) const {
+    for (const FacetId f : surface_.facets_at(n))
+      for (const RowId other : surface_.facets[f])
         if (dimension(other) == CadDimension::Face && this->face(other) == face)
           return association_.uv.row(other);
     return project_globally(base_, face, surface_.points.row(n)).uv;
   }
 
   // Parameter of a node that lies on an edge, clear of the corners where it ends.
-  std::optional<double> along(EdgeId edge, int n, double seed) const {
+  std::optional<double> along(EdgeId edge, RowId n, double seed) const {
     const Vector3d x = surface_.points.row(n);
     const CadEdge& e = base_.edges()[edge];
     const EdgeFoot foot = project_on_edge(base_, edge, x, seed);
@@ -222,19 +222,19 @@ class JointFinder {
   }
 
   // Of the angle at which a node's own edge or face meets another one.
-  double sine_to_face(int n, FaceId face, const Vector2d& uv) const {
+  double sine_to_face(RowId n, FaceId face, const Vector2d& uv) const {
     const Vector3d normal = base_.normal(face, uv);
     if (dimension(n) == CadDimension::Edge)
-      return std::abs(normal.dot(tangent(this->edge(n), association_.uv(n, 0))));
+      return std::abs(normal.dot(tangent(this->edge(n), association_.t(n))));
     return normal.cross(base_.normal(this->face(n), association_.uv.row(n))).norm();
   }
 
-  double sine_to_edge(int n, EdgeId edge, double t) const {
-    return tangent(edge, t).cross(tangent(this->edge(n), association_.uv(n, 0))).norm();
+  double sine_to_edge(RowId n, EdgeId edge, double t) const {
+    return tangent(edge, t).cross(tangent(this->edge(n), association_.t(n))).norm();
   }
 
   void collect_nodes() {
-    std::vector<int>& nodes = joints_.nodes;
+    std::vector<RowId>& nodes = joints_.nodes;
     for (const auto& of_face : joints_.of_face)
       for (const Joints::OnFace& joint : of_face) nodes.push_back(joint.node);
     for (const Joints::OnEdge& joint : joints_.on_edges) nodes.push_back(joint.node);

@@ -12,18 +12,18 @@ namespace cadmorph {
 struct Joints {
   /// A node within a face that moves with something else.
   struct OnFace {
-    int node;  ///< row of the surface mesh
+    RowId node;
     Eigen::Vector2d uv;
   };
   /// A node on an edge, between its ends, that moves with something else.
   struct OnEdge {
-    int node;
+    RowId node;
     EdgeId edge;
     double t;
   };
   /// A node where entities pass through each other; it stays on all of them.
   struct Crossing {
-    int node;
+    RowId node;
     std::vector<FaceId> faces;
     std::vector<EdgeId> edges;
   };
@@ -31,7 +31,7 @@ struct Joints {
   IdVector<FaceId, std::vector<OnFace>> of_face;  ///< by face; of very many, some spread evenly
   std::vector<OnEdge> on_edges;
   std::vector<Crossing> crossings;
-  std::vector<int> nodes;  ///< of all of these, ascending
+  std::vector<RowId> nodes;  ///< of all of these, ascending
 };
 
 /// Joints that a variant parts: nodes that went off a face or an edge on which they lay.

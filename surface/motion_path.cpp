@@ -14,6 +14,7 @@
 
 #include "core/errors.h"
 #include "core/least_squares.h"
+#include "surface/surface_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -39,7 +40,7 @@ constexpr double kSmall = 1e-4;
 
 // What a patch of facets does.
 struct Patch {
-  std::vector<Index> rows;     ///< its nodes, ascending
+  std::vector<RowId> rows;     ///< its nodes, ascending
   std::set<Index> neighbours;  ///< patches that share a node
   Matrix3d rotation;
   double log_scale = 0;
@@ -91,13 +92,13 @@ struct Motion {
 void fit(Patch& patch, const Points& start, const Points& end) {
   const double count = static_cast<double>(patch.rows.size());
   patch.from = patch.to = Vector3d::Zero();
-  for (const Index row : patch.rows) {
+  for (const RowId row : patch.rows) {
     patch.from += start.row(row).transpose() / count;
     patch.to += end.row(row).transpose() / count;
   }
   Matrix3d covariance = Matrix3d::Zero();
   double size = 0, size_after = 0, apart = 0, moved = 0;  // sums of squares
-  for (const Index row : patch.rows) {
+  for (const RowId row : patch.rows) {
     const Vector3d a = start.row(row).transpose() - patch.from;
     const Vector3d b = end.row(row).transpose() - patch.to;
     covariance += b * a.transpose();
@@ -118,16 +119,17 @@ void fit(Patch& patch, const Points& start, const Points& end) {
       Eigen::AngleAxisd(patch.rotation).angle() > kLeastTurn && left < kGoodFit * kGoodFit * apart;
 }
 
-// Number of a patch for each facet -> the patches with their nodes as rows.
-std::vector<Patch> make_patches(const Boundary& boundary, const std::vector<FaceId>& numbers) {
-  std::map<int, Index> position;
+// Number of a patch for each facet -> the patches with their nodes.
+std::vector<Patch> make_patches(const Boundary& boundary,
+                                const IdVector<FacetId, FaceId>& numbers) {
+  std::map<FaceId, Index> position;
   std::vector<Patch> patches;
-  std::vector<std::vector<Index>> at_node(boundary.nodes.size());
-  for (Index f = 0; f < boundary.facet_count(); ++f) {
+  IdVector<RowId, std::vector<Index>> at_node(boundary.nodes.size());
+  for (const FacetId f : numbers.ids()) {
     const auto [it, is_new] = position.try_emplace(numbers[f], static_cast<Index>(patches.size()));
     if (is_new) patches.emplace_back();
     for (const Index node : boundary.facet(f)) {
-      const Index row = std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin();
+      const RowId row = row_of(boundary, node);
       auto& known = at_node[row];
       if (std::ranges::find(known, it->second) != known.end()) continue;
       for (const Index other : known) {
@@ -193,7 +195,7 @@ RowMatrix smooth_generators(const Boundary& boundary, const std::vector<Patch>& 
   for (const Patch& patch : patches) {
     if (!patch.is_turning && !patch.is_moving_as_it_is) continue;
     const Vector7d g = generator(patch);
-    for (const Index row : patch.rows) {
+    for (const RowId row : patch.rows) {
       weights[row] += 1;
       right.row(row) += g.transpose();
     }
@@ -202,11 +204,8 @@ RowMatrix smooth_generators(const Boundary& boundary, const std::vector<Patch>& 
   for (Index f = 0; f < boundary.facet_count(); ++f) {
     const auto nodes = boundary.facet(f);
     for (std::size_t i = 0; i < nodes.size(); ++i) {
-      const auto row = [&](std::size_t k) {
-        return std::ranges::lower_bound(boundary.nodes, nodes[k % nodes.size()]) -
-               boundary.nodes.begin();
-      };
-      const Index a = row(i), b = row(i + 1);
+      const RowId a = row_of(boundary, nodes[i]);
+      const RowId b = row_of(boundary, nodes[(i + 1) % nodes.size()]);
       entries.emplace_back(a, b, -kSmoothness);
       entries.emplace_back(b, a, -kSmoothness);
       weights[a] += kSmoothness;
@@ -225,7 +224,7 @@ RowMatrix smooth_generators(const Boundary& boundary, const std::vector<Patch>& 
 }  // namespace
 
 MotionPath::MotionPath(const Boundary& boundary, const Points& start, const Points& end,
-                       const std::vector<FaceId>& patch)
+                       const IdVector<FacetId, FaceId>& patch)
     : start_(start), end_(end) {
   const Index count = static_cast<Index>(boundary.nodes.size());
   if (start.rows() != count || end.rows() != count ||

@@ -4,6 +4,7 @@
 
 #include "cad/ids.h"
 #include "core/boundary.h"
+#include "surface/ids.h"
 
 namespace cadmorph {
 
@@ -22,7 +23,7 @@ class MotionPath {
   /// Throws InvalidInputError on wrong sizes. O(m) memory, a sparse factorisation of m unknowns
   /// when something turns.
   MotionPath(const Boundary& boundary, const Points& start, const Points& end,
-             const std::vector<FaceId>& patch);
+             const IdVector<FacetId, FaceId>& patch);
 
   /// Whether any patch turns; straight lines otherwise.
   bool is_turning() const { return generators_.rows() > 0; }

@@ -121,7 +121,7 @@ void FootFinder::sample_edges() {
   near_edges_ = SpacedSamples(edge_points_, spacing);
 }
 
-NodeFeet FootFinder::find(Index n, double reach) const {
+NodeFeet FootFinder::find(RowId n, double reach) const {
   const Vector3d x = surface_.points.row(n);
   NodeFeet feet;
   find_edge_feet(x, edge_reach(n, reach), feet);

@@ -43,22 +43,22 @@ class FootFinder {
   FootFinder(const CadModel& model, const SurfaceMesh& surface, double tolerance);
 
   /// Faces and edges near a node. Thread-safe.
-  NodeFeet find(Index node) const { return find(node, reach(node)); }
+  NodeFeet find(RowId node) const { return find(node, reach(node)); }
   /// The same with the largest distance from a face in millimetres.
-  NodeFeet find(Index node, double reach) const;
+  NodeFeet find(RowId node, double reach) const;
 
   /// Parameters on `face` of a point near x: of a sample within `radius` (and two spacings), else
   /// by a global search. Thread-safe.
   Eigen::Vector2d seed(FaceId face, const Eigen::Vector3d& x, double radius) const;
 
   /// Largest distance of a node from a curve that it may go to, millimetres.
-  double edge_reach(Index node) const { return edge_reach(node, reach(node)); }
+  double edge_reach(RowId node) const { return edge_reach(node, reach(node)); }
 
  private:
   void spread_faces();
   void sample_edges();
-  double reach(Index node) const { return tolerance_ * surface_.own_length[node]; }
-  double edge_reach(Index node, double reach) const {
+  double reach(RowId node) const { return tolerance_ * surface_.own_length[node]; }
+  double edge_reach(RowId node, double reach) const {
     return std::max(reach, kVotedCurve * surface_.local_length[node]);
   }
   void find_edge_feet(const Eigen::Vector3d& x, double reach, NodeFeet& feet) const;

@@ -76,7 +76,7 @@ bool is_on_entity(const CadModel& variant, const Slider& slider, const Vector2d&
 std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Association& association,
                                            const Boundary& boundary,
                                            const SurfaceMorphResult& moved) {
-  const auto is_on = [&](Index row, EdgeId edge) {
+  const auto is_on = [&](RowId row, EdgeId edge) {
     if (association.dimension[row] == CadDimension::Edge) return moved.entity[row] == edge;
     if (association.dimension[row] != CadDimension::Vertex) return false;
     const Vector3d place = association.mesh_unit_mm * moved.positions.row(row).transpose();
@@ -86,15 +86,12 @@ std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Associ
              (variant.vertices()[vertex].point - place).norm() <= kTwin * variant.diagonal();
     });
   };
-  const auto row_of = [&](Index node) {
-    return std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin();
-  };
   std::vector<EdgeSegment> result;
   for (Index f = 0; f < boundary.facet_count(); ++f) {
     const auto facet = boundary.facet(f);
     const Index corners = corner_count(boundary.types[f], std::ssize(facet));
     for (Index i = 0; i < corners; ++i) {
-      Index a = row_of(facet[i]), b = row_of(facet[(i + 1) % corners]);
+      RowId a = row_of(boundary, facet[i]), b = row_of(boundary, facet[(i + 1) % corners]);
       if (association.dimension[a] != CadDimension::Edge) std::swap(a, b);
       if (association.dimension[a] == CadDimension::Edge && is_on(b, EdgeId(moved.entity[a])))
         result.push_back({std::min(boundary.nodes[a], boundary.nodes[b]),
@@ -108,24 +105,23 @@ std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Associ
   return result;
 }
 
-std::vector<char> marks_of_bound_nodes(const Association& association, const Boundary& boundary,
-                                       const CadModel& variant, const Points& positions) {
-  std::vector<char> is_bound(boundary.nodes.size(), 0);
-  std::vector<Index> rows;
-  for (Index f = 0; f < boundary.facet_count(); ++f) {
+IdVector<RowId, char> marks_of_bound_nodes(const Association& association, const Boundary& boundary,
+                                           const CadModel& variant, const Points& positions) {
+  IdVector<RowId, char> is_bound(boundary.nodes.size(), 0);
+  std::vector<RowId> rows;
+  for (const FacetId f : association.facet_face.ids()) {
     rows.clear();
-    for (const Index node : boundary.facet(f))
-      rows.push_back(std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin());
-    const bool is_on_cad = std::ranges::all_of(rows, [&](Index row) {
+    for (const Index node : boundary.facet(f)) rows.push_back(row_of(boundary, node));
+    const bool is_on_cad = std::ranges::all_of(rows, [&](RowId row) {
       return association.dimension[row] != CadDimension::None && !association.is_amid[row];
     });
     if (is_on_cad && association.facet_face[f] >= 0) continue;
-    for (const Index row : rows) is_bound[row] = 1;
+    for (const RowId row : rows) is_bound[row] = 1;
   }
   const KdTree tree(positions);
   const double reach = kTwin * variant.diagonal() / association.mesh_unit_mm;
   parallel_for(positions.rows(), 1024, [&](Index begin, Index end) {
-    for (Index row = begin; row < end; ++row)
+    for (RowId row(begin); row < end; ++row)
       if (tree.within(positions.row(row).data(), reach).size() > 1) is_bound[row] = 1;
   });
   return is_bound;
@@ -153,17 +149,17 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
                           const Boundary& boundary, const SurfaceMorphResult& moved,
                           bool on_edges_alone) {
   const double unit = association.mesh_unit_mm;
-  const std::vector<char> is_bound =
+  const IdVector<RowId, char> is_bound =
       marks_of_bound_nodes(association, boundary, variant, moved.positions);
   SlidingNodes result;
   const auto sliders = std::make_shared<std::vector<Slider>>();
-  for (std::size_t row = 0; row < is_bound.size(); ++row) {
+  for (const RowId row : is_bound.ids()) {
     const CadDimension dimension = association.dimension[row];
     if (on_edges_alone && dimension != CadDimension::Edge) continue;
     if ((dimension != CadDimension::Face && dimension != CadDimension::Edge) ||
         association.is_free[row] || is_bound[row] ||
-        std::ranges::binary_search(moved.crossing, static_cast<int>(row)) ||
-        std::ranges::binary_search(moved.periodic, static_cast<int>(row)))
+        std::ranges::binary_search(moved.crossing, row) ||
+        std::ranges::binary_search(moved.periodic, row))
       continue;
     Slider slider{dimension == CadDimension::Face, moved.entity[row], moved.uv.row(row), {}, {}};
     if (!set_up(variant, unit * moved.positions.row(row).transpose(), slider)) continue;
@@ -193,8 +189,8 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
   const SurfaceMesh surface = make_surface_mesh(mesh, boundary, association.mesh_unit_mm);
   const Points moved = positions(boundary.nodes, Eigen::all);
   // Of a facet with the normal of its CAD face at a node that slides, if there is one.
-  const auto cosine_of = [&](Index f) -> std::optional<double> {
-    for (const int row : surface.facets[f]) {
+  const auto cosine_of = [&](FacetId f) -> std::optional<double> {
+    for (const RowId row : surface.facets[f]) {
       const Index node = boundary.nodes[row];
       const auto found = std::ranges::lower_bound(sliding.nodes, node);
       if (association.dimension[row] != CadDimension::Face || found == sliding.nodes.end() ||
@@ -206,12 +202,12 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
     }
     return {};
   };
-  std::vector<std::optional<double>> of_facet(boundary.facet_count());
+  IdVector<FacetId, std::optional<double>> of_facet(boundary.facet_count());
   parallel_for(boundary.facet_count(), 1024, [&](Index begin, Index end) {
-    for (Index f = begin; f < end; ++f) of_facet[f] = cosine_of(f);
+    for (FacetId f(begin); f < end; ++f) of_facet[f] = cosine_of(f);
   });
   std::map<FaceId, std::vector<double>> cosines;
-  for (Index f = 0; f < boundary.facet_count(); ++f)
+  for (const FacetId f : of_facet.ids())
     if (of_facet[f]) cosines[association.facet_face[f]].push_back(*of_facet[f]);
   Index count = 0;
   for (const auto& [face, of_face] : cosines) {

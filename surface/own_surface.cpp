@@ -22,9 +22,9 @@ constexpr double kOnEdge = 1e-12;
 // A cone that widens by less than the tolerance over its length is a cylinder.
 constexpr double kLeastGrowth = 1e-9;
 
-std::vector<int> corners_of(const SurfaceMesh& surface, const std::vector<int>& facets) {
-  std::vector<int> nodes;
-  for (const int f : facets)
+std::vector<RowId> corners_of(const SurfaceMesh& surface, const std::vector<FacetId>& facets) {
+  std::vector<RowId> nodes;
+  for (const FacetId f : facets)
     nodes.insert(nodes.end(), surface.facets[f].begin(),
                  surface.facets[f].begin() + surface.corners[f]);
   std::ranges::sort(nodes);
@@ -80,7 +80,7 @@ struct ConeMisfit : Eigen::DenseFunctor<double> {
 };
 
 // Normals of a cone lie on a circle about its axis.
-Vector3d axis_of_normals(const SurfaceMesh& surface, const std::vector<int>& facets) {
+Vector3d axis_of_normals(const SurfaceMesh& surface, const std::vector<FacetId>& facets) {
   Points normals(facets.size(), 3);
   for (std::size_t i = 0; i < facets.size(); ++i)
     normals.row(static_cast<Index>(i)) =
@@ -108,7 +108,8 @@ struct ConeFit {
   double radius, growth, misfit;
 };
 
-ConeFit fit_cone(const SurfaceMesh& surface, const std::vector<int>& facets, const Points& points) {
+ConeFit fit_cone(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
+                 const Points& points) {
   const Vector3d mean = points.colwise().mean();
   Matrix3d frame;
   frame.col(2) = axis_of_normals(surface, facets);
@@ -146,9 +147,9 @@ Vector3d nearest_on_triangle(const Vector3d& a, const Vector3d& b, const Vector3
 
 }  // namespace
 
-OwnSurface::OwnSurface(const SurfaceMesh& surface, const std::vector<int>& facets,
+OwnSurface::OwnSurface(const SurfaceMesh& surface, const std::vector<FacetId>& facets,
                        double tolerance) {
-  const std::vector<int> nodes = corners_of(surface, facets);
+  const std::vector<RowId> nodes = corners_of(surface, facets);
   const Points points = surface.points(nodes, Eigen::all);
   if (points.rows() > 6) {
     const auto [centre, radius] = fit_sphere(points);
@@ -168,7 +169,7 @@ OwnSurface::OwnSurface(const SurfaceMesh& surface, const std::vector<int>& facet
   own.nodes = nodes;
   own.tree = std::make_shared<const KdTree>(points);
   own.at_node.resize(static_cast<std::size_t>(surface.points.rows()));
-  for (const int f : facets)
+  for (const FacetId f : facets)
     for (int i = 2; i < surface.corners[f]; ++i)
       own.triangles.push_back(
           {surface.facets[f][0], surface.facets[f][i - 1], surface.facets[f][i]});
@@ -176,30 +177,30 @@ OwnSurface::OwnSurface(const SurfaceMesh& surface, const std::vector<int>& facet
     const auto& [a, b, c] = own.triangles[t];
     const Vector3d ab = own.points.row(b) - own.points.row(a),
                    ac = own.points.row(c) - own.points.row(a);
-    for (const int n : own.triangles[t]) {
+    for (const RowId n : own.triangles[t]) {
       own.at_node[n].push_back(static_cast<int>(t));
       own.normals.row(n) += ab.cross(ac);
     }
   }
   own.normals.rowwise().normalize();
   // A mid-side node walks from the triangles of its facet.
-  for (const int f : facets)
+  for (const FacetId f : facets)
     for (std::size_t i = surface.corners[f]; i < surface.facets[f].size(); ++i)
       own.at_node[surface.facets[f][i]] = own.at_node[surface.facets[f][0]];
   form_ = std::move(own);
 }
 
-OwnSurface::Foot OwnSurface::foot(const Vector3d& x, int node) const {
+OwnSurface::Foot OwnSurface::foot(const Vector3d& x, RowId node) const {
   return std::visit([&](const auto& form) { return foot_on(form, x, node); }, form_);
 }
 
-OwnSurface::Foot OwnSurface::foot_on(const Sphere& sphere, const Vector3d& x, int) {
+OwnSurface::Foot OwnSurface::foot_on(const Sphere& sphere, const Vector3d& x, RowId) {
   const Vector3d off = x - sphere.centre, n = off.normalized();
   return {sphere.centre + sphere.radius * n,
           sphere.radius / off.norm() * (Matrix3d::Identity() - n * n.transpose())};
 }
 
-OwnSurface::Foot OwnSurface::foot_on(const Cone& cone, const Vector3d& x, int) {
+OwnSurface::Foot OwnSurface::foot_on(const Cone& cone, const Vector3d& x, RowId) {
   const Vector3d off = x - cone.origin;
   const double along = off.dot(cone.axis);
   const Vector3d away = off - along * cone.axis, outwards = away.normalized();
@@ -237,15 +238,15 @@ std::optional<OwnSurface::Foot> OwnSurface::Facets::over(int triangle, const Vec
 }
 
 // Nodes to go on by: within some distance, some tens of them, on the side that looks like `normal`.
-std::vector<int> OwnSurface::Facets::around(const Vector3d& from, const Vector3d& normal,
-                                            double distance) const {
+std::vector<RowId> OwnSurface::Facets::around(const Vector3d& from, const Vector3d& normal,
+                                              double distance) const {
   constexpr std::size_t kLeast = 30, kMost = 200;  // for five unknowns
   auto near = tree->within(from.data(), distance);
   if (near.size() < kLeast) near = tree->nearest(from.data(), kLeast);
   const std::size_t stride = (near.size() + kMost - 1) / kMost;
-  std::vector<int> result;
+  std::vector<RowId> result;
   for (std::size_t i = 0; i < near.size(); i += stride)
-    if (const int n = nodes[static_cast<std::size_t>(near[i].index)];
+    if (const RowId n = nodes[static_cast<std::size_t>(near[i].index)];
         normals.row(n).dot(normal) > 0)
       result.push_back(n);
   return result;
@@ -278,7 +279,7 @@ OwnSurface::Foot OwnSurface::Facets::beyond(int triangle, const Vector3d& weight
   return {from + frame * Vector3d(at[0], at[1], height), frame * slope * frame.transpose()};
 }
 
-OwnSurface::Foot OwnSurface::foot_on(const Facets& facets, const Vector3d& x, int node) {
+OwnSurface::Foot OwnSurface::foot_on(const Facets& facets, const Vector3d& x, RowId node) {
   struct {
     int triangle = -1;
     Vector3d weights;
@@ -295,7 +296,7 @@ OwnSurface::Foot OwnSurface::foot_on(const Facets& facets, const Vector3d& x, in
         nearest = {t, weights, distance};
     }
     around.clear();
-    for (const int n : facets.triangles[nearest.triangle])
+    for (const RowId n : facets.triangles[nearest.triangle])
       around.insert(around.end(), facets.at_node[n].begin(), facets.at_node[n].end());
   }
   std::optional<Foot> over;

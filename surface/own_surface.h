@@ -17,7 +17,7 @@ class OwnSurface {
  public:
   /// Finds the surface of some facets: an analytic one that all their corners lie on within
   /// `tolerance` (millimetres), or the facets themselves.
-  OwnSurface(const SurfaceMesh& surface, const std::vector<int>& facets, double tolerance);
+  OwnSurface(const SurfaceMesh& surface, const std::vector<FacetId>& facets, double tolerance);
 
   struct Foot {
     Eigen::Vector3d point;  ///< on the surface, millimetres
@@ -28,7 +28,7 @@ class OwnSurface {
   /// `node` (a row of the surface mesh) comes to downhill, that which `x` lies over along the
   /// normals interpolated between their nodes, so that no stretch before an edge falls onto it;
   /// beyond their border the surface goes on as a quadric. For any number of threads at once.
-  Foot foot(const Eigen::Vector3d& x, int node) const;
+  Foot foot(const Eigen::Vector3d& x, RowId node) const;
 
   /// "sphere", "cylinder", "cone" or "facets".
   std::string kind() const;
@@ -46,20 +46,20 @@ class OwnSurface {
   /// Triangles of the facets, and those at each node.
   struct Facets {
     std::optional<Foot> over(int triangle, const Eigen::Vector3d& x) const;
-    std::vector<int> around(const Eigen::Vector3d& from, const Eigen::Vector3d& normal,
-                            double distance) const;
+    std::vector<RowId> around(const Eigen::Vector3d& from, const Eigen::Vector3d& normal,
+                              double distance) const;
     Foot beyond(int triangle, const Eigen::Vector3d& weights, const Eigen::Vector3d& x) const;
 
     Points points, normals;
-    std::vector<std::array<int, 3>> triangles;
-    std::vector<std::vector<int>> at_node;
-    std::vector<int> nodes;              // corners
+    std::vector<std::array<RowId, 3>> triangles;
+    IdVector<RowId, std::vector<int>> at_node;
+    std::vector<RowId> nodes;            // corners
     std::shared_ptr<const KdTree> tree;  // of these
   };
 
-  static Foot foot_on(const Sphere& sphere, const Eigen::Vector3d& x, int node);
-  static Foot foot_on(const Cone& cone, const Eigen::Vector3d& x, int node);
-  static Foot foot_on(const Facets& facets, const Eigen::Vector3d& x, int node);
+  static Foot foot_on(const Sphere& sphere, const Eigen::Vector3d& x, RowId node);
+  static Foot foot_on(const Cone& cone, const Eigen::Vector3d& x, RowId node);
+  static Foot foot_on(const Facets& facets, const Eigen::Vector3d& x, RowId node);
 
   std::variant<Sphere, Cone, Facets> form_;
 };

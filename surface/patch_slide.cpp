@@ -26,10 +26,10 @@ void for_each_free(const SurfaceMesh& surface, const FreeLine& line, const auto&
 }
 
 void slide_line(const SurfaceMesh& surface, const FreeLine& line, Points& moved) {
-  const auto motion = [&](int node) {
+  const auto motion = [&](RowId node) {
     return (moved.row(node) - surface.points.row(node)).dot(line.direction);
   };
-  for_each_free(surface, line, [&](int node, int before, int after, double part) {
+  for_each_free(surface, line, [&](RowId node, RowId before, RowId after, double part) {
     const double step = (1 - part) * motion(before) + part * motion(after);
     moved.row(node) = surface.points.row(node) + step * line.direction.transpose();
   });
@@ -39,7 +39,7 @@ void slide_line(const SurfaceMesh& surface, const FreeLine& line, Points& moved)
 struct PatchField {
   Eigen::Matrix3Xd basis;
   Kernel kernel;
-  std::vector<int> border;  // its centres
+  std::vector<RowId> border;  // its centres
   RowMatrix centres, values, targets;
 };
 
@@ -48,10 +48,10 @@ struct PatchField {
 std::optional<PatchField> patch_field(const SurfaceMesh& surface, const FreePatch& patch,
                                       const Points& moved, bool is_needed) {
   double largest = 0;
-  for (const int n : patch.touched)
+  for (const RowId n : patch.touched)
     largest = std::max(largest, (moved.row(n) - surface.points.row(n)).norm());
   if ((largest == 0 && !is_needed) || patch.inner.empty()) return {};
-  std::vector<int> nodes = patch.touched;
+  std::vector<RowId> nodes = patch.touched;
   nodes.insert(nodes.end(), patch.border.begin(), patch.border.end());
   const std::size_t stride = (nodes.size() + kMaxCentres - 1) / kMaxCentres;
   PatchField field;
@@ -77,7 +77,7 @@ std::vector<Matrix3d> move_inner(const SurfaceMesh& surface, const FreePatch& pa
                                  const RowMatrix& displacements, Points& moved) {
   std::vector<Matrix3d> slopes;
   for (Index i = 0; i < displacements.rows(); ++i) {
-    const int n = patch.inner[static_cast<std::size_t>(i)];
+    const RowId n = patch.inner[static_cast<std::size_t>(i)];
     if (patch.is_planar) {
       moved.row(n) = surface.points.row(n) + displacements.row(i);
       continue;
@@ -92,7 +92,7 @@ std::vector<Matrix3d> move_inner(const SurfaceMesh& surface, const FreePatch& pa
 
 }  // namespace
 
-Vector3d onto_patch(const FreePatch& patch, int node, const Vector3d& from, const Vector3d& x) {
+Vector3d onto_patch(const FreePatch& patch, RowId node, const Vector3d& from, const Vector3d& x) {
   if (patch.is_planar) return x - patch.normal.dot(x - from) * patch.normal;
   return patch.form->foot(x, node).point + (from - patch.form->foot(from, node).point);
 }
@@ -113,7 +113,7 @@ SlideDerivative::SlideDerivative(const SurfaceMesh& surface, const std::vector<F
     Step step;
     for (const FreeLine& line : patch.lines) {
       OnLine on{line.direction.transpose(), {}};
-      for_each_free(surface, line, [&](int node, int before, int after, double part) {
+      for_each_free(surface, line, [&](RowId node, RowId before, RowId after, double part) {
         on.nodes.push_back({node, before, after, part});
       });
       step.lines.push_back(std::move(on));

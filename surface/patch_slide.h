@@ -18,7 +18,7 @@ void slide_patch(const SurfaceMesh& surface, const FreePatch& patch, Points& mov
 
 /// The point of a patch (planar, or with a form) nearest to x, for a node that stays as far off the
 /// patch as it is at `from`.
-Eigen::Vector3d onto_patch(const FreePatch& patch, int node, const Eigen::Vector3d& from,
+Eigen::Vector3d onto_patch(const FreePatch& patch, RowId node, const Eigen::Vector3d& from,
                            const Eigen::Vector3d& x);
 
 /// What slide_patch does, one patch after the other, as a linear map of the displacements of all
@@ -43,7 +43,7 @@ class SlideDerivative {
   struct OnLine {
     Eigen::RowVector3d direction;
     struct Node {
-      int node, before, after;
+      RowId node, before, after;
       double part;  // of the way from `before` to `after`
     };
     std::vector<Node> nodes;
@@ -51,7 +51,7 @@ class SlideDerivative {
   // Nodes of a patch that go with its border.
   struct OnPatch {
     Eigen::Matrix3Xd basis;
-    std::vector<int> border, inner;
+    std::vector<RowId> border, inner;
     FieldMap field;
     std::vector<Eigen::Matrix3d> slopes;  // of the way onto a curved surface, by inner nodes
   };

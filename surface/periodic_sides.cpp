@@ -37,7 +37,7 @@ constexpr double kLeastSide = 1e-2;
 
 struct Side {
   std::string name;
-  std::vector<int> rows;
+  std::vector<RowId> rows;
   Points points = {};
   Vector3d centre = Vector3d::Zero(),
            outward = Vector3d::Zero();  ///< outward: of the mesh; zero where the side has none
@@ -77,21 +77,21 @@ Isometry fit(const Points& from, const Points& to, const Vector3d& normal) {
 
 // Sum of the outward area vectors of the side's facets, or where it has none (a line in a mesh of
 // shells) of the ways from the middles of the facets beside it.
-Vector3d outward_of(const SurfaceMesh& surface, const std::vector<int>& rows, bool is_flat) {
-  std::vector<char> is_in(static_cast<std::size_t>(surface.points.rows()), 0);
-  for (const int n : rows) is_in[n] = 1;
+Vector3d outward_of(const SurfaceMesh& surface, const std::vector<RowId>& rows, bool is_flat) {
+  IdVector<RowId, char> is_in(static_cast<std::size_t>(surface.points.rows()), 0);
+  for (const RowId n : rows) is_in[n] = 1;
   Vector3d area = Vector3d::Zero(), beside = Vector3d::Zero();
   double whole_area = 0, whole_way = 0;
-  for (std::size_t f = 0; f < surface.facets.size(); ++f) {
-    const std::vector<int>& facet = surface.facets[f];
-    const auto in = std::ranges::count_if(facet, [&](int n) { return is_in[n] != 0; });
+  for (const FacetId f : surface.facets.ids()) {
+    const std::vector<RowId>& facet = surface.facets[f];
+    const auto in = std::ranges::count_if(facet, [&](RowId n) { return is_in[n] != 0; });
     if (in == std::ssize(facet)) {
-      const Vector3d own = area_vector(surface, surface.points, static_cast<Index>(f));
+      const Vector3d own = area_vector(surface, surface.points, f);
       area += own;
       whole_area += own.norm();
     }
-    const Vector3d middle = centroid(surface, surface.points, static_cast<Index>(f));
-    for (const int n : facet) {
+    const Vector3d middle = centroid(surface, surface.points, f);
+    for (const RowId n : facet) {
       if (!is_in[n]) continue;
       const Vector3d way = surface.points.row(n).transpose() - middle;
       beside += way;
@@ -132,7 +132,7 @@ class PeriodSearch {
       : from_(from), to_(to), normal_(normal), tree_(to.points) {
     const double least = plane_tolerance(surface);
     for (const Side* side : {&from, &to})
-      for (const int n : side->rows)
+      for (const RowId n : side->rows)
         tolerance_of_.push_back(std::max(least, kOfEdge * surface.local_length[n]));
   }
 
@@ -313,7 +313,7 @@ PeriodicSides PeriodSearch::find() const {
 }
 
 // On the CAD: the kind of entity that both nodes lie on, or the one of the higher dimension.
-CadDimension dimension_of(const Association& association, int from, int to) {
+CadDimension dimension_of(const Association& association, RowId from, RowId to) {
   const CadDimension a = association.dimension[from], b = association.dimension[to];
   return a == CadDimension::None || b == CadDimension::None ? CadDimension::None : std::max(a, b);
 }
@@ -325,7 +325,7 @@ bool fits(const Points& from, const Points& to, const Isometry& map, double tole
 }
 
 PeriodicSides find_pair(const Mesh& mesh, const Boundary& boundary, const SurfaceMesh& surface,
-                        const Association& association, const std::vector<char>& is_held,
+                        const Association& association, const IdVector<RowId, char>& is_held,
                         const std::string& first, const std::string& second) {
   if (first == second)
     throw InvalidInputError("the group '" + first + "' of the mesh can't be a period from itself");
@@ -333,12 +333,12 @@ PeriodicSides find_pair(const Mesh& mesh, const Boundary& boundary, const Surfac
   const Side from = make_side(mesh, boundary, surface, first, !normal.isZero(0));
   const Side to = make_side(mesh, boundary, surface, second, !normal.isZero(0));
   for (const Side* side : {&from, &to})
-    for (const int n : side->rows)
+    for (const RowId n : side->rows)
       if (association.is_free[n])
         throw InvalidInputError(node_name(mesh, boundary.nodes[n]) + " of '" + side->name +
                                 "' follows the volume, so the group can't be a periodic side");
   PeriodicSides sides = PeriodSearch(surface, from, to, normal).find();
-  for (const int n : sides.pair.to)
+  for (const RowId n : sides.pair.to)
     sides.is_given.push_back(is_held[n] || association.dimension[n] != CadDimension::None);
   return sides;
 }
@@ -347,7 +347,7 @@ PeriodicSides find_pair(const Mesh& mesh, const Boundary& boundary, const Surfac
 
 std::vector<PeriodicSides> find_periodic_sides(
     const Mesh& mesh, const Boundary& boundary, const SurfaceMesh& surface,
-    const Association& association, const std::vector<char>& is_held,
+    const Association& association, const IdVector<RowId, char>& is_held,
     const std::vector<std::pair<std::string, std::string>>& names) {
   std::vector<PeriodicSides> result;
   for (const auto& [first, second] : names)
@@ -358,7 +358,7 @@ std::vector<PeriodicSides> find_periodic_sides(
 std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& boundary,
                                               const SurfaceMesh& surface,
                                               const Association& association,
-                                              const std::vector<char>& is_held,
+                                              const IdVector<RowId, char>& is_held,
                                               const GroupConstraints& constraints,
                                               std::vector<std::string>& remarks) {
   std::set<std::string> done;
@@ -387,7 +387,7 @@ ImagePair with_period_at(const PeriodicSides& sides, const SurfaceMesh& surface,
                          const Association& association, const Points& moved) {
   ImagePair pair = sides.pair;
   for (const CadDimension most : {CadDimension::Vertex, CadDimension::Edge, CadDimension::Face}) {
-    std::vector<int> from, to;
+    std::vector<RowId> from, to;
     for (std::size_t i = 0; i < pair.from.size(); ++i) {
       const CadDimension own = dimension_of(association, pair.from[i], pair.to[i]);
       if (own == CadDimension::None || own > most) continue;

@@ -24,12 +24,12 @@ struct PeriodicSides {
 /// node of the first (of those on the mesh's surface) to one of its own of the second, within 1e-6
 /// of the extent or a hundredth of the shortest mesh edge there. Where several do, as in regular
 /// meshes, those count that leave the inside of the mesh on opposite sides, of these a translation,
-/// else the least turn. `is_held`: nodes (rows) that something else than the CAD has a place for.
+/// else the least turn. `is_held`: nodes that something else than the CAD has a place for.
 /// Throws InvalidInputError for a name that no group has, a side without nodes, sides that are no
 /// images of each other, and nodes that follow the volume.
 std::vector<PeriodicSides> find_periodic_sides(
     const Mesh& mesh, const Boundary& boundary, const SurfaceMesh& surface,
-    const Association& association, const std::vector<char>& is_held,
+    const Association& association, const IdVector<RowId, char>& is_held,
     const std::vector<std::pair<std::string, std::string>>& names);
 
 /// Finds those that the mesh file says are pairs (NodeGroup::partner), where no group of a pair is
@@ -37,7 +37,7 @@ std::vector<PeriodicSides> find_periodic_sides(
 std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& boundary,
                                               const SurfaceMesh& surface,
                                               const Association& association,
-                                              const std::vector<char>& is_held,
+                                              const IdVector<RowId, char>& is_held,
                                               const GroupConstraints& constraints,
                                               std::vector<std::string>& remarks);
 

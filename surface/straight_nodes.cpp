@@ -23,42 +23,40 @@ double tolerance_of(const CadModel& model, CadDimension dimension, int entity) {
 }
 
 // Whether a facet of the node lies on one CAD face with all its corners.
-bool is_on_voted_facet(const SurfaceMesh& surface, const Association& association, int n) {
-  const auto facets = surface.incident_facets.begin();
-  return std::any_of(facets + surface.incident_offsets[n], facets + surface.incident_offsets[n + 1],
-                     [&](int f) { return association.facet_face[f] >= 0; });
+bool is_on_voted_facet(const SurfaceMesh& surface, const Association& association, RowId n) {
+  return std::ranges::any_of(surface.facets_at(n),
+                             [&](FacetId f) { return association.facet_face[f] >= 0; });
 }
 
 bool is_off(const CadModel& model, const SurfaceMesh& surface, const Association& association,
-            int n) {
+            RowId n) {
   if (association.dimension[n] == CadDimension::None) return true;
   return association.distance[n] >
          tolerance_of(model, association.dimension[n], association.entity[n]) +
              kOnEntity * surface.local_length[n];
 }
 
-bool is_amid_corners(const SurfaceMesh& surface, const Association& association, int n) {
+bool is_amid_corners(const SurfaceMesh& surface, const Association& association, RowId n) {
   if (!is_amid_straight(surface, n) || !is_on_voted_facet(surface, association, n)) return false;
-  for (const int corner : surface.between[n])
+  for (const RowId corner : surface.between[n])
     if (corner >= 0 && association.dimension[corner] == CadDimension::None) return false;
   return true;
 }
 
 }  // namespace
 
-bool is_amid_straight(const SurfaceMesh& surface, int node) {
+bool is_amid_straight(const SurfaceMesh& surface, RowId node) {
   if (surface.is_corner(node)) return false;
   const Eigen::Vector3d x = surface.points.row(node);
   return (surface.middle(node, surface.points) - x).norm() <= kStraight * surface.own_length[node];
 }
 
 void find_straight_nodes(const CadModel& model, const SurfaceMesh& surface,
-                         const std::vector<char>& is_off_voted, Association& association) {
-  const auto nodes = static_cast<int>(surface.points.rows());
-  for (int n = 0; n < nodes; ++n)
+                         const IdVector<RowId, char>& is_off_voted, Association& association) {
+  for (const RowId n : association.dimension.ids())
     association.is_amid[n] = (is_off_voted[n] || is_off(model, surface, association, n)) &&
                              is_amid_corners(surface, association, n);
-  for (int n = 0; n < nodes; ++n) {
+  for (const RowId n : association.dimension.ids()) {
     if (!association.is_amid[n]) continue;
     association.dimension[n] = CadDimension::None;
     association.entity[n] = -1;

@@ -89,27 +89,27 @@ struct Placement {
         entity(feet.rows(), -1),
         is_crossing(feet.rows(), 0) {}
 
-  Placement rows(const std::vector<int>& nodes) const {
+  Placement rows(const std::vector<RowId>& nodes) const {
     Placement result(feet(nodes, Eigen::all));
     result.offsets = offsets(nodes, Eigen::all);
     result.uv = uv(nodes, Eigen::all);
     return result;
   }
-  void set_rows(const std::vector<int>& nodes, const Placement& values) {
+  void set_rows(const std::vector<RowId>& nodes, const Placement& values) {
     feet(nodes, Eigen::all) = values.feet;
     offsets(nodes, Eigen::all) = values.offsets;
     uv(nodes, Eigen::all) = values.uv;
   }
 
-  void cross(int row, const Vector3d& to) {
+  void cross(RowId row, const Vector3d& to) {
     feet.row(row) = to;
     is_crossing[row] = 1;
   }
 
   Points feet, offsets;
-  Parameters uv;                  ///< face (u, v), edge (t, 0)
-  std::vector<int> entity;        ///< variant face or edge; -1
-  std::vector<char> is_crossing;  ///< on several faces: the foot stays
+  Parameters uv;                      ///< face (u, v), edge (t, 0)
+  IdVector<RowId, int> entity;        ///< variant face or edge; -1
+  IdVector<RowId, char> is_crossing;  ///< on several faces: the foot stays
 };
 
 // A node that moved by no more than the rounding of its way through the CAD has not moved.
@@ -120,8 +120,8 @@ void keep_still(const Points& start, Points& positions) {
       positions.row(n) = start.row(n);
 }
 
-std::vector<int> nodes_of(const std::vector<ImagePair>& pairs) {
-  std::vector<int> result;
+std::vector<RowId> nodes_of(const std::vector<ImagePair>& pairs) {
+  std::vector<RowId> result;
   for (const ImagePair& pair : pairs)
     for (const auto* nodes : {&pair.from, &pair.to})
       result.insert(result.end(), nodes->begin(), nodes->end());
@@ -131,7 +131,7 @@ std::vector<int> nodes_of(const std::vector<ImagePair>& pairs) {
 }
 
 // Where the warp puts a node, unless it has its place already.
-Vector2d place_on_face(const CadModel& variant, FaceId face, const Placement& placed, int row,
+Vector2d place_on_face(const CadModel& variant, FaceId face, const Placement& placed, RowId row,
                        const Vector2d& warped) {
   if (!placed.is_crossing[row]) return warped;
   return project_on_face(variant, face, placed.feet.row(row), warped).uv;
@@ -172,7 +172,7 @@ AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& 
 }
 
 std::string describe_strays(const Mesh& mesh, const Boundary& boundary, const Association& found) {
-  const Index row = found.farthest_stray;
+  const RowId row = found.farthest_stray;
   std::ostringstream text;
   text.precision(4);
   text << found.stray_nodes
@@ -190,18 +190,17 @@ std::string name_of(const CadModel& base, const TopologyMatch& match, FaceId fac
 
 // A node that is held where the CAD has a face.
 struct HeldNode {
-  int row;
+  RowId row;
   FaceId face;
   Vector2d uv;
 };
 
-std::vector<HeldNode> held_on_faces(const std::vector<GroupConstraint>& constraints,
+std::vector<HeldNode> held_on_faces(const IdVector<RowId, GroupConstraint>& constraints,
                                     const Association& association) {
   std::vector<HeldNode> result;
-  for (std::size_t n = 0; n < constraints.size(); ++n)
+  for (const RowId n : constraints.ids())
     if (constraints[n] == GroupConstraint::Hold && association.dimension[n] == CadDimension::Face)
-      result.push_back({static_cast<int>(n), association.face(static_cast<Index>(n)),
-                        association.uv.row(static_cast<Index>(n))});
+      result.push_back({n, association.face(n), association.uv.row(n)});
   return result;
 }
 
@@ -214,8 +213,8 @@ struct SurfaceMorph::Impl {
   SurfaceMesh surface;
   double tolerance = 0;  // of planes and images, millimetres
   Association association;
-  std::vector<GroupConstraint> constraints;  // of the nodes, by their groups
-  std::vector<HeldNode> held;                // on CAD faces
+  IdVector<RowId, GroupConstraint> constraints;  // by the nodes' groups
+  std::vector<HeldNode> held;                    // on CAD faces
   std::vector<FreePatch> patches;
   std::vector<RigidGroup> rigid;
   std::vector<PeriodicSides> periodic;  // those that have names
@@ -254,7 +253,7 @@ struct SurfaceMorph::Impl {
               const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
   void place(const ModelPair& pair, FaceId face, FaceMapResult& mapped, Placement& placed) const;
   VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
-  double least_stretch(int row, const Points& moved_feet) const;
+  double least_stretch(RowId row, const Points& moved_feet) const;
   void move_amid(Points& moved) const;
   std::vector<FreePatch> sliding_patches() const;
   std::vector<ImagePair> slide(Points& moved) const;
@@ -266,7 +265,7 @@ struct SurfaceMorph::Impl {
 void SurfaceMorph::Impl::find_feet() {
   feet = surface.points;
   parallel_for(feet.rows(), 1024, [&](Index begin, Index end) {
-    for (Index n = begin; n < end; ++n) {
+    for (RowId n(begin); n < end; ++n) {
       const Vector2d uv = association.uv.row(n);
       switch (association.dimension[n]) {
         case CadDimension::Vertex:
@@ -289,7 +288,7 @@ void SurfaceMorph::Impl::find_offsets() {
   offsets = surface.points - feet;
   if (options.snap) offsets.setZero();
   parallel_for(offsets.rows(), 1024, [&](Index begin, Index end) {
-    for (Index n = begin; n < end; ++n)
+    for (RowId n(begin); n < end; ++n)
       if (association.dimension[n] == CadDimension::Face && !offsets.row(n).isZero(0))
         offsets.row(n) *= frame(base->evaluate(association.face(n), association.uv.row(n)));
   });
@@ -310,8 +309,8 @@ void SurfaceMorph::Impl::check_policy() const {
 GroupConstraint SurfaceMorph::Impl::constraint(const FreePatch& patch) const {
   GroupConstraint result = GroupConstraint::None;
   for (const auto* nodes : {&patch.inner, &patch.border})
-    for (const int n : *nodes) {
-      const GroupConstraint wanted = constraints[static_cast<std::size_t>(n)];
+    for (const RowId n : *nodes) {
+      const GroupConstraint wanted = constraints[n];
       const bool is_own = nodes == &patch.inner || patch.inner.empty();
       if (is_own && wanted == GroupConstraint::Hold) return wanted;
       if (is_own && wanted != GroupConstraint::None) result = wanted;
@@ -336,7 +335,7 @@ void SurfaceMorph::Impl::find_forms() {
 void SurfaceMorph::Impl::move_corners(const ModelPair& pair, const CurveMaps& maps,
                                       Placement& placed) const {
   const Similarity& a = pair.match.alignment;
-  for (int n = 0; n < static_cast<int>(placed.feet.rows()); ++n) {
+  for (const RowId n : association.dimension.ids()) {
     if (association.dimension[n] != CadDimension::Vertex) continue;
     placed.feet.row(n) = map_vertex(pair, maps, association.vertex(n));
     placed.offsets.row(n) = a.rotation * offsets.row(n).transpose();
@@ -347,11 +346,11 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const CurveMaps& maps
                                     Placement& placed) const {
   const Similarity& a = pair.match.alignment;
   parallel_for(placed.feet.rows(), 256, [&](Index begin, Index end) {
-    for (Index n = begin; n < end; ++n) {
+    for (RowId n(begin); n < end; ++n) {
       if (association.dimension[n] != CadDimension::Edge) continue;
       const EdgeId edge = association.edge(n);
       const CurveLocation l =
-          maps[pair.base.skeleton().curve_of_edge[edge]]({edge, association.uv(n, 0)});
+          maps[pair.base.skeleton().curve_of_edge[edge]]({edge, association.t(n)});
       placed.feet.row(n) = pair.variant.evaluate_edge(l.edge, l.t).point;
       placed.uv.row(n) << l.t, 0;
       placed.entity[n] = l.edge;
@@ -383,7 +382,7 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, FaceId face, FaceMapResult
       is_seen_from_the_other(pair, face);
   parallel_for(nodes.uv.rows(), 256, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
-      const int n = nodes.rows[static_cast<std::size_t>(i)];
+      const RowId n = nodes.rows[static_cast<std::size_t>(i)];
       const Vector2d uv = place_on_face(pair.variant, variant, placed, n, mapped.uv.row(i));
       const SurfacePoint to = pair.variant.evaluate(variant, uv);
       Vector3d offset = offsets.row(n);
@@ -396,7 +395,7 @@ void SurfaceMorph::Impl::place(const ModelPair& pair, FaceId face, FaceMapResult
   });
   if (pair.variant.faces()[variant].type != SurfaceType::Plane) return;
   for (const Index i : nodes.straight) {
-    const int n = nodes.rows[i];
+    const RowId n = nodes.rows[i];
     if (placed.is_crossing[n]) continue;
     // What the file's digits leave between node and middle stays.
     const Vector3d off = feet.row(n).transpose() - surface.middle(n, feet);
@@ -455,7 +454,8 @@ void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<I
   const Points moved = surface.points + (placed.feet - feet);
   for (const ImagePair& found : images) {
     for (std::size_t i = 0; i < found.inner; ++i) {
-      const int to = found.to[i], entity = placed.entity[to];
+      const RowId to = found.to[i];
+      const int entity = placed.entity[to];
       const Vector3d motion = found.place(surface, moved, i) - moved.row(to).transpose();
       if (motion.norm() <= kRounding * tolerance || entity < 0 || to == found.from[i]) continue;
       const Vector3d place = placed.feet.row(to).transpose() + motion;
@@ -484,7 +484,7 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const CurveMaps& maps, Fa
   const auto find = [&](const Parameters& uv) {
     return nodes.folds.find(surface, {pair.variant, variant, uv, placed.feet});
   };
-  std::vector<Index> folds = find(mapped.uv);
+  std::vector<FacetId> folds = find(mapped.uv);
   // Keeps the other map where it folds less. One that fails leaves what is there.
   const auto improve = [&](const std::function<FaceMapResult()>& map, const char* how) {
     try {
@@ -542,7 +542,7 @@ VectorXd SurfaceMorph::Impl::distances_beyond_wires(const ModelPair& pair,
                                                     const Placement& placed) const {
   VectorXd distances = VectorXd::Zero(placed.feet.rows());
   parallel_for(distances.size(), 256, [&](Index begin, Index end) {
-    for (Index n = begin; n < end; ++n) {
+    for (RowId n(begin); n < end; ++n) {
       if (association.dimension[n] != CadDimension::Face) continue;
       const FaceId face(placed.entity[n]);
       const double distance = distance_to_trimmed(pair.variant, face, placed.uv.row(n));
@@ -555,11 +555,11 @@ VectorXd SurfaceMorph::Impl::distances_beyond_wires(const ModelPair& pair,
 
 // Least ratio of a facet edge's new length to its old one round a node: the scale of a similarity,
 // and no growth where the surface stretches one way only.
-double SurfaceMorph::Impl::least_stretch(int row, const Points& moved_feet) const {
+double SurfaceMorph::Impl::least_stretch(RowId row, const Points& moved_feet) const {
   double least = std::numeric_limits<double>::infinity();
   if (offsets.row(row).isZero(0)) return 1;
-  for (int i = surface.incident_offsets[row]; i < surface.incident_offsets[row + 1]; ++i)
-    for (const int other : surface.facets[surface.incident_facets[i]]) {
+  for (const FacetId f : surface.facets_at(row))
+    for (const RowId other : surface.facets[f]) {
       if (association.dimension[other] == CadDimension::None) continue;
       const double before = (feet.row(other) - feet.row(row)).norm();
       if (before > 0)
@@ -570,7 +570,7 @@ double SurfaceMorph::Impl::least_stretch(int row, const Points& moved_feet) cons
 
 // Nodes amid straight edges and facets stay amid them.
 void SurfaceMorph::Impl::move_amid(Points& moved) const {
-  for (int n = 0; n < static_cast<int>(moved.rows()); ++n)
+  for (const RowId n : association.is_amid.ids())
     if (association.is_amid[n])
       moved.row(n) += surface.middle(n, moved) - surface.middle(n, surface.points);
 }
@@ -614,13 +614,13 @@ PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
   // Times what the node is off the patch: surfaces that meet at 15 degrees.
   constexpr double kFarthest = 4;
   const double rounding = kRounding * tolerance / kSamePlane;
-  std::map<int, std::vector<const FreePatch*>> patches_of;
+  std::map<RowId, std::vector<const FreePatch*>> patches_of;
   const auto sliding = sliding_patches();
   for (const FreePatch& patch : sliding)
-    for (const int n : patch.touched) patches_of[n].push_back(&patch);
+    for (const RowId n : patch.touched) patches_of[n].push_back(&patch);
   PartedJoints parted;
   for (const auto& entry : patches_of) {
-    const int n = entry.first;
+    const RowId n = entry.first;
     const std::vector<const FreePatch*>& own = entry.second;
     if (placed.is_crossing[n] || placed.entity[n] < 0) continue;
     const bool is_on_face = association.dimension[n] == CadDimension::Face;
@@ -676,7 +676,7 @@ std::vector<ImagePair> SurfaceMorph::Impl::slide(Points& moved) const {
   std::vector<Sheet> sheets;
   for (const FreePatch& patch : sliding_patches()) {
     slide_patch(surface, patch, moved);
-    std::vector<int> border = patch.touched;
+    std::vector<RowId> border = patch.touched;
     border.insert(border.end(), patch.border.begin(), patch.border.end());
     sheets.push_back({patch.inner, std::move(border), patch.facets, patch.is_planar});
   }
@@ -691,7 +691,7 @@ std::vector<ImagePair> SurfaceMorph::Impl::slide(Points& moved) const {
 Index SurfaceMorph::Impl::dragged_patches(const Points& moved) const {
   return std::ranges::count_if(patches, [&](const FreePatch& patch) {
     return !slides(patch) && constraint(patch) == GroupConstraint::None &&
-           std::ranges::any_of(patch.touched, [&](int n) {
+           std::ranges::any_of(patch.touched, [&](RowId n) {
              return (moved.row(n) - surface.points.row(n)).norm() > tolerance;
            });
   });
@@ -759,7 +759,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   const BodiesInGroups bodies = find_bodies_in_rigid_groups(
       mesh, boundary, impl_->surface, impl_->options.groups.rigid, impl_->association);
   for (const auto& [group, rows] : bodies)
-    for (const int row : rows)
+    for (const RowId row : rows)
       if (impl_->constraints[row] == GroupConstraint::Rigid)
         impl_->constraints[row] = GroupConstraint::None;
   impl_->held = held_on_faces(impl_->constraints, impl_->association);
@@ -771,7 +771,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                         mark_patches(mesh, boundary, impl_->options.groups, impl_->constraints));
   impl_->rigid = find_rigid_groups(mesh, boundary, impl_->surface, impl_->association,
                                    impl_->options.groups.rigid, bodies);
-  std::vector<char> held(impl_->constraints.size());
+  IdVector<RowId, char> held(impl_->constraints.size());
   std::ranges::transform(impl_->constraints, held.begin(), is_taken_from_cad);
   impl_->periodic = find_periodic_sides(mesh, boundary, impl_->surface, impl_->association, held,
                                         impl_->options.groups.periodic);
@@ -852,8 +852,8 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
   const auto named = self.named_pairs(sides, self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, named, placed);
   const PartedJoints left = self.settle_junctions(joined, placed);
-  for (Index n = 0; n < placed.feet.rows(); ++n)
-    placed.offsets.row(n) *= self.least_stretch(static_cast<int>(n), placed.feet);
+  for (const RowId n : placed.entity.ids())
+    placed.offsets.row(n) *= self.least_stretch(n, placed.feet);
   Points moved = placed.feet + placed.offsets;
   self.move_amid(moved);
   self.settle_images(images, moved);
@@ -887,7 +887,7 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
   result.entity = std::move(placed.entity);
   result.uv = std::move(placed.uv);
   result.distance = result.beyond_wires;
-  for (Index n = 0; n < moved.rows(); ++n)
+  for (const RowId n : result.entity.ids())
     if (self.association.dimension[n] != CadDimension::None)
       result.distance[n] += placed.offsets.row(n).norm() + (moved.row(n) - before.row(n)).norm();
   return result;
@@ -915,7 +915,7 @@ std::vector<std::string> describe_beyond_wires(const CadModel& base, const Topol
                                                const Association& association,
                                                const VectorXd& beyond_wires) {
   std::map<FaceId, std::pair<int, double>> beyond;  // nodes and largest distance, by base face
-  for (Index n = 0; n < beyond_wires.size(); ++n)
+  for (const RowId n : association.entity.ids())
     if (beyond_wires[n] > 0) {
       auto& [count, most] = beyond[association.face(n)];
       ++count;

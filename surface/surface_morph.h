@@ -37,20 +37,20 @@ struct SurfaceMorphOptions {
 /// The surface of one variant. Rows follow Boundary::nodes.
 struct SurfaceMorphResult {
   Points positions;              ///< new node positions, in the mesh's unit (free nodes: old)
-  std::vector<int> entity;       ///< variant face or edge that a node on one is put on; else -1
+  IdVector<RowId, int> entity;   ///< variant face or edge that a node on one is put on; else -1
   Parameters uv;                 ///< there: face (u, v), edge (t, 0)
   Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
   Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
   PartedJoints parted;
-  Index dragged_patches = 0;  ///< on no CAD face, that stay fixed though what moves touches them
-  std::vector<int> paired;    ///< nodes on sides that are images of each other, ascending
-  std::vector<int> periodic;  ///< those of them on sides named as periodic: no repair moves them
-  std::vector<int> crossing;  ///< nodes on CAD entities that cross without an imprint, ascending
-  std::vector<int> jointed;   ///< all on entities that meet without one (Joints), ascending
-  std::vector<std::string> folds;     ///< faces with folded facets: a line each
-  std::vector<Index> folded_facets;   ///< of the boundary, by face
-  std::vector<std::string> warnings;  ///< other remarks: a line each
-  std::vector<std::string> notes;     ///< remarks that ask for nothing: a line each
+  Index dragged_patches = 0;    ///< on no CAD face, that stay fixed though what moves touches them
+  std::vector<RowId> paired;    ///< nodes on sides that are images of each other, ascending
+  std::vector<RowId> periodic;  ///< those of them on sides named as periodic: no repair moves them
+  std::vector<RowId> crossing;  ///< nodes on CAD entities that cross without an imprint, ascending
+  std::vector<RowId> jointed;   ///< all on entities that meet without one (Joints), ascending
+  std::vector<std::string> folds;      ///< faces with folded facets: a line each
+  std::vector<FacetId> folded_facets;  ///< by face
+  std::vector<std::string> warnings;   ///< other remarks: a line each
+  std::vector<std::string> notes;      ///< remarks that ask for nothing: a line each
   /// What faces took that would fold else, and the faces; nothing to do about.
   std::map<std::string, std::vector<std::string>> remedies;
 };

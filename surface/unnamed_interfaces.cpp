@@ -56,9 +56,8 @@ class Search {
         is_sought_(base.faces().size(), 1) {
     for (const FaceId face : association.facet_face)
       if (face >= 0) is_sought_[face] = 0;
-    for (std::size_t i = 0; i < association.entity.size(); ++i)
-      if (association.dimension[i] == CadDimension::Face)
-        is_sought_[association.face(Index(i))] = 0;
+    for (const RowId row : association.entity.ids())
+      if (association.dimension[row] == CadDimension::Face) is_sought_[association.face(row)] = 0;
   }
 
   UnnamedInterfaces run() {

@@ -34,18 +34,12 @@ std::shared_ptr<const CadModel> cad_at(Series& series, int step) {
   return cad;
 }
 
-// Rows of Boundary::nodes whose positions are prescribed.
-std::vector<Index> prescribed_rows(const Association& association) {
-  std::vector<Index> rows;
-  for (Index i = 0; i < static_cast<Index>(association.is_free.size()); ++i)
-    if (!association.is_free[i]) rows.push_back(i);
+// Of nodes whose positions are prescribed.
+std::vector<RowId> prescribed_rows(const Association& association) {
+  std::vector<RowId> rows;
+  for (const RowId row : association.is_free.ids())
+    if (!association.is_free[row]) rows.push_back(row);
   return rows;
-}
-
-Points rows_of(const Points& points, const std::vector<Index>& rows) {
-  Points result(rows.size(), 3);
-  for (std::size_t i = 0; i < rows.size(); ++i) result.row(i) = points.row(rows[i]);
-  return result;
 }
 
 /// A CAD model with a mesh of it, from which the surface goes to another.
@@ -54,11 +48,11 @@ class Stage {
   Stage(std::shared_ptr<const CadModel> cad, const Mesh& mesh, const Boundary& boundary)
       : cad_(std::move(cad)),
         boundary_(boundary),
-        start_(rows_of(mesh.points, boundary.nodes)),
+        start_(mesh.points(boundary.nodes, Eigen::all)),
         surface_(cad_, mesh, boundary),
         rows_(prescribed_rows(surface_.association())) {}
 
-  const std::vector<Index>& rows() const { return rows_; }
+  const std::vector<RowId>& rows() const { return rows_; }
 
   /// By Surface, those asked for.
   std::array<Points, 2> positions_on(const CadModel& variant,
@@ -66,10 +60,10 @@ class Stage {
     const TopologyMatch match = match_topology(*cad_, variant);
     const Points own = surface_.morph(variant, match).positions;
     std::array<Points, 2> result;
-    if (kinds.contains(Surface::RbfS)) result[0] = rows_of(own, rows_);
+    if (kinds.contains(Surface::RbfS)) result[0] = own(rows_, Eigen::all);
     if (kinds.contains(Surface::Harmonic))
-      result[1] = rows_of(
-          harmonic_surface(start_, boundary_, surface_.association(), variant, match, own), rows_);
+      result[1] = harmonic_surface(start_, boundary_, surface_.association(), variant, match, own)(
+          rows_, Eigen::all);
     return result;
   }
 
@@ -78,7 +72,7 @@ class Stage {
   const Boundary& boundary_;
   Points start_;
   SurfaceMorph surface_;
-  std::vector<Index> rows_;
+  std::vector<RowId> rows_;
 };
 
 void set_absolute_paths(Series& series, const std::set<Surface>& kinds, const Stage& base,
@@ -138,7 +132,7 @@ Series make_series(const Subject& subject, const std::set<Route>& routes, int st
   series.orientation = detect_orientation(series.mesh);
   const Boundary boundary = extract_boundary(series.mesh);
   const Stage base(cad_at(series, 0), series.mesh, boundary);
-  for (const Index row : base.rows()) series.surface_nodes.push_back(boundary.nodes[row]);
+  for (const RowId row : base.rows()) series.surface_nodes.push_back(boundary.nodes[row]);
   std::set<Surface> absolute;
   for (const Route& route : routes) {
     if (route.mode == Mode::Relative)

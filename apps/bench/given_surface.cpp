@@ -6,35 +6,28 @@
 
 #include "cad/projector.h"
 #include "core/errors.h"
+#include "surface/surface_mesh.h"
 #include "volume/baselines/interior_system.h"
 
 namespace cadmorph::bench {
 namespace {
 
 using Eigen::Vector3d;
-using Triangle = std::array<Index, 3>;
+using Triangle = std::array<RowId, 3>;
 
 // Feet farther than this part of the CAD's diagonal are searched for anew.
 constexpr double kFarFoot = 0.02;
 
-// Rows of Boundary::nodes of a mesh node.
-std::map<Index, Index> row_numbers(const Boundary& boundary) {
-  std::map<Index, Index> rows;
-  for (const Index node : boundary.nodes) rows.emplace(node, static_cast<Index>(rows.size()));
-  return rows;
-}
-
-// Triangles of each face, in rows. A quad counts as both its pairs of triangles.
+// Triangles of each face. A quad counts as both its pairs of triangles.
 IdVector<FaceId, std::vector<Triangle>> face_triangles(const Boundary& boundary,
                                                        const Association& association,
                                                        std::size_t faces) {
-  const auto rows = row_numbers(boundary);
   IdVector<FaceId, std::vector<Triangle>> result(faces);
-  for (Index f = 0; f < boundary.facet_count(); ++f) {
+  for (const FacetId f : association.facet_face.ids()) {
     if (association.facet_face[f] < 0) continue;
     auto& triangles = result[association.facet_face[f]];
     const auto nodes = boundary.facet(f);
-    const auto corner = [&](std::size_t i) { return rows.at(nodes[i % nodes.size()]); };
+    const auto corner = [&](std::size_t i) { return row_of(boundary, nodes[i % nodes.size()]); };
     if (nodes.size() == 3) triangles.push_back({corner(0), corner(1), corner(2)});
     if (nodes.size() > 3)
       for (std::size_t i = 0; i < nodes.size(); ++i)
@@ -44,10 +37,10 @@ IdVector<FaceId, std::vector<Triangle>> face_triangles(const Boundary& boundary,
 }
 
 // Adds the linear element's stiffness: minus half the cotangent of the angle opposite to an edge.
-void add_triangle(const Points& base, const Triangle& triangle, const std::map<Index, int>& local,
+void add_triangle(const Points& base, const Triangle& triangle, const std::map<RowId, int>& local,
                   std::vector<MatrixEntry>& entries) {
   for (int i = 0; i < 3; ++i) {
-    const Index a = triangle[(i + 1) % 3], b = triangle[(i + 2) % 3];
+    const RowId a = triangle[(i + 1) % 3], b = triangle[(i + 2) % 3];
     const Vector3d u = base.row(a) - base.row(triangle[i]), v = base.row(b) - base.row(triangle[i]);
     const double area = u.cross(v).norm();
     if (area == 0) continue;
@@ -76,12 +69,12 @@ Points harmonic_surface(const Points& base, const Boundary& boundary,
   Points result = positions;
   const auto faces = face_triangles(boundary, association, match.faces.size());
   for (const FaceId face : faces.ids()) {
-    std::map<Index, int> local;
+    std::map<RowId, int> local;
     for (const Triangle& triangle : faces[face])
-      for (const Index row : triangle) local.emplace(row, static_cast<int>(local.size()));
+      for (const RowId row : triangle) local.emplace(row, static_cast<int>(local.size()));
     std::vector<MatrixEntry> entries;
     for (const Triangle& triangle : faces[face]) add_triangle(base, triangle, local, entries);
-    const auto is_inside = [&](Index row) {
+    const auto is_inside = [&](RowId row) {
       return association.dimension[row] == CadDimension::Face && association.face(row) == face;
     };
     std::vector<Index> held;

@@ -37,10 +37,10 @@ void count_others(const Mesh& mesh, const Boundary& boundary, PipelineReport& re
   report.mesh.loose_nodes = std::ranges::count(is_used, 0);
 }
 
-std::vector<Index> prescribed_rows(const Association& association) {
-  std::vector<Index> rows;
-  for (Index i = 0; i < static_cast<Index>(association.is_free.size()); ++i)
-    if (!association.is_free[i]) rows.push_back(i);
+std::vector<RowId> prescribed_rows(const Association& association) {
+  std::vector<RowId> rows;
+  for (const RowId row : association.is_free.ids())
+    if (!association.is_free[row]) rows.push_back(row);
   return rows;
 }
 
@@ -95,7 +95,7 @@ void BaseSide::take_unnamed_interfaces(const std::vector<char>& parts) {
 void BaseSide::set_up_volume() {
   rows = prescribed_rows(association());
   std::vector<Index> nodes, free;
-  for (const Index row : rows) nodes.push_back(boundary.nodes[row]);
+  for (const RowId row : rows) nodes.push_back(boundary.nodes[row]);
   std::ranges::set_difference(boundary.nodes, nodes, std::back_inserter(free));
   volume.emplace(mesh(), std::move(nodes), options.volume, free);
 }
@@ -211,7 +211,7 @@ Points BaseSide::on_boundary(const Points& prescribed_positions) const {
 
 std::vector<char> BaseSide::fixed_nodes() const {
   std::vector<char> is_fixed(mesh().node_count(), 0);
-  for (const Index row : rows) is_fixed[boundary.nodes[row]] = 1;
+  for (const RowId row : rows) is_fixed[boundary.nodes[row]] = 1;
   for (const Index c : misordered)
     for (const Index node : mesh().cell(c)) is_fixed[node] = 1;
   return is_fixed;

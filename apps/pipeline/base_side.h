@@ -49,7 +49,7 @@ struct BaseSide {
   Boundary boundary;
   std::optional<SurfaceMorph> surface;
   std::optional<VolumeMorph> volume;
-  std::vector<Index> rows;  ///< of Boundary::nodes: nodes whose positions the surface prescribes
+  std::vector<RowId> rows;  ///< of nodes whose positions the surface prescribes
   Orientation orientation;
   CellNeighbours neighbours;
   QualityReport quality;

@@ -8,7 +8,7 @@
 namespace cadmorph {
 
 MorphDerivative::MorphDerivative(VolumeDerivative volume, SlideDerivative slide,
-                                 std::vector<Index> rows, Index count)
+                                 std::vector<RowId> rows, Index count)
     : volume_(std::move(volume)), slide_(std::move(slide)), rows_(std::move(rows)), count_(count) {}
 
 // Among the rows that slide takes. Throws InvalidInputError where that can't be done.

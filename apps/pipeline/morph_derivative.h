@@ -16,7 +16,7 @@ class MorphDerivative {
 
   /// Nodes on planes that slide follow the others. `rows`: of the surface nodes, among the `count`
   /// that `slide` takes.
-  MorphDerivative(VolumeDerivative volume, SlideDerivative slide, std::vector<Index> rows,
+  MorphDerivative(VolumeDerivative volume, SlideDerivative slide, std::vector<RowId> rows,
                   Index count);
 
   /// As VolumeDerivative has them. With planes that slide, the columns are displacements, three
@@ -32,7 +32,7 @@ class MorphDerivative {
 
   VolumeDerivative volume_;
   std::optional<SlideDerivative> slide_;
-  std::vector<Index> rows_;
+  std::vector<RowId> rows_;
   Index count_ = 0;
 };
 

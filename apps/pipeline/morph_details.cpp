@@ -33,7 +33,7 @@ Histogram jacobian_histogram(const QualityReport& before, const QualityReport& a
 std::vector<double> deviations(const Association& association, const Eigen::VectorXd& distance,
                                double least) {
   std::vector<double> result;
-  for (std::size_t i = 0; i < association.dimension.size(); ++i)
+  for (const RowId i : association.dimension.ids())
     if (association.dimension[i] != CadDimension::None && distance[i] >= least)
       result.push_back(std::log10(distance[i]));
   return result;

@@ -8,10 +8,10 @@ Eigen::Vector3d centre_of(std::span<const Index> nodes, const Points& positions)
   return sum / static_cast<double>(nodes.size());
 }
 
-NearestFace::NearestFace(const Boundary& boundary, const std::vector<FaceId>& facet_face,
+NearestFace::NearestFace(const Boundary& boundary, const IdVector<FacetId, FaceId>& facet_face,
                          const Points& positions) {
-  std::vector<Index> facets;
-  for (Index f = 0; f < boundary.facet_count(); ++f) {
+  std::vector<FacetId> facets;
+  for (const FacetId f : facet_face.ids()) {
     if (facet_face[f] < 0) continue;
     facets.push_back(f);
     faces_.push_back(facet_face[f]);

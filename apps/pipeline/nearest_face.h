@@ -7,6 +7,7 @@
 #include "cad/ids.h"
 #include "core/boundary.h"
 #include "core/kd_tree.h"
+#include "surface/ids.h"
 
 namespace cadmorph {
 
@@ -17,7 +18,7 @@ Eigen::Vector3d centre_of(std::span<const Index> nodes, const Points& positions)
 class NearestFace {
  public:
   /// `facet_face`: see Association; `positions` (N x 3) of the mesh's nodes.
-  NearestFace(const Boundary& boundary, const std::vector<FaceId>& facet_face,
+  NearestFace(const Boundary& boundary, const IdVector<FacetId, FaceId>& facet_face,
               const Points& positions);
 
   /// The face in `facet_face`; none where no facet lies on any.

@@ -52,7 +52,7 @@ std::vector<Index> folded_shells(const MorphResult& result) {
       if (dimension(base.mesh().types[c]) == 2) cells.push_back(c);
     return cells;
   }
-  for (const Index f : result.surface.folded_facets)
+  for (const FacetId f : result.surface.folded_facets)
     if (const Index c = base.boundary.cell[f]; dimension(base.mesh().types[c]) == 2)
       cells.push_back(c);
   std::ranges::sort(cells);

@@ -188,10 +188,10 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
 // where what is far from a body is not to move.
 void hold_nodes(const BaseSide& base, const MorphResult& result, BestMeshOptions& how) {
   const SurfaceMorphResult& surface = result.surface;
-  for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row) {
+  for (const RowId row : surface.entity.ids()) {
     const Index node = base.boundary.nodes[row];
-    if (std::ranges::binary_search(surface.paired, static_cast<int>(row)) ||
-        std::ranges::binary_search(surface.jointed, static_cast<int>(row)))
+    if (std::ranges::binary_search(surface.paired, row) ||
+        std::ranges::binary_search(surface.jointed, row))
       how.held.push_back(node);
     else if (result.positions.row(node) == base.mesh().points.row(node))
       (how.volumes ? how.held : how.resting).push_back(node);
@@ -209,7 +209,7 @@ std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult&
   if (!is_in_plane) return result;
   const std::vector<char> is_border = border_nodes(mesh, mesh.points);
   const Association& association = base.association();
-  for (std::size_t row = 0; row < base.boundary.nodes.size(); ++row)
+  for (const RowId row : association.dimension.ids())
     if (const Index node = base.boundary.nodes[row];
         association.dimension[row] == CadDimension::Face && !association.is_amid[row] &&
         surface.positions.row(row) != mesh.points.row(node))
@@ -222,7 +222,7 @@ std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult&
 std::vector<char> on_cad(const BaseSide& base) {
   std::vector<char> result(static_cast<std::size_t>(base.mesh().node_count()), 0);
   const Association& association = base.association();
-  for (std::size_t row = 0; row < association.dimension.size(); ++row)
+  for (const RowId row : association.dimension.ids())
     result[base.boundary.nodes[row]] =
         association.dimension[row] != CadDimension::None || association.is_amid[row];
   return result;

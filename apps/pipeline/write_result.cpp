@@ -38,7 +38,7 @@ void add_diagnostics(const MorphResult& result, ExtraArrays& extra) {
   RowMatrix uv = RowMatrix::Zero(mesh.node_count(), 2);
   const CadModel matched = result.match.joins_edges ? base.cad->with_joined_edges() : *base.cad;
   const EntityNumbers number(matched);
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
+  for (const RowId i : association.is_free.ids()) {
     if (association.is_free[i]) continue;
     dimensions[nodes[i]] = static_cast<int>(association.dimension[i]);
     entities[nodes[i]] = number(association.dimension[i], association.entity[i]);

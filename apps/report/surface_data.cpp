@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/report/base64.h"
+#include "surface/surface_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -53,8 +54,7 @@ Polygons polygons_of(const Boundary& boundary) {
         corner_count(boundary.types[f], static_cast<Index>(nodes.size())), most);
     result.sizes.push_back(static_cast<std::uint8_t>(corners));
     for (const Index node : nodes.first(corners))
-      result.corners.push_back(static_cast<std::uint32_t>(
-          std::ranges::lower_bound(boundary.nodes, node) - boundary.nodes.begin()));
+      result.corners.push_back(static_cast<std::uint32_t>(row_of(boundary, node)));
   }
   return result;
 }
@@ -94,23 +94,23 @@ Eigen::VectorXd least_at_nodes(const Mesh& mesh, const std::vector<double>& valu
 }
 
 // Numbers the rows in use anew; returns them.
-std::vector<Index> compact(Polygons& polygons, std::size_t row_count) {
+std::vector<RowId> compact(Polygons& polygons, std::size_t row_count) {
   std::vector<std::uint32_t> number(row_count, 0);
   for (const std::uint32_t corner : polygons.corners) number[corner] = 1;
-  std::vector<Index> rows;
+  std::vector<RowId> rows;
   for (std::size_t row = 0; row < row_count; ++row)
     if (number[row] != 0) {
       number[row] = static_cast<std::uint32_t>(rows.size());
-      rows.push_back(static_cast<Index>(row));
+      rows.push_back(RowId(row));
     }
   for (std::uint32_t& corner : polygons.corners) corner = number[corner];
   return rows;
 }
 
 std::vector<float> deviations(const Association& association, const Eigen::VectorXd& after,
-                              const std::vector<Index>& rows) {
+                              const std::vector<RowId>& rows) {
   std::vector<float> result;
-  for (const Index row : rows) {
+  for (const RowId row : rows) {
     const bool is_on_cad = association.dimension[row] != CadDimension::None;
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     result.push_back(is_on_cad ? static_cast<float>(association.distance[row]) : none);
@@ -131,9 +131,9 @@ Json surface_data(const MorphResult& result, Index most_triangles) {
   const bool is_simplified = triangle_count > most_triangles;
   if (is_simplified)
     polygons = simplified(triangles, mesh.points(boundary.nodes, Eigen::all), most_triangles);
-  const std::vector<Index> rows = compact(polygons, boundary.nodes.size());
+  const std::vector<RowId> rows = compact(polygons, boundary.nodes.size());
   std::vector<Index> nodes;
-  for (const Index row : rows) nodes.push_back(boundary.nodes[row]);
+  for (const RowId row : rows) nodes.push_back(boundary.nodes[row]);
   const Points before = mesh.points(nodes, Eigen::all);
   const Points after = result.positions(nodes, Eigen::all);
   RowMatrix jacobian(nodes.size(), 2);

@@ -94,7 +94,7 @@ TEST_CASE("The bore's hexahedra are valid at 220 % where surface nodes may slide
   CHECK(result.report.run.warnings.empty());
   const auto& nodes = job.base().boundary.nodes;
   Index moved = 0;
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
+  for (const RowId i : result.surface.entity.ids()) {
     const Eigen::Vector3d at = result.positions.row(nodes[i]);
     if (at.transpose() == result.surface.positions.row(i)) continue;
     ++moved;

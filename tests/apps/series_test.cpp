@@ -117,7 +117,7 @@ TEST_CASE("A pipe's wall gets to the same places by one leg or many", "[apps][se
   const Association& association = job.base().association();
   const CadModel base = read_step(series.files().base_cad);
   double worst = 0;
-  for (std::size_t i = 0; i < job.base().boundary.nodes.size(); ++i) {
+  for (const RowId i : association.dimension.ids()) {
     const bool is_on_end = association.dimension[i] == CadDimension::Face &&
                            base.faces()[association.face(i)].type == SurfaceType::Plane;
     if (is_on_end) continue;

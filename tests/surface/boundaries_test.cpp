@@ -314,7 +314,7 @@ TEST_CASE("the far field's nodes are told from the body's", "[surface][far-field
   const SurfaceMorph surface(c.base, c.mesh, c.boundary);
   const Association& a = surface.association();
   Index far = 0;
-  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+  for (const RowId i : a.dimension.ids()) {
     const bool is_far = c.mesh.points.row(c.boundary.nodes[i]).norm() > 11;
     far += is_far;
     CHECK((a.dimension[i] == CadDimension::None) == is_far);
@@ -530,12 +530,11 @@ TEST_CASE("nodes off the CAD keep their offset, and snapping removes it", "[surf
       const FaceOracle oracle(read_shape(file));
       const Association clean = SurfaceMorph(c.base, c.mesh, c.boundary).association();
       double largest = 0;
-      for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
-        if (clean.dimension[i] != CadDimension::Face) continue;
-        const auto row = static_cast<Index>(i);
+      for (const RowId row : clean.dimension.ids()) {
+        if (clean.dimension[row] != CadDimension::Face) continue;
         const Vector3d normal = c.base->normal(clean.face(row), clean.uv.row(row).transpose());
-        const double offset = 0.02 * (i % 3 - 1.0) * 1.5;  // millimetres; h is 1.5 to 4.5
-        c.mesh.points.row(c.boundary.nodes[i]) += offset * normal.transpose();
+        const double offset = 0.02 * (row % 3 - 1.0) * 1.5;  // millimetres; h is 1.5 to 4.5
+        c.mesh.points.row(c.boundary.nodes[row]) += offset * normal.transpose();
         largest = std::max(largest, std::abs(offset));
       }
       REQUIRE(largest > 0.02);
@@ -570,7 +569,7 @@ TEST_CASE("chords that leave a curved edge still follow it", "[surface][offset]"
   const SurfaceMorph surface(c.base, c.mesh, c.boundary);
   const Association& a = surface.association();
   Index on_rim = 0, on_edge = 0;
-  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+  for (const RowId i : a.dimension.ids()) {
     const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
     const bool is_at_end = std::min(std::abs(x.z()), std::abs(x.z() - 40)) < 1e-9;
     if (!is_at_end || std::hypot(x.x(), x.y()) < 14) continue;
@@ -647,7 +646,7 @@ TEST_CASE("no node of a plate is drawn to the edges of blocks that stand on it",
   const Association& a = surface.association();
   CHECK(a.max_distance <= 1e-9 * c.diagonal);
   CHECK(a.unmatched_nodes == 0);
-  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+  for (const RowId i : a.dimension.ids()) {
     const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
     const bool is_inside = std::min({x.x() - low, x.y() - low, high - x.x(), high - x.y()}) > 1;
     if (x.z() > -1e-9 && is_inside) CHECK(a.dimension[i] == CadDimension::Face);
@@ -707,7 +706,7 @@ TEST_CASE("an interface that is not in the CAD follows the volume", "[surface][s
   const MorphCase c = mesh_case(read_step(model_file("shapes/box.step")), mesh);
   const SurfaceMorph surface(c.base, c.mesh, c.boundary);
   Index free = 0;
-  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+  for (const RowId i : surface.association().is_free.ids()) {
     const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
     const bool is_inside =
         x.x() > 1 && x.x() < 39 && x.y() > 1 && x.y() < 29 && x.z() > 1 && x.z() < 19;
@@ -906,16 +905,16 @@ TEST_CASE("every node is associated with an entity that it lies on", "[surface][
       const Association& a = surface.association();
       double tolerance = 1e-6 * c.diagonal;
       for (const auto& e : c.base->edges()) tolerance = std::max(tolerance, e.tolerance);
-      for (Index i = 0; i < std::ssize(c.boundary.nodes); ++i) {
+      for (const RowId i : a.dimension.ids()) {
         const Vector3d x = c.mesh.points.row(c.boundary.nodes[i]);
         if (a.dimension[i] == CadDimension::Face) CHECK(oracle.is_near(a.entity[i], x, tolerance));
         if (a.dimension[i] == CadDimension::Vertex)
           CHECK((c.base->vertices()[a.vertex(i)].point - x).norm() <= tolerance);
         if (a.dimension[i] == CadDimension::Edge)
-          CHECK((c.base->evaluate_edge(a.edge(i), a.uv(i, 0)).point - x).norm() <= tolerance);
+          CHECK((c.base->evaluate_edge(a.edge(i), a.t(i)).point - x).norm() <= tolerance);
         CHECK(a.dimension[i] != CadDimension::None);
       }
-      for (Index f = 0; f < c.boundary.facet_count(); ++f) {
+      for (const FacetId f : a.facet_face.ids()) {
         CHECK(a.facet_face[f] >= 0);
         for (const Index n : c.boundary.facet(f))
           CHECK(oracle.is_near(a.facet_face[f], c.mesh.points.row(n), tolerance));

@@ -27,11 +27,12 @@ struct Side {
     const Boundary boundary = extract_boundary(mesh);
     surface = make_surface_mesh(mesh, boundary, 1);
     const Points at = surface_points(boundary, flat);
-    for (int f = 0; f < boundary.facet_count(); ++f)
-      if (std::ranges::all_of(surface.facets[f], [&](int n) { return at(n, 2) == 0; }))
+    for (const FacetId f : surface.facets.ids())
+      if (std::ranges::all_of(surface.facets[f], [&](RowId n) { return at.row(n)[2] == 0; }))
         facets.push_back(f);
-    for (int n = 0; n < at.rows(); ++n)
-      if (at(n, 2) == 0 && at.row(n).head<2>().minCoeff() > 0 && at.row(n).head<2>().maxCoeff() < 1)
+    for (const RowId n : surface.between.ids())
+      if (at.row(n)[2] == 0 && at.row(n).head<2>().minCoeff() > 0 &&
+          at.row(n).head<2>().maxCoeff() < 1)
         rows.push_back(n);
     const Vector3d middle = map(Vector3d(0.5, 0.5, 0));
     for (const FaceId f : model.faces().ids())
@@ -62,7 +63,8 @@ struct Side {
 
   CadModel model;
   SurfaceMesh surface;
-  std::vector<int> facets, rows;
+  std::vector<FacetId> facets;
+  std::vector<RowId> rows;
   FaceId face;
   Parameters uv;
 };
@@ -103,14 +105,14 @@ TEST_CASE("a facet that the wires hold folded leaves the others free to unfold",
   moved.leftCols<2>() = side.uv;
   const Parameters folded = shaken(moved, 0.5, 2).leftCols<2>();
   Points points = side.at(folded);
-  const auto is_own = [&](int n) { return std::ranges::binary_search(side.rows, n); };
+  const auto is_own = [&](RowId n) { return std::ranges::binary_search(side.rows, n); };
   int held = 0;
-  for (const int f : side.facets) {
-    const std::vector<int>& nodes = side.surface.facets[f];
+  for (const FacetId f : side.facets) {
+    const std::vector<RowId>& nodes = side.surface.facets[f];
     if (std::ranges::any_of(nodes, is_own)) continue;
     // The corner of the face goes over the edge across.
     for (std::size_t i = 0; i < 3; ++i) {
-      const int n = nodes[i], a = nodes[(i + 1) % 3], b = nodes[(i + 2) % 3];
+      const RowId n = nodes[i], a = nodes[(i + 1) % 3], b = nodes[(i + 2) % 3];
       if ((points.row(a) - points.row(n)).dot(points.row(b) - points.row(n)) > 1e-12) continue;
       points.row(n) = 0.55 * (points.row(a) + points.row(b)) - 0.1 * points.row(n);
       ++held;
@@ -139,7 +141,7 @@ TEST_CASE("Only nodes in the rings round folded facets move", "[surface][fold]")
     const FaceSide mapped{side.model, side.face, folded, points};
     const FaceFolds folds(side.surface, side.facets, side.rows,
                           {side.model, side.face, side.uv, side.surface.points});
-    const std::vector<Index> turned = folds.find(side.surface, mapped);
+    const std::vector<FacetId> turned = folds.find(side.surface, mapped);
     REQUIRE(!turned.empty());
     const Parameters found = unfold_face(side.surface, side.facets, side.rows, mapped, turned, 1);
     CHECK(side.folds(found) == 0);

@@ -159,7 +159,7 @@ TEST_CASE("the pipe's walls stretch evenly in angle and length", "[surface][fami
     const auto result = surface.morph(variant, match_topology(*c.base, variant));
     const Points known = models::make_pipe_hex(change).points(number, Eigen::all);
     double worst = 0;
-    for (Index n = 0; n < known.rows(); ++n) {
+    for (const RowId n : a.dimension.ids()) {
       const bool is_on_end = a.dimension[n] == CadDimension::Face &&
                              c.base->faces()[a.face(n)].type == SurfaceType::Plane;
       if (!is_on_end) worst = std::max(worst, (known.row(n) - result.positions.row(n)).norm());

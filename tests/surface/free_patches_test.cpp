@@ -105,7 +105,7 @@ TEST_CASE("a line between planes takes of the CAD's motion what is along it",
   const auto patches = find_free_patches(surface, c.boundary, morph.association());
   const Vector3d step(0.5, 0.3, 0);
   Points moved = surface.points;
-  for (Index n = 0; n < moved.rows(); ++n)
+  for (const RowId n : morph.association().dimension.ids())
     if (morph.association().dimension[n] != CadDimension::None) moved.row(n) += step;
   for (const FreePatch& patch : patches)
     if (patch.is_planar) slide_patch(surface, patch, moved);
@@ -126,7 +126,7 @@ TEST_CASE("the derivative of sliding planes is their motion's, and its adjoint i
   const SurfaceMorph morph(c.base, c.mesh, c.boundary);
   const Points base = c.mesh.points(c.boundary.nodes, Eigen::all);
   std::vector<Index> given, following;
-  for (Index n = 0; n < base.rows(); ++n) {
+  for (const RowId n : morph.association().dimension.ids()) {
     const bool is_far = base.row(n).norm() > kFar - 1e-9;
     const bool is_cad = morph.association().dimension[n] != CadDimension::None;
     (is_far || is_cad ? given : following).push_back(n);

@@ -171,7 +171,7 @@ TEST_CASE("facets are given to the face they came from", "[surface][association]
         options.association.tolerance = 0.5;  // chords of slender triangles: their middles are off
         const SurfaceMorph surface(c.base, c.mesh, c.boundary, options);
         Index wrong = 0;
-        for (Index f = 0; f < c.boundary.facet_count(); ++f)
+        for (const FacetId f : surface.association().facet_face.ids())
           wrong += surface.association().facet_face[f] != c.mesh.region(c.boundary.cell[f]);
         CAPTURE(is_split, mesh.cell_count());
         // Coincident copies of an interface can't be told apart.

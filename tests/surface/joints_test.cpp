@@ -169,8 +169,8 @@ TEST_CASE("Nodes on sheets that cross are told, all of them", "[surface][joints]
   const Parts base = three_sheets(22);
   const MorphCase c = mesh_case(to_model(together(base)), triangulate(imprinted(base), 0.05, 0.2));
   const SurfaceMorphResult result = morph_surface(c, to_model(together(three_sheets(31))));
-  std::vector<int> expected;
-  for (int row = 0; row < std::ssize(c.boundary.nodes); ++row) {
+  std::vector<RowId> expected;
+  for (const RowId row : result.entity.ids()) {
     const Eigen::RowVector3d x = c.mesh.points.row(c.boundary.nodes[row]);
     const int sheets = (x[2] == 0) + (x[1] == 20) + (x[0] == 22);
     if (sheets > 1) expected.push_back(row);

@@ -43,11 +43,11 @@ Morphed morph(const MorphCase& c, const CadModel& variant, const SurfaceMorphOpt
   Morphed result;
   result.surface = surface.morph(variant, match_topology(*c.base, variant));
   std::vector<Index> nodes;
-  std::vector<Index> rows;
-  for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i)
-    if (!surface.association().is_free[i]) {
-      nodes.push_back(c.boundary.nodes[i]);
-      rows.push_back(static_cast<Index>(i));
+  std::vector<RowId> rows;
+  for (const RowId row : surface.association().is_free.ids())
+    if (!surface.association().is_free[row]) {
+      nodes.push_back(c.boundary.nodes[row]);
+      rows.push_back(row);
     }
   const Points prescribed = result.surface.positions(rows, Eigen::all);
   result.points = VolumeMorph(c.mesh, nodes).morph(prescribed);

@@ -40,7 +40,7 @@ struct Body {
 
   Mesh mesh;
   Boundary boundary;
-  std::vector<FaceId> patch;
+  IdVector<FacetId, FaceId> patch;
   Points start;
 };
 

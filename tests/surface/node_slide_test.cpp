@@ -9,6 +9,7 @@
 #include "cad/projector.h"
 #include "cad/topology_match.h"
 #include "morph_case.h"
+#include "surface/surface_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -24,12 +25,10 @@ struct Slide {
         moved(surface.morph(*c.base, match_topology(*c.base, *c.base))),
         nodes(slide_on_cad(*c.base, surface.association(), c.boundary, moved)) {}
 
-  Index row(Index i) const {
-    return std::ranges::lower_bound(c.boundary.nodes, nodes.nodes[i]) - c.boundary.nodes.begin();
-  }
+  RowId row(Index i) const { return row_of(c.boundary, nodes.nodes[i]); }
 
   // Of a node's foot on the CAD, moved by `way` (millimetres), from the node's face or edge.
-  double distance(Index row, const Vector3d& way) const {
+  double distance(RowId row, const Vector3d& way) const {
     const int entity = moved.entity[row];
     const Vector2d uv = moved.uv.row(row);
     if (surface.association().dimension[row] == CadDimension::Face)
@@ -59,7 +58,7 @@ TEST_CASE("Nodes slide on the CAD from where they are", "[surface][slide]") {
           association.edge_nodes + association.face_nodes);
     const double unit = association.mesh_unit_mm, way = 1e-3 * s.c.diagonal / unit;
     for (Index i = 0; i < static_cast<Index>(s.nodes.nodes.size()); ++i) {
-      const Index row = s.row(i);
+      const RowId row = s.row(i);
       const bool is_on_face = association.dimension[row] == CadDimension::Face;
       const SlidePlace start = s.nodes.at(i, Vector2d::Zero());
       CHECK((start.point.transpose() - s.moved.positions.row(row)).norm() <
@@ -93,10 +92,7 @@ TEST_CASE("Neighbours along an edge are known", "[surface][slide]") {
             Approx((s.c.mesh.points.row(segment.a) - s.c.mesh.points.row(segment.b)).norm()));
       ++of_node[segment.a];
       ++of_node[segment.b];
-      const auto row_of = [&](Index node) {
-        return std::ranges::lower_bound(s.c.boundary.nodes, node) - s.c.boundary.nodes.begin();
-      };
-      const Index a = row_of(segment.a), b = row_of(segment.b);
+      const RowId a = row_of(s.c.boundary, segment.a), b = row_of(s.c.boundary, segment.b);
       if (association.dimension[a] == CadDimension::Edge &&
           association.dimension[b] == CadDimension::Edge)
         other_curves += association.entity[a] != association.entity[b];
@@ -111,8 +107,7 @@ TEST_CASE("Neighbours along an edge are known", "[surface][slide]") {
     }
     Index count = 0;
     for (const Index node : s.nodes.nodes) {
-      const Index row =
-          std::ranges::lower_bound(s.c.boundary.nodes, node) - s.c.boundary.nodes.begin();
+      const RowId row = row_of(s.c.boundary, node);
       if (association.dimension[row] != CadDimension::Edge) continue;
       ++count;
       CHECK(of_node[node] == (corners.contains(node) ? 2 : 0));
@@ -167,15 +162,15 @@ TEST_CASE("Facets that nodes slide over each other are counted", "[surface][slid
 
 TEST_CASE("Nodes stay that others depend on", "[surface][slide]") {
   Slide s("box");
-  const auto slides = [&](const SlidingNodes& nodes, Index row) {
+  const auto slides = [&](const SlidingNodes& nodes, RowId row) {
     return std::ranges::binary_search(nodes.nodes, s.c.boundary.nodes[row]);
   };
-  std::vector<Index> rows;
+  std::vector<RowId> rows;
   for (Index i = 0; i < static_cast<Index>(s.nodes.nodes.size()); ++i)
     if (s.moved.entity[s.row(i)] == 0) rows.push_back(s.row(i));
   REQUIRE(rows.size() > 2);
   // Two at one place: the sides of a slit.
-  const Index a = rows.front(), b = rows.back();
+  const RowId a = rows.front(), b = rows.back();
   SurfaceMorphResult slit = s.moved;
   slit.positions.row(a) = slit.positions.row(b);
   const SlidingNodes beside = slide_on_cad(*s.c.base, s.surface.association(), s.c.boundary, slit);

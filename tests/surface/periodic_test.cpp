@@ -115,8 +115,8 @@ Apart apart(const Passage& base, const Passage& variant, const MorphCase& c, con
     if (image < 0) continue;
     ++result.pairs;
     for (const Index node : {i, image}) {
-      const auto row = std::ranges::lower_bound(c.boundary.nodes, node) - c.boundary.nodes.begin();
-      result.unpaired += !std::ranges::binary_search(m.surface.paired, static_cast<int>(row));
+      const RowId row = row_of(c.boundary, node);
+      result.unpaired += !std::ranges::binary_search(m.surface.paired, row);
     }
     result.most =
         std::max(result.most,
@@ -369,7 +369,7 @@ TEST_CASE("of the motions that carry one side onto the other the likely one coun
     Association association;
     association.dimension.assign(rows, CadDimension::None);
     association.is_free.assign(rows, 0);
-    const std::vector<char> held(rows, 0);
+    const IdVector<RowId, char> held(rows, 0);
     const auto find = [&](const std::string& first, const std::string& second) {
       return find_periodic_sides(mesh, boundary, surface, association, held, {{first, second}});
     };
@@ -378,7 +378,7 @@ TEST_CASE("of the motions that carry one side onto the other the likely one coun
     CHECK((found.linear - given.period.linear()).norm() <= 1e-13);
     CHECK((found.shift - given.period.translation()).norm() <= 1e-12);
     CHECK(sides.pair.from.size() == 25);
-    std::set<int> once(sides.pair.to.begin(), sides.pair.to.end());
+    std::set<RowId> once(sides.pair.to.begin(), sides.pair.to.end());
     CHECK(once.size() == 25);
     for (std::size_t i = 0; i < sides.pair.from.size(); ++i)
       CHECK((given.period * surface.points.row(sides.pair.from[i]).transpose() -

@@ -139,13 +139,13 @@ TEST_CASE("walls that no CAD tells of keep their shape when they slide", "[surfa
     const SurfaceMorph surface(c.base, c.mesh, c.boundary, options);
     const Points start = surface_points(c.boundary, c.mesh.points);
     Points at = start;
-    for (Index n = 0; n < at.rows(); ++n)
+    for (const RowId n : surface.association().dimension.ids())
       if (surface.association().dimension[n] != CadDimension::None)
         at.row(n) = turned(at.row(n), kTurn);
     const Points here = surface.slide(at);
     const SlideDerivative map = surface.slide_derivative(here);
     RowMatrix u = RowMatrix::Zero(at.rows(), 3), v(at.rows(), 3);
-    for (Index n = 0; n < at.rows(); ++n)
+    for (const RowId n : surface.association().dimension.ids())
       if (surface.association().dimension[n] != CadDimension::None)
         u.row(n) = Vector3d::UnitZ().cross(Vector3d(at.row(n)));
     for (Index i = 0; i < v.size(); ++i) v.data()[i] = std::sin(1e3 * double(i * i % 10007));
@@ -326,14 +326,15 @@ TEST_CASE("points go to the nearest point of the surface of their facets", "[sur
     CAPTURE(form.kind);
     const SurfaceMesh surface =
         patch([&](double s, double t) -> Vector3d { return frame * form.at(s, t) + shift; });
-    std::vector<int> facets;
-    for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) facets.push_back(f);
+    std::vector<FacetId> facets;
+    for (const FacetId f : surface.facets.ids()) facets.push_back(f);
     const OwnSurface own(surface, facets, 1e-8);
     CHECK(own.kind() == form.kind);
-    for (int n = 0; n < static_cast<int>(surface.points.rows()); n += 7) {
+    for (int i = 0; i < surface.points.rows(); i += 7) {
+      const RowId n(i);
       const Vector3d p = surface.points.row(n);
       CHECK((own.foot(p, n).point - p).norm() <= 1e-12 * 20);
-      const Vector3d x = p + 0.1 * Vector3d(std::sin(n), std::cos(3 * n), std::sin(5 * n));
+      const Vector3d x = p + 0.1 * Vector3d(std::sin(i), std::cos(3 * i), std::sin(5 * i));
       const OwnSurface::Foot foot = own.foot(x, n);
       const Vector3d local = frame.transpose() * (foot.point - shift);
       if (form.kind == "sphere") CHECK(std::abs(local.norm() - 3) <= 1e-11);
@@ -360,8 +361,8 @@ TEST_CASE("on facets points that follow each other over the surface keep their o
   const SurfaceMesh surface = patch([](double s, double t) -> Vector3d {
     return {4 * s, 3 * t, 0.3 * std::sin(4 * s) * std::cos(3 * t)};
   });
-  std::vector<int> facets;
-  for (int f = 0; f < static_cast<int>(surface.facets.size()); ++f) facets.push_back(f);
+  std::vector<FacetId> facets;
+  for (const FacetId f : surface.facets.ids()) facets.push_back(f);
   const OwnSurface own(surface, facets, 1e-8);
   REQUIRE(own.kind() == "facets");
   // Distance of a point to the facets, by points of all triangles.
@@ -380,7 +381,7 @@ TEST_CASE("on facets points that follow each other over the surface keep their o
       }
     return least;
   };
-  const int middle = 6 * 13 + 6;
+  const RowId middle(6 * 13 + 6);
   for (const double height : {-0.3, 0.3})
     for (const double t : {0.7, 1.5, 2.3}) {
       double last = 0;
