@@ -181,21 +181,13 @@ void store_part(const Part& part, OutputArchive& archive) {
 }
 
 // The centres that a field rests on, or those of them that are farthest from each other.
-std::vector<Index> carriers_of(const RbfField& field, const RowMatrix& centres) {
-  std::vector<Index> carriers;
+std::vector<Index> carriers_of(const RbfSystem& system, const RbfField& field,
+                               const RowMatrix& centres) {
   const double diagonal = (centres.colwise().maxCoeff() - centres.colwise().minCoeff()).norm();
   if (centres.rows() <= kMostCarriers)
     return clear_of_each_other(
         centres, Eigen::VectorXd::Constant(centres.rows(), kLeastSeparation * diagonal));
-  const FieldTerms terms = field.terms();
-  const KdTree tree(centres);
-  for (Index i = 0; i < terms.centres.rows(); ++i) {
-    const Eigen::RowVector3d x = terms.origin + terms.unit * terms.centres.row(i);
-    carriers.push_back(tree.nearest(x.data(), 1).front().index);
-  }
-  std::ranges::sort(carriers);
-  const auto rest = std::ranges::unique(carriers);
-  carriers.erase(rest.begin(), rest.end());
+  std::vector<Index> carriers = system.kernels(field);
   if (static_cast<Index>(carriers.size()) <= kMostCarriers) return carriers;
   PointOrder order = farthest_point_order(Points(centres(carriers, Eigen::all)));
   order.rows.resize(kMostCarriers);
@@ -216,14 +208,17 @@ struct HeldField {
   Index anchors;
 };
 
+// `first`: centres and, counted on from these, anchors to start from.
 HeldField solve_with_anchors(const Part& part, const RowMatrix& values, const Anchors& anchors,
-                             const RowMatrix& targets, const VolumeMorphOptions& options) {
+                             const std::vector<Index>& first, const RowMatrix& targets,
+                             const VolumeMorphOptions& options) {
   const RowMatrix points = targets(anchors.targets, Eigen::all);
   const KdTree tree(part.centres);
   RbfOptions rbf = options.rbf;
   rbf.solver = SolverKind::Adaptive;  // others come near to rounding in a large far field
   rbf.local_length.resize(0);
   rbf.most_missed = kMostMissed * values.rowwise().norm().maxCoeff();
+  rbf.first_centres = first;
   RowMatrix all(part.centres.rows() + points.rows(), 3), prescribed(all.rows(), 3);
   all << part.centres, points;
   prescribed << values, anchors.values;
@@ -261,14 +256,21 @@ void hold_back(const Part& part, const RowMatrix& values, const RowMatrix& targe
                HoldHistory* history = nullptr) {
   const double at_first = overshoot(values, bounded.displacements);
   if (!is_bounded(options) || at_first <= kMostOvershoot) return;
-  const std::vector<Index> carriers = carriers_of(bounded.field, part.centres);
+  const std::vector<Index> carriers = carriers_of(*part.system, bounded.field, part.centres);
+  std::vector<Index> first;
+  if (bounded.field.report().solver == SolverKind::Adaptive)
+    first = part.system->kernels(bounded.field);
   if (history) history->carriers = carriers;
   TriedAnchors tried;
   char text[120];
   try {
     for (int hold = 0; hold < kMostHolds; ++hold) {
+      const Index known = std::ssize(tried.anchors.targets);
       tried.anchors = find_anchors(part.centres, values, carriers, options.kernel, targets, tried);
-      HeldField held = solve_with_anchors(part, values, tried.anchors, targets, options);
+      for (Index i = known; i < std::ssize(tried.anchors.targets); ++i)
+        first.push_back(part.centres.rows() + i);
+      HeldField held = solve_with_anchors(part, values, tried.anchors, first, targets, options);
+      first = held.system.kernels(held.field);
       tried.displacements = held.field.evaluate(targets);
       if (history) {
         history->anchors = tried.anchors;

@@ -102,7 +102,9 @@ struct AdaptiveSolver::Impl {
   };
 
   double least_separation() const;
+  Index coarse_count() const;
   std::vector<Index> first_centres() const;
+  std::vector<Index> places(const std::vector<Index>& rows) const;
   double widest() const;
   std::optional<Attempt> attempt(const std::vector<Index>& centres, const MatrixXd& values) const;
   std::optional<UnitField> interpolate(const MatrixXd& centres, const MatrixXd& values) const;
@@ -125,13 +127,32 @@ double AdaptiveSolver::Impl::least_separation() const {
   return kLeastSeparation * (ordered.colwise().maxCoeff() - ordered.colwise().minCoeff()).norm();
 }
 
-std::vector<Index> AdaptiveSolver::Impl::first_centres() const {
+// Of the points in their order, those to start from in any case.
+Index AdaptiveSolver::Impl::coarse_count() const {
   const double least = least_separation();
   Index count = 0;
   while (count < std::min(kFirst, ordered.rows()) && order.separation[count] >= least) ++count;
-  std::vector<Index> centres(count);
+  return count;
+}
+
+std::vector<Index> AdaptiveSolver::Impl::first_centres() const {
+  std::vector<Index> centres(coarse_count());
   std::iota(centres.begin(), centres.end(), Index{0});
+  std::vector<Index> more = places(options.first);
+  std::ranges::sort(more);
+  for (const Index centre : more) {
+    if (order.separation[centre] < least_separation() || std::ssize(centres) == kMost) break;
+    if (centre >= coarse_count()) centres.push_back(centre);
+  }
   return centres;
+}
+
+// Of rows of the points, in the order.
+std::vector<Index> AdaptiveSolver::Impl::places(const std::vector<Index>& rows) const {
+  std::vector<Index> place(order.rows.size()), result;
+  for (std::size_t i = 0; i < place.size(); ++i) place[order.rows[i]] = static_cast<Index>(i);
+  for (const Index row : rows) result.push_back(place[row]);
+  return result;
 }
 
 UnitField AdaptiveSolver::Impl::interpolate_dense(const MatrixXd& centres,
@@ -212,8 +233,7 @@ std::vector<Index> AdaptiveSolver::Impl::worst(const VectorXd& missed,
 // Levels from the spacing of the first centres down: what is missed is at most as wide as these are
 // apart.
 double AdaptiveSolver::Impl::widest() const {
-  const auto first = static_cast<Index>(first_centres().size());
-  return order.separation[std::min(first, ordered.rows() - 1)];
+  return order.separation[std::min(coarse_count(), ordered.rows() - 1)];
 }
 
 void AdaptiveSolver::Impl::correct(const MatrixXd& residual, double largest_value,
@@ -284,10 +304,7 @@ AdaptiveSolution AdaptiveSolver::solve(const MatrixXd& values) const {
 AdaptiveSolution AdaptiveSolver::solve(const MatrixXd& values,
                                        const std::vector<Index>& centres) const {
   const Impl& s = *impl_;
-  std::vector<Index> place(s.order.rows.size());
-  for (std::size_t i = 0; i < place.size(); ++i) place[s.order.rows[i]] = static_cast<Index>(i);
-  std::vector<Index> ordered;
-  for (const Index centre : centres) ordered.push_back(place[centre]);
+  const std::vector<Index> ordered = s.places(centres);
   const MatrixXd targets = values(s.order.rows, Eigen::all);
   return s.finish(s.attempt(ordered, targets), ordered, targets);
 }

@@ -20,6 +20,8 @@ struct AdaptiveOptions {
   /// What the centres may miss counts in spacings of the points, or in this where it is less; in
   /// the unit of the values.
   double most_missed = std::numeric_limits<double>::infinity();
+  /// Points (rows) to start from, beside the first in farthest-point order.
+  std::vector<Index> first = {};
   Progress progress = {};
 };
 
@@ -34,7 +36,7 @@ struct AdaptiveSolution {
 
 /// Interpolation in space with r^3 and linear polynomials at as few of the points as carry the
 /// values, and a MultiscaleCorrection that takes what these miss at the others (Kedward, Allen,
-/// Rendall 2017). Starts from the first points in farthest-point order and adds those that miss
+/// Rendall 2017). Starts from the first points in farthest-point order, and those of the options, and adds those that miss
 /// their values most, spread out, until what is missed is a fraction of the spacing of the points
 /// (docs/adaptive-centres.md). Keeps what depends on the points alone.
 class AdaptiveSolver {

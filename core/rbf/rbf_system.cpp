@@ -1,5 +1,6 @@
 #include "core/rbf/rbf_system.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <mutex>
@@ -121,7 +122,17 @@ struct RbfSystem::Impl {
     return {.tolerance = options.tolerance,
             .unit = frame.unit(),
             .most_missed = options.most_missed,
+            .first = distinct_rows_of(options.first_centres),
             .progress = options.progress};
+  }
+
+  std::vector<Index> distinct_rows_of(const std::vector<Index>& given) const {
+    std::vector<Index> result;
+    for (const Index row : given) result.push_back(distinct.group[row]);
+    std::ranges::sort(result);
+    const auto rest = std::ranges::unique(result);
+    result.erase(rest.begin(), rest.end());
+    return result;
   }
 
   void set_up_fast();
@@ -513,6 +524,15 @@ MatrixXd RbfDerivative::forward(const MatrixXd& values) const {
 MatrixXd RbfDerivative::adjoint(const MatrixXd& slopes) const {
   MatrixXd result = MatrixXd::Zero(count_, slopes.cols());
   result(rows_, Eigen::all) = map_->adjoint(slopes);
+  return result;
+}
+
+std::vector<Index> RbfSystem::kernels(const RbfField& field) const {
+  const std::vector<Index>& rows = field.impl_->field.rows;
+  if (rows.empty()) return impl_->distinct.rows;
+  std::vector<Index> result;
+  for (const Index row : rows) result.push_back(impl_->distinct.rows[row]);
+  std::ranges::sort(result);
   return result;
 }
 

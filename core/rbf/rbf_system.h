@@ -39,6 +39,8 @@ struct RbfOptions {
   /// Adaptive: largest unit of what the centres may miss before the correction, in the unit of the
   /// values (AdaptiveOptions::most_missed).
   double most_missed = std::numeric_limits<double>::infinity();
+  /// Adaptive: centres to start from, beside a few hundred that are farthest from each other.
+  std::vector<Index> first_centres = {};
   /// Solvers that need more than this many bytes are refused.
   double memory_limit = 8e9;
   Progress progress = {};
@@ -139,6 +141,9 @@ class RbfSystem {
 
   /// The same where all centres have kernels.
   RbfDerivative derivative(const RowMatrix& targets) const;
+
+  /// The centres that a solution has kernels at, ascending.
+  std::vector<Index> kernels(const RbfField& field) const;
 
   const RbfReport& report() const;
 
