@@ -98,6 +98,11 @@ struct CurvePoint {
   Eigen::Vector3d point, dt;
 };
 
+/// Which faces of one surface become one: all that touch, or those that touch where the parameters
+/// of a surface of revolution begin, or opposite. A circle begins anywhere: that edge is none of
+/// the design's.
+enum class FaceMerge { All, AcrossSeams };
+
 /// A CAD model read from STEP: topology as plain data, geometry behind functions. All const
 /// functions are thread-safe. Copies share the data. Lengths in millimetres.
 class CadModel {
@@ -113,7 +118,7 @@ class CadModel {
   /// The same model with faces made one that touch and lie on one surface, for pairs of which one
   /// exporter cut faces that the other did not; merged faces have no name. Nothing when there are
   /// none, or OCCT can't merge them.
-  std::optional<CadModel> with_merged_faces() const;
+  std::optional<CadModel> with_merged_faces(FaceMerge merge = FaceMerge::All) const;
   int merged_face_count() const;  ///< faces of the file that became part of another one
 
   const IdVector<FaceId, CadFace>& faces() const;

@@ -1,10 +1,18 @@
+#include <BRepAdaptor_Surface.hxx>
 #include <BRepGProp.hxx>
 #include <BRepTools_History.hxx>
+#include <BRep_Tool.hxx>
 #include <GProp_GProps.hxx>
+#include <Geom2d_Curve.hxx>
 #include <NCollection_DataMap.hxx>
 #include <ShapeUpgrade_UnifySameDomain.hxx>
+#include <TopExp.hxx>
+#include <TopTools_IndexedDataMapOfShapeListOfShape.hxx>
 #include <TopTools_ListOfShape.hxx>
+#include <TopTools_MapOfShape.hxx>
 #include <TopTools_ShapeMapHasher.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Edge.hxx>
 #include <TopoDS_Face.hxx>
 #include <cmath>
 
@@ -19,10 +27,70 @@ constexpr double kSameDistance = 1e-7;  // diagonals
 constexpr double kSameAngle = 1e-6;
 constexpr double kSameArea = 1e-5;  // of the area: what a sound merge keeps
 
+// Of half the period: an edge this near to it lies where a surface's parameters begin.
+constexpr double kAtSeam = 1e-5;
+
 double area(const TopoDS_Shape& shape) {
   GProp_GProps properties;
   BRepGProp::SurfaceProperties(shape, properties);
   return properties.Mass();
+}
+
+bool is_of_revolution(const BRepAdaptor_Surface& surface) {
+  switch (surface.GetType()) {
+    case GeomAbs_Cylinder:
+    case GeomAbs_Cone:
+    case GeomAbs_Sphere:
+    case GeomAbs_Torus:
+    case GeomAbs_SurfaceOfRevolution:
+      return true;
+    default:
+      return false;
+  }
+}
+
+// Whether the edge runs where one of the face's periodic parameters begins, or opposite.
+bool is_at_seam(const TopoDS_Edge& edge, const TopoDS_Face& face) {
+  constexpr bool is_restricted = false;
+  const BRepAdaptor_Surface surface(face, is_restricted);
+  double first = 0, last = 0;
+  const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(edge, face, first, last);
+  if (!is_of_revolution(surface) || curve.IsNull()) return false;
+  const double periods[] = {surface.IsUPeriodic() ? surface.UPeriod() : 0,
+                            surface.IsVPeriodic() ? surface.VPeriod() : 0};
+  for (const int direction : {0, 1}) {
+    if (periods[direction] == 0) continue;
+    const auto is_on = [&](double t) {
+      const double halves = curve->Value(t).Coord(direction + 1) / (periods[direction] / 2);
+      return std::abs(halves - std::round(halves)) < kAtSeam;
+    };
+    if (is_on(first) && is_on((first + last) / 2) && is_on(last)) return true;
+  }
+  return false;
+}
+
+// Edges that faces are not to be merged across, and whether others are left.
+struct KeptEdges {
+  TopTools_MapOfShape edges;
+  bool has_seams = false;
+};
+
+KeptEdges all_but_seams(const TopoDS_Shape& shape) {
+  TopTools_IndexedDataMapOfShapeListOfShape faces_of;
+  TopExp::MapShapesAndAncestors(shape, TopAbs_EDGE, TopAbs_FACE, faces_of);
+  KeptEdges kept;
+  for (int i = 1; i <= faces_of.Extent(); ++i) {
+    const TopoDS_Edge& edge = TopoDS::Edge(faces_of.FindKey(i));
+    const TopTools_ListOfShape& faces = faces_of(i);
+    const bool is_seam = faces.Extent() == 2 && !faces.First().IsSame(faces.Last()) &&
+                         is_at_seam(edge, TopoDS::Face(faces.First())) &&
+                         is_at_seam(edge, TopoDS::Face(faces.Last()));
+    if (is_seam)
+      kept.has_seams = true;
+    else
+      kept.edges.Add(edge);
+  }
+  return kept;
 }
 
 // Names of the faces of a merged shape: that of the only face it came from; else none.
@@ -53,12 +121,18 @@ class MergedNames {
 
 }  // namespace
 
-std::optional<CadModel> CadModel::with_merged_faces() const {
+std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
   try {
+    KeptEdges kept;
+    if (merge == FaceMerge::AcrossSeams) {
+      kept = all_but_seams(impl_->shape);
+      if (!kept.has_seams) return std::nullopt;
+    }
     constexpr bool edges_too = false, faces_too = true, concatenates = false;
     ShapeUpgrade_UnifySameDomain merger(impl_->shape, edges_too, faces_too, concatenates);
     merger.SetLinearTolerance(kSameDistance * diagonal());
     merger.SetAngularTolerance(kSameAngle);
+    merger.KeepShapes(kept.edges);
     merger.Build();
     const TopoDS_Shape merged = merger.Shape();
     if (merged.IsNull()) return std::nullopt;

@@ -210,6 +210,20 @@ std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& va
   return cheaper(std::move(cut), std::move(joined));
 }
 
+// A seam cuts a bore with a keyway in two faces, another export's seam elsewhere: then the edge
+// between them can be matched, but is no place of the part.
+std::optional<MatchedModels> match_across_seams(const CadModel& base, const CadModel& variant,
+                                                const std::optional<TopologyMatch>& cut) {
+  const auto b = base.with_merged_faces(FaceMerge::AcrossSeams);
+  const auto v = variant.with_merged_faces(FaceMerge::AcrossSeams);
+  if (!b || !v) return std::nullopt;
+  auto merged = find_match(*b, *v, {});
+  if (!merged) return std::nullopt;
+  merged->cost.joints += kJointBits;
+  if (cut && !stays(*merged) && merged->cost.sum() >= cut->cost.sum()) return std::nullopt;
+  return MatchedModels{*b, *v, std::move(*merged)};
+}
+
 }  // namespace
 
 TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
@@ -220,15 +234,20 @@ TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
 
 MatchedModels match_models(const CadModel& base, const CadModel& variant,
                            const MatchOptions& options) {
-  if (auto match = find_match(base, variant, options)) return {base, variant, std::move(*match)};
-  if (options.given_faces.empty()) {
+  auto match = find_match(base, variant, options);
+  if (!options.given_faces.empty()) {
+    if (match) return {base, variant, std::move(*match)};
+  } else {
+    if (match && stays(*match)) return {base, variant, std::move(*match)};
+    if (auto merged = match_across_seams(base, variant, match)) return std::move(*merged);
+    if (match) return {base, variant, std::move(*match)};
     const auto merged_base = base.with_merged_faces(), merged_variant = variant.with_merged_faces();
     std::vector<std::pair<const CadModel*, const CadModel*>> pairs;
     if (merged_variant) pairs.push_back({&base, &*merged_variant});
     if (merged_base) pairs.push_back({&*merged_base, &variant});
     if (merged_base && merged_variant) pairs.push_back({&*merged_base, &*merged_variant});
     for (const auto& [b, v] : pairs)
-      if (auto match = find_match(*b, *v, options)) return {*b, *v, std::move(*match)};
+      if (auto found = find_match(*b, *v, options)) return {*b, *v, std::move(*found)};
   }
   refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
 }

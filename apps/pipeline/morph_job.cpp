@@ -1,6 +1,7 @@
 #include "apps/pipeline/morph_job.h"
 
 #include <algorithm>
+#include <map>
 #include <mutex>
 #include <utility>
 
@@ -26,20 +27,22 @@ struct MorphJob::Impl {
  private:
   std::shared_ptr<const BaseSide> merged_base(const CadModel& cad) {
     const std::lock_guard lock(mutex_);
-    if (!merged_) {
+    std::shared_ptr<const BaseSide>& kept = merged_[cad.merged_face_count()];
+    if (!kept) {
       PipelineOptions options = base->options;
       options.cache.clear();
       const auto merged = std::make_shared<BaseSide>(std::make_shared<const CadModel>(cad),
                                                      base->mesh_file, std::move(options),
                                                      base->moved ? base->moved->points : Points());
       merged->report.run.phases = base->report.run.phases;  // its own are a part of the matching
-      merged_ = merged;
+      kept = merged;
     }
-    return merged_;
+    return kept;
   }
 
   std::mutex mutex_;
-  std::shared_ptr<const BaseSide> merged_;  ///< from the first variant on that asks for it
+  /// By the number of merged faces, each from the first variant on that asks for it.
+  std::map<int, std::shared_ptr<const BaseSide>> merged_;
 };
 
 MorphJob::MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const MeshFile> mesh,

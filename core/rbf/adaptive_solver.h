@@ -36,9 +36,9 @@ struct AdaptiveSolution {
 
 /// Interpolation in space with r^3 and linear polynomials at as few of the points as carry the
 /// values, and a MultiscaleCorrection that takes what these miss at the others (Kedward, Allen,
-/// Rendall 2017). Starts from the first points in farthest-point order, and those of the options, and adds those that miss
-/// their values most, spread out, until what is missed is a fraction of the spacing of the points
-/// (docs/adaptive-centres.md). Keeps what depends on the points alone.
+/// Rendall 2017). Starts from the first points in farthest-point order, and those of the options,
+/// and adds those that miss their values most, spread out, until what is missed is a fraction of
+/// the spacing of the points (docs/adaptive-centres.md). Keeps what depends on the points alone.
 class AdaptiveSolver {
  public:
   /// `points`: N x 3, N >= 5, distinct, of unit size; `local_length`: N, in the unit of the points.

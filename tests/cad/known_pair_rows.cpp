@@ -967,6 +967,17 @@ const std::vector<KnownPair>& known_pairs() {
       {"keyed_shaft", "spin 2.5", "order surfaces step"},
       {"keyed_shaft", "seam +1 spin 0.5 r3 1.1", "order planes edges surfaces"},
 
+      {"keyed_hub", "bore 1.2", "step", "step"},
+      {"keyed_hub", "seam +1", "step", "step"},
+      {"keyed_hub", "seam -1", "order step", "step"},
+      {"keyed_hub", "seam +3", "step", "order step"},
+      {"keyed_hub", "seam +1 bore 1.15", "step", "step"},
+      {"keyed_hub", "seam -0.4 depth 1.1 outer 0.9", "order step", "step"},
+      {"keyed_hub", "seam +2 turn 0.3", "step", "step"},
+      {"drilled", "seam +1", "cut step", "cut step"},
+      {"drilled", "seam +0.3 radius 1.2", "cut step", "cut step"},
+      {"torus", "seam +1", "cut step", "cut step"},
+
       {"pierced_shaft", "spin 1.2", "order planes edges surfaces"},
       {"pierced_shaft", "spin -0.8 hole 1.2", "order edges"},
       {"pierced_shaft", "turn 0.5 at +5", "order surfaces step"},

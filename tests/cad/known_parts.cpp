@@ -335,6 +335,14 @@ NamedShape keyed_shaft(const Sizes& s) {
                             gp_Pnt(30, half, s("a") + s("b") + s("at") + s("key_length")))});
 }
 
+/// The key's slot opens the bore, which its seam cuts in two.
+NamedShape keyed_hub(const Sizes& s) {
+  const double half = 0.5 * s("key");
+  return cut(rod("hub", upright(0, 0, 0), s("outer"), s("height")),
+             {rod("bore", upright(0, 0, -1, s("seam")), s("bore"), s("height") + 2),
+              box("slot", gp_Pnt(-half, 0, -1), gp_Pnt(half, s("depth"), s("height") + 1))});
+}
+
 NamedShape pierced_shaft(const Sizes& s) {
   return cut(rod("shaft", upright(0, 0, 0, s("seam")), s("radius"), s("length")),
              {rod("hole", axes(gp_Pnt(-40, 0, s("at")), gp::DX()), s("hole"), 80)});
@@ -699,6 +707,9 @@ std::vector<KnownPart> make_parts() {
       {"rods",
        {{"pitch", 16}, {"radius", 6}, {"length", 30}, {"seam", 0}, {"first", 0}},
        row_of_rods},
+      {"keyed_hub",
+       {{"outer", 30}, {"bore", 12}, {"key", 6}, {"depth", 16}, {"height", 20}, {"seam", 0}},
+       keyed_hub},
       {"ball_in_box",
        {{"length", 30},
         {"width", 30},
