@@ -29,8 +29,8 @@ constexpr double kAgrees = 1e-4;
 // A turn as predicted is a number of which nothing else tells: it pays from 0.3 radians on.
 constexpr double kPredictedBits = 2;
 // Kernels start the parameters of cylinders anywhere; those of free forms are their control points:
-// as much as any turn costs.
-constexpr double kFreeFormBits = 4.5;
+// they may turn a curve by 0.3 radians for nothing. Beyond, another section's start is as likely.
+constexpr double kFreeFormBits = 2;
 // What a change bends a curve by, of its size, that costs the first bit: parts change by some
 // hundredths, a profile laid on from elsewhere by tenths.
 constexpr double kBendUnit = 0.01;

@@ -24,7 +24,8 @@ void warn_of_merge(const CadModel& model, PipelineReport& figures) {
   if (model.merged_face_count() == 0) return;
   const int count = model.merged_face_count();
   figures.run.warnings.push_back(
-      model.file_name() + ": " + std::to_string(count) + (count == 1 ? " face was" : " faces were") +
+      model.file_name() + ": " + std::to_string(count) +
+      (count == 1 ? " face was" : " faces were") +
       " merged with others of the same surface, which the other model has in one piece, or cut "
       "elsewhere");
 }

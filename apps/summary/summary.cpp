@@ -184,7 +184,7 @@ std::string quality_hint(const PipelineReport& report) {
   if (report.outcome != Outcome::Done || !report.can_repair || (before <= 0 && !have_many_lost) ||
       (report.improving && !is_poor))
     return "";
-  if (!has_lost && !(is_poor && (report.improving || before < kPoor))) return "";
+  if (!has_lost && !is_poor) return "";
   const std::string worst =
       have_many_lost ? with_commas(report.after.poor) + " elements have a scaled Jacobian below 0.1"
                      : format("the worst element's scaled Jacobian is %.4f", after);
@@ -198,7 +198,8 @@ std::string quality_hint(const PipelineReport& report) {
   // Improving is for solid elements.
   if (!is_poor || !report.mesh.has_solids)
     return worst + of_input + ": mesh the variant anew where that is too little for the solver";
-  return worst + of_input + (has_lost ? ": " : ", which is poor there already: ") +
+  return worst + of_input +
+         (has_lost || before >= kPoor ? ": " : ", which is poor there already: ") +
          format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }
 
@@ -455,8 +456,8 @@ std::string quality_text(const std::filesystem::path& file, const Mesh& mesh,
     rows.push_back({"Aspect ratio, max", format("%.1f", checks.max_aspect_ratio),
                     cell(checks.worst_aspect_cell),
                     with_commas(checks.high_aspect) + " cells > 1000"});
-    rows.push_back({dimension(mesh) == 3 ? "Smallest volume (mesh unit cubed)"
-                                         : "Smallest area (mesh unit squared)",
+    rows.push_back({dimension(mesh) == 3 ? "Smallest volume, by corners (mesh unit cubed)"
+                                         : "Smallest area, by corners (mesh unit squared)",
                     format("%.3e", checks.min_volume)});
   }
   return text.append("\n").append(align(rows));

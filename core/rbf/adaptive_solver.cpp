@@ -136,13 +136,15 @@ Index AdaptiveSolver::Impl::coarse_count() const {
 }
 
 std::vector<Index> AdaptiveSolver::Impl::first_centres() const {
-  std::vector<Index> centres(coarse_count());
+  const Index coarse = coarse_count();
+  const double least = least_separation();
+  std::vector<Index> centres(coarse);
   std::iota(centres.begin(), centres.end(), Index{0});
   std::vector<Index> more = places(options.first);
   std::ranges::sort(more);
   for (const Index centre : more) {
-    if (order.separation[centre] < least_separation() || std::ssize(centres) == kMost) break;
-    if (centre >= coarse_count()) centres.push_back(centre);
+    if (order.separation[centre] < least || std::ssize(centres) == kMost) break;
+    if (centre >= coarse) centres.push_back(centre);
   }
   return centres;
 }

@@ -18,8 +18,8 @@ constexpr double kAngle = 1e-8;  // radians: chords of 128 pieces a curve, polis
 constexpr int kPlaces = 7;       // on each edge
 
 /// The largest change of angle about the z axis of places on the closed curves about it.
-double largest_turn(const char* part, const char* change, int& curves) {
-  const MadePair pair = make({part, change, ""});
+double largest_turn(const char* part, const char* change, int& curves, const char* written = "") {
+  const MadePair pair = make({part, change, written, written});
   const CadModel &base = pair.base.model, &variant = pair.variant.model;
   const TopologyMatch match = match_topology(base, variant);
   const MotionPrediction prediction(base, variant, match);
@@ -60,6 +60,21 @@ TEST_CASE("rims about one axis keep their angles wherever their seams are", "[su
       int curves = 0;
       CHECK(largest_turn(part, change.c_str(), curves) < kAngle);
       CHECK(curves > 0);
+    }
+}
+
+TEST_CASE("rims of free forms turn with seams by little alone", "[surface][seam]") {
+  // The section of a sweep may start anywhere: by 0.9 radians it did, by 0.2 the part may be
+  // twisted.
+  for (const auto& [part, size] :
+       {std::pair("frustum", "wide 1.2"), std::pair("nozzle", "wide 1.2")})
+    for (const auto& [seam, turn] : {std::pair(" seam +0.9", 0.0), std::pair(" seam -2.5", 0.0),
+                                     std::pair(" seam +0.2", 0.2)}) {
+      const std::string change = std::string(size) + seam;
+      INFO(part << ": " << change);
+      int curves = 0;
+      CHECK(largest_turn(part, change.c_str(), curves, "nurbs") == Approx(turn).margin(1e-6));
+      CHECK(curves > 1);
     }
 }
 

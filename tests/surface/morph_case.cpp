@@ -34,8 +34,9 @@ MorphCase shape_case(const std::string& name) {
 
 SurfaceMorphResult morph_surface(const MorphCase& c, const CadModel& variant,
                                  const SurfaceMorphOptions& options) {
-  return SurfaceMorph(c.base, c.mesh, c.boundary, options)
-      .morph(variant, match_topology(*c.base, variant));
+  const MatchedModels models = match_models(*c.base, variant);
+  return SurfaceMorph(std::make_shared<const CadModel>(models.base), c.mesh, c.boundary, options)
+      .morph(models.variant, models.match);
 }
 
 Morphed morph(const MorphCase& c, const CadModel& variant, const SurfaceMorphOptions& options) {
