@@ -25,17 +25,35 @@ constexpr double kUneven = 0.1;
 // The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size.
 constexpr double kSmallMotion = 1e-6;
 
+// A surface this part of the mesh's size from the base's is the base's: what the digits of a STEP
+// file and a projection leave is no motion to choose kernels and anchors by.
+constexpr double kAtBase = 1e-9;
+
 // Of the largest velocity: below, a node rests.
 constexpr double kRests = 1e-9;
 
-// Of the surface nodes, where `present` is not empty there.
-Points positions(const MorphJob& job, const Points& present) {
-  if (present.rows() > 0) return present;
+double largest(const RowMatrix& rows) {
+  return rows.rows() == 0 ? 0 : rows.rowwise().norm().maxCoeff();
+}
+
+double size_of(const Points& points) {
+  return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
+}
+
+Points base_surface(const MorphJob& job) {
   return job.base().mesh().points(job.base().volume->surface_nodes(), Eigen::all);
 }
 
-double largest(const RowMatrix& rows) {
-  return rows.rows() == 0 ? 0 : rows.rowwise().norm().maxCoeff();
+// Of the surface nodes, where `present` is not empty there.
+Points positions(const MorphJob& job, const Points& present) {
+  return present.rows() > 0 ? present : base_surface(job);
+}
+
+// Empty where these are the base's.
+Points unless_at_base(const MorphJob& job, const Points& present) {
+  if (present.rows() == 0) return present;
+  const double motion = largest(present - base_surface(job));
+  return motion <= kAtBase * size_of(job.base().mesh().points) ? Points() : present;
 }
 
 double typical_tolerance(const CadModel& cad) {
@@ -84,9 +102,8 @@ void judge(const ParameterModels& models, SurfaceVelocity& result) {
 Points towards(const MorphJob& job, const SurfaceVelocity& surface) {
   const double speed = largest(surface.velocity);
   if (surface.present.rows() > 0 || speed == 0) return positions(job, surface.present);
-  const Points& all = job.base().mesh().points;
-  const double size = (all.colwise().maxCoeff() - all.colwise().minCoeff()).norm();
-  return positions(job, {}) + kSmallMotion * size / speed * surface.velocity;
+  const double size = size_of(job.base().mesh().points);
+  return base_surface(job) + kSmallMotion * size / speed * surface.velocity;
 }
 
 void check_sensitivity(const RowMatrix& sensitivity, Index nodes) {
@@ -147,7 +164,7 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
   if (!result.velocity.allFinite())
     throw InvalidInputError("the step " + text_of(models.step) +
                             " of a parameter is too small to divide by");
-  result.present = present;
+  result.present = unless_at_base(job, present);
   result.step = models.step;
   result.motion = 0.5 * unit * largest(apart);
   result.cad_tolerance = typical_tolerance(*job.base().cad);
@@ -194,8 +211,9 @@ Gradient::Gradient(const MorphJob& job, RowMatrix sensitivity, const Points& pre
   inside(nodes, Eigen::all).setZero();
   // Else nothing is to carry: what a solver knows of the surface alone.
   if (inside.isZero(0)) return;
-  surface_ = job.base().volume->derivative(positions(job, present)).adjoint(sensitivity_);
-  if (present.rows() == 0) holds_ = job.base().volume->hold_check();
+  const Points moved = unless_at_base(job, present);
+  surface_ = job.base().volume->derivative(positions(job, moved)).adjoint(sensitivity_);
+  if (moved.rows() == 0) holds_ = job.base().volume->hold_check();
 }
 
 double Gradient::operator()(const SurfaceVelocity& velocity) const {

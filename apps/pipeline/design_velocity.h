@@ -16,7 +16,8 @@ struct SurfaceVelocity {
   /// m x 3: dX/dp of the nodes that the surface prescribes (rows as VolumeMorph::surface_nodes), in
   /// the mesh's unit per unit of p.
   Points velocity;
-  Points present;  ///< m x 3: where these nodes are at p; empty: where they are at the base
+  /// m x 3: where these nodes are at p; empty: where they are at the base, to rounding
+  Points present;
   double step = 0;
   double motion = 0;         ///< most that the step moves a node, millimetres
   double cad_tolerance = 0;  ///< half of the base CAD's edges have no larger one, millimetres
@@ -37,7 +38,8 @@ struct ParameterModels {
 
 /// Morphs the surface to both models and takes central differences (error of order step^2). A node
 /// on an edge or vertex keeps to that: where faces meet anew, the velocity is that of their
-/// intersection. `present`: where the surface nodes are at p (m x 3); empty: p is the base's.
+/// intersection. `present`: where the surface nodes are at p (m x 3); empty, or within 1e-9 of the
+/// mesh's size of the base: p is the base's.
 /// Throws InvalidInputError for a step that is not positive, or that moves the surface by less than
 /// the CAD's tolerance, and what MorphJob::morph_surface throws.
 SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
