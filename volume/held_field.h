@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/rbf/anchors.h"
+#include "core/rbf/rbf_system.h"
+#include "volume/morph_part.h"
+
+namespace cadmorph {
+
+/// Whether anchors hold fields with these options. Full solvers that were asked for answer without:
+/// they are what others compare with.
+bool is_bounded(const VolumeMorphOptions& options);
+
+/// A field with what it does at the volume nodes.
+struct BoundedField {
+  RbfField field;
+  RowMatrix displacements;
+  std::string remark = {};
+};
+
+/// Holds a field of a part by anchors among its targets (find_anchors) while one of them moves
+/// too far. `values`: at the part's centres. Only nodes of cells bound and hold the field; those of
+/// no cell follow what results.
+void hold_back(const MorphPart& part, const RowMatrix& values, const PartTargets& targets,
+               const VolumeMorphOptions& options, BoundedField& bounded);
+
+/// The derivative of the field, plain or held, that these values at the part's centres take;
+/// `base`: positions of all nodes.
+FieldMap held_derivative(const MorphPart& part, const RowMatrix& values, const Points& base,
+                         const VolumeMorphOptions& options);
+
+}  // namespace cadmorph
