@@ -58,7 +58,7 @@ std::vector<Index> clear_of_each_other(const RowMatrix& points, const Eigen::Vec
 
 PartTargets targets_of(const MorphPart& part, const Points& base) {
   PartTargets targets{base(part.nodes.volume, Eigen::all),
-                  std::ssize(part.nodes.volume) - part.nodes.loose, 0};
+                      std::ssize(part.nodes.volume) - part.nodes.loose, 0};
   if (part.nodes.loose == 0 || part.centres.rows() == 0) return targets;
   const Eigen::RowVector3d middle = part.centres.colwise().mean();
   const double radius =
@@ -87,7 +87,7 @@ void add_system(MorphPart& part, const NodeScales& scales, const VolumeMorphOpti
 }
 
 MorphPart make_part(Component nodes, const Mesh& mesh, const std::vector<Index>& surface_nodes,
-               const NodeScales& scales, const VolumeMorphOptions& options) {
+                    const NodeScales& scales, const VolumeMorphOptions& options) {
   MorphPart part;
   part.nodes = std::move(nodes);
   part.centres = centres_of(part.nodes, mesh, surface_nodes);
@@ -100,7 +100,7 @@ MorphPart make_part(Component nodes, const Mesh& mesh, const std::vector<Index>&
 }
 
 MorphPart restore_part(const Mesh& mesh, const std::vector<Index>& surface_nodes,
-                  const VolumeMorphOptions& options, InputArchive& archive) {
+                       const VolumeMorphOptions& options, InputArchive& archive) {
   MorphPart part;
   archive(part.nodes, part.dropped, part.beyond, part.lengths);
   part.centres = centres_of(part.nodes, mesh, surface_nodes);

@@ -46,8 +46,9 @@ void add_system(MorphPart& part, const NodeScales& scales, const VolumeMorphOpti
 /// of the world, move as the nearest point of that ball.
 struct PartTargets {
   RowMatrix points;
-  Index of_cells = 0;  ///< rows of nodes of cells, the first; others neither bound nor hold the field
-  Index beyond = 0;    ///< nodes of no cell beyond the ball
+  Index of_cells =
+      0;             ///< rows of nodes of cells, the first; others neither bound nor hold the field
+  Index beyond = 0;  ///< nodes of no cell beyond the ball
 };
 /// `base`: of all nodes.
 PartTargets targets_of(const MorphPart& part, const Points& base);
