@@ -52,7 +52,8 @@ TEST_CASE("Faces that one exporter cut are merged, with a warning", "[apps][cut]
     INFO(run.err);
     REQUIRE(run.exit_code == 0);
     const auto warnings = nlohmann::json::parse(run.out)["warnings"].dump();
-    CHECK_THAT(warnings, Contains(merged + ": ") && Contains("faces were merged"));
+    CHECK_THAT(warnings,
+               Contains(merged + ": ") && Contains(" merged with others of the same surface"));
     CHECK(bore.distance("out.vtu") < kSame);
     const RunResult match = bore.place.run("match " + models);
     CHECK(match.exit_code == 0);
