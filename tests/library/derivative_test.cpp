@@ -117,6 +117,33 @@ TEST_CASE("A gradient counts for the anchors that hold a motion in a far field",
                  dot(slopes, velocity.nodes())) < 1e-10 * slopes.norm() * velocity.nodes().norm());
 }
 
+namespace {
+
+// A sphere in a far field, and how it grows.
+struct FarSphere {
+  CadModel base = cad("shapes/sphere_far_field"), grown = cad("shapes/sphere_far_field_variant");
+  Mesh mesh = Mesh::read(model("shapes/sphere_far_field.vtu"));
+  Morpher morpher{base, mesh, {.quality = Quality::Fast}};
+  ParameterPair pair{grown, base, 0.5};
+  RowMatrix slopes = noise(mesh.node_count(), 3, 6);
+
+  double gradient(const std::optional<CadModel>& present) const {
+    return morpher.gradient(slopes, {{"radius", pair}}, {.present = present})[0].gradient;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("About the base itself a velocity has the anchors of its motion", "[library]") {
+  const FarSphere sphere;
+  const Velocity expected = sphere.morpher.velocity(sphere.pair);
+  for (const CadModel& same : {sphere.base, cad("shapes/sphere_far_field")}) {
+    const Velocity velocity = sphere.morpher.velocity(sphere.pair, {.present = same});
+    CHECK(velocity.nodes() == expected.nodes());
+    CHECK(sphere.gradient(same) == sphere.gradient({}));
+  }
+}
+
 TEST_CASE("A velocity about a variant is the slope of the warp there", "[library]") {
   const Bore bore;
   const CadModel step10 = cad("bore/step10");

@@ -131,6 +131,21 @@ class Derivatives(unittest.TestCase):
         self.assertEqual(derivative.forward(strided).shape, (self.n, 3))
 
 
+class FarField(unittest.TestCase):
+    def setUp(self):
+        self.base, self.grown = (models.cad(f"shapes/sphere_far_field{end}") for end in ("", "_variant"))
+        self.morpher = cadmorph.Morpher(self.base, models.mesh("shapes/sphere_far_field"), quality="fast")
+        self.slopes = np.random.default_rng(6).normal(size=(self.morpher.mesh.node_count, 3))
+
+    def gradient(self, **at):
+        return self.morpher.gradient(self.slopes, {"radius": (self.grown, self.base, 0.5)}, **at)[0].gradient
+
+    def test_about_the_base_itself(self):
+        at_base = self.gradient()
+        self.assertEqual(self.gradient(at=self.base), at_base)
+        self.assertEqual(self.gradient(at=models.cad("shapes/sphere_far_field")), at_base)
+
+
 class Sliding(unittest.TestCase):
     def setUp(self):
         self.morpher = cadmorph.Morpher(models.cad("shapes/box"), models.around_box(), quality="fast")
