@@ -1,8 +1,11 @@
 #include <cadmorph/cadmorph.h>
 
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "workplace.h"
 
@@ -41,6 +44,8 @@ RowMatrix noise(Index rows, Index columns, double seed) {
 double dot(const RowMatrix& a, const RowMatrix& b) { return a.cwiseProduct(b).sum(); }
 
 double largest(const RowMatrix& a) { return a.cwiseAbs().maxCoeff(); }
+
+double farthest(const Points& motions) { return motions.rowwise().norm().maxCoeff(); }
 
 }  // namespace
 
@@ -106,41 +111,72 @@ TEST_CASE("A gradient is the sum of dJ/dX times the velocity of all nodes", "[li
   CHECK(std::abs(gradient(step10)[0].gradient - expected(step10)) < 1e-12 * scale);
 }
 
-TEST_CASE("A gradient counts for the anchors that hold a motion in a far field", "[library]") {
-  const CadModel base = cad("shapes/sphere_far_field");
-  const Mesh mesh = Mesh::read(model("shapes/sphere_far_field.vtu"));
-  const Morpher morpher(base, mesh);
-  const ParameterPair pair{cad("shapes/sphere_far_field_variant"), base, 0.5};
-  const RowMatrix slopes = noise(mesh.node_count(), 3, 6);
-  const Velocity velocity = morpher.velocity(pair);
-  CHECK(std::abs(morpher.gradient(slopes, {{"radius", pair}})[0].gradient -
-                 dot(slopes, velocity.nodes())) < 1e-10 * slopes.norm() * velocity.nodes().norm());
-}
-
 namespace {
 
-// A sphere in a far field, and how it grows.
-struct FarSphere {
-  CadModel base = cad("shapes/sphere_far_field"), grown = cad("shapes/sphere_far_field_variant");
-  Mesh mesh = Mesh::read(model("shapes/sphere_far_field.vtu"));
-  Morpher morpher{base, mesh, {.quality = Quality::Fast}};
+// Hexahedra round the box of models/shapes, up to 37 times as far away as it is large.
+Mesh far_box_mesh() {
+  constexpr int kOut = 7;
+  const std::array<int, 3> inside{4, 3, 2};
+  std::array<std::vector<double>, 3> lines;
+  for (int d = 0; d < 3; ++d) {
+    for (int i = -kOut; i <= inside[d] + kOut; ++i) {
+      const int out = std::max(-i, i - inside[d]);
+      const double beyond = out > 0 ? 10 * (std::pow(1.8, out) - 1) / 0.8 : 0;
+      lines[d].push_back(10 * std::clamp(i, 0, inside[d]) + (i < 0 ? -beyond : beyond));
+    }
+  }
+  const auto count = [&](int d) { return static_cast<int>(lines[d].size()); };
+  const auto is_inside = [&](int i, int d) { return i >= kOut && i < kOut + inside[d]; };
+  constexpr std::array<std::array<int, 3>, 8> kCorners{
+      {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}}};
+  std::map<std::array<int, 3>, Index> ids;
+  MeshArrays mesh{.points = {}, .types = {}, .offsets = {0}, .connectivity = {}};
+  for (int i = 0; i + 1 < count(0); ++i)
+    for (int j = 0; j + 1 < count(1); ++j)
+      for (int k = 0; k + 1 < count(2); ++k) {
+        if (is_inside(i, 0) && is_inside(j, 1) && is_inside(k, 2)) continue;
+        for (const auto& [a, b, c] : kCorners)
+          mesh.connectivity.push_back(
+              ids.try_emplace({i + a, j + b, k + c}, std::ssize(ids)).first->second);
+        mesh.offsets.push_back(std::ssize(mesh.connectivity));
+        mesh.types.push_back(12);  // a hexahedron
+      }
+  mesh.points.resize(std::ssize(ids), 3);
+  for (const auto& [at, node] : ids)
+    mesh.points.row(node) << lines[0][at[0]], lines[1][at[1]], lines[2][at[2]];
+  return Mesh(mesh);
+}
+
+// The box in a far field that stays, and how it grows.
+struct FarBox {
+  CadModel base = cad("shapes/box"), grown = cad("shapes/box_variant");
+  Mesh mesh = far_box_mesh();
+  Morpher morpher{base, mesh, {.unmatched = Unmatched::Fix, .quality = Quality::Fast}};
   ParameterPair pair{grown, base, 0.5};
   RowMatrix slopes = noise(mesh.node_count(), 3, 6);
 
   double gradient(const std::optional<CadModel>& present) const {
-    return morpher.gradient(slopes, {{"radius", pair}}, {.present = present})[0].gradient;
+    return morpher.gradient(slopes, {{"size", pair}}, {.present = present})[0].gradient;
   }
 };
 
 }  // namespace
 
+TEST_CASE("A gradient counts for the anchors that hold a motion in a far field", "[library]") {
+  const FarBox far;
+  const Velocity velocity = far.morpher.velocity(far.pair);
+  CHECK(std::abs(far.gradient({}) - dot(far.slopes, velocity.nodes())) <
+        1e-10 * far.slopes.norm() * velocity.nodes().norm());
+}
+
 TEST_CASE("About the base itself a velocity has the anchors of its motion", "[library]") {
-  const FarSphere sphere;
-  const Velocity expected = sphere.morpher.velocity(sphere.pair);
-  for (const CadModel& same : {sphere.base, cad("shapes/sphere_far_field")}) {
-    const Velocity velocity = sphere.morpher.velocity(sphere.pair, {.present = same});
+  const FarBox far;
+  const Velocity expected = far.morpher.velocity(far.pair);
+  for (const CadModel& same : {far.base, cad("shapes/box")}) {
+    const Velocity velocity = far.morpher.velocity(far.pair, {.present = same});
     CHECK(velocity.nodes() == expected.nodes());
-    CHECK(sphere.gradient(same) == sphere.gradient({}));
+    CHECK(far.gradient(same) == far.gradient({}));
+    CHECK(farthest(velocity.nodes()) <= 1.21 * farthest(velocity.surface()));
   }
 }
 
