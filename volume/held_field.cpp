@@ -1,5 +1,6 @@
 #include "volume/held_field.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -7,6 +8,7 @@
 
 #include "core/errors.h"
 #include "core/kd_tree.h"
+#include "core/rbf/affine_fit.h"
 #include "core/rbf/point_order.h"
 #include "core/rbf/solver_choice.h"
 
@@ -26,6 +28,10 @@ constexpr double kLeastSeparation = 1e-4;
 // What the centres of a field with anchors may miss counts in spacings, or in this part of the
 // largest displacement: the spacing of a far field is far larger than that.
 constexpr double kMostMissed = 0.5;
+
+// Of the largest mode of several motions: smaller ones are what is left of motions that are nearly
+// the same, whose fields anchors may make far more different than they are.
+constexpr double kLeastMode = 0.1;
 
 // The centres that a field rests on, or those of them that are farthest from each other.
 std::vector<Index> carriers_of(const RbfSystem& system, const RbfField& field,
@@ -156,28 +162,120 @@ void hold_back(const MorphPart& part, const RowMatrix& values, const PartTargets
   hold_back_by_cells(part, values, targets, options, bounded, nullptr);
 }
 
-FieldMap held_derivative(const MorphPart& part, const RowMatrix& values, const Points& base,
-                         const VolumeMorphOptions& options) {
+namespace {
+
+// A held or plain field's map, and what it is made of.
+struct HeldMap {
+  FieldMap map;
+  Index kernels = 0, anchors = 0;  // kernels: of centres and anchors
+};
+
+HeldMap held_map(const MorphPart& part, const RowMatrix& values, const PartTargets& all,
+                 const VolumeMorphOptions& options) {
+  const RowMatrix& targets = all.points;
   BoundedField bounded{part.system->solve(values), RowMatrix(0, 3), {}};
   bounded.displacements = part.targets->evaluate({bounded.field}).front();
   HoldHistory history;
-  const PartTargets all = targets_of(part, base);
-  const RowMatrix& targets = all.points;
   hold_back_by_cells(part, values, all, options, bounded, &history);
-  FieldMap map;
+  HeldMap result;
   if (history.taken == 0) {
-    map.field = part.system->derivative(bounded.field, targets);
-    return map;
+    result.map.field = part.system->derivative(bounded.field, targets);
+    result.kernels = std::ssize(part.system->kernels(bounded.field));
+    return result;
   }
   const HeldField& held = history.holds[history.taken - 1];
   const auto field_of = [&](Index anchors, const std::vector<Index>& rows) {
     const auto before = std::ranges::find(history.holds, anchors, &HeldField::anchors);
     return before->system.derivative(before->field, targets(rows, Eigen::all));
   };
-  map.field = held.system.derivative(held.field, targets);
-  map.anchors.emplace(part.centres, history.carriers, options.kernel, targets, history.anchors,
-                      held.anchors, field_of);
-  return map;
+  result.map.field = held.system.derivative(held.field, targets);
+  result.map.anchors.emplace(part.centres, history.carriers, options.kernel, targets,
+                             history.anchors, held.anchors, field_of);
+  result.kernels = std::ssize(held.system.kernels(held.field));
+  result.anchors = held.anchors;
+  return result;
+}
+
+// Beside each other, as large each; those that rest are left out.
+RowMatrix side_by_side(const std::vector<RowMatrix>& motions) {
+  double largest = 0;
+  for (const RowMatrix& motion : motions)
+    largest = std::max(largest, motion.rowwise().norm().maxCoeff());
+  RowMatrix result(motions.front().rows(), 0);
+  for (const RowMatrix& motion : motions) {
+    const double own = motion.rowwise().norm().maxCoeff();
+    if (own == 0) continue;
+    result.conservativeResize(Eigen::NoChange, result.cols() + 3);
+    result.rightCols(3) = largest / own * motion;
+  }
+  return result;
+}
+
+// The functionals that tell how much of each column of `values` (N x C) there is in others, by
+// least squares (C x N): of columns that nearly depend on each other their sum alone.
+Eigen::MatrixXd shares_of(const Eigen::MatrixXd& values) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(values.transpose() * values);
+  const Eigen::VectorXd& sizes = modes.eigenvalues();
+  const double least = kLeastMode * kLeastMode * sizes.maxCoeff();
+  const Eigen::VectorXd inverse =
+      (sizes.array() > least).select(sizes.cwiseMax(least).cwiseInverse(), 0.0);
+  return modes.eigenvectors() * inverse.asDiagonal() * modes.eigenvectors().transpose() *
+         values.transpose();
+}
+
+// What has to be added to a held map, so that affine motions are exact, and `motions` (N x C) do
+// what `fields` (T x C) say.
+LowRankMap corrections(const FieldMap& map, const AffineFit& affine, const RowMatrix& motions,
+                       const Eigen::MatrixXd& fields) {
+  const Eigen::MatrixXd coefficients = affine.fit * motions;
+  const Eigen::MatrixXd rest = motions - affine.at_centres * coefficients;
+  const Eigen::MatrixXd shares = shares_of(rest);
+  const Index terms = affine.fit.rows();
+  LowRankMap result;
+  result.functionals.resize(terms + shares.rows(), motions.rows());
+  result.functionals << affine.fit, shares - (shares * affine.at_centres) * affine.fit;
+  result.fields.resize(affine.at_targets.rows(), terms + shares.rows());
+  result.fields << affine.at_targets - map.forward(affine.at_centres),
+      fields - affine.at_targets * coefficients - map.forward(rest);
+  return result;
+}
+
+}  // namespace
+
+FieldMap held_derivative(const MorphPart& part, const RowMatrix& values, const Points& base,
+                         const VolumeMorphOptions& options) {
+  return held_map(part, values, targets_of(part, base), options).map;
+}
+
+LinearField linear_field(const MorphPart& part, const std::vector<RowMatrix>& motions,
+                         const Points& base, const VolumeMorphOptions& options) {
+  const PartTargets targets = targets_of(part, base);
+  const RowMatrix all = side_by_side(motions);
+  const Index count = all.cols() / 3;
+  if (count == 0) return {held_map(part, motions.front(), targets, options).map};
+  // Of the motions one by one: the most anchors serve for what is none of these.
+  HeldMap chosen;
+  Eigen::MatrixXd fields(targets.points.rows(), all.cols());
+  for (Index k = 0; k < count; ++k) {
+    const RowMatrix motion = all.middleCols(3 * k, 3);
+    HeldMap own = held_map(part, motion, targets, options);
+    fields.middleCols(3 * k, 3) = own.map.forward(motion);
+    if (k == 0 || own.anchors > chosen.anchors) chosen = std::move(own);
+  }
+  if (chosen.anchors > 0) {
+    chosen.map.more = corrections(chosen.map, AffineFit(part.centres, targets.points), all, fields);
+  } else if (count > 1) {  // kernels for all
+    const RbfField field = part.system->solve(all);
+    chosen.map.field = part.system->derivative(field, targets.points);
+    chosen.kernels = std::ssize(part.system->kernels(field));
+  }
+  LinearField result{std::move(chosen.map), chosen.kernels, chosen.anchors};
+  for (Index k = 0; k < count; ++k) {
+    const RowMatrix motion = all.middleCols(3 * k, 3);
+    const RowMatrix moved = result.map.forward(motion).topRows(targets.of_cells);
+    result.overshoot = std::max(result.overshoot, overshoot(motion, moved));
+  }
+  return result;
 }
 
 }  // namespace cadmorph

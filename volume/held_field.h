@@ -31,4 +31,20 @@ void hold_back(const MorphPart& part, const RowMatrix& values, const PartTargets
 FieldMap held_derivative(const MorphPart& part, const RowMatrix& values, const Points& base,
                          const VolumeMorphOptions& options);
 
+/// One linear map for several motions of a part.
+struct LinearField {
+  FieldMap map;
+  Index kernels = 0;     ///< of the centres and the anchors
+  Index anchors = 0;     ///< that hold what is none of these motions
+  double overshoot = 0;  ///< the largest of these motions
+};
+
+/// A linear map by which each of these motions (N x 3 values at the part's centres) does what its
+/// own field does, held by its own anchors where it needs some: the map of the one with the most
+/// anchors, and a correction by the share of each motion in the values. Affine motions are exact in
+/// that map, too. Without anchors the map has kernels for all. `base`: positions of all nodes.
+/// Throws what RbfSystem throws. Memory: 24 bytes a target and motion where anchors are needed.
+LinearField linear_field(const MorphPart& part, const std::vector<RowMatrix>& motions,
+                         const Points& base, const VolumeMorphOptions& options);
+
 }  // namespace cadmorph

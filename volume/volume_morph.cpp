@@ -110,6 +110,7 @@ struct VolumeMorph::Impl {
   void restore_rbf(const Mesh& mesh, InputArchive& archive);
   void set_up_baseline(const Mesh& mesh);
   void gather_reports();
+  void require_derivative() const;
   Points morph_by_baseline(const Points& surface_positions, RbfReport* figures) const;
   void morph_by_rbf(const std::vector<Points>& surface_positions,
                     std::vector<VolumeMorphResult>& results) const;
@@ -168,6 +169,25 @@ Points VolumeMorph::Impl::morph_by_baseline(const Points& surface_positions,
     *figures = report;
     figures->seconds += watch.seconds();
   }
+  return result;
+}
+
+struct VolumeMorph::Linear {
+  VolumeDerivative map;
+  RbfReport report;
+
+  VolumeMorphResult morph(const Points& base, const Points& surface_positions) const;
+};
+
+VolumeMorphResult VolumeMorph::Linear::morph(const Points& base,
+                                             const Points& surface_positions) const {
+  const Stopwatch watch;
+  const std::vector<Index>& nodes = map.surface_nodes();
+  VolumeMorphResult result;
+  result.positions = base + Points(map.forward(surface_positions - base(nodes, Eigen::all)));
+  result.positions(nodes, Eigen::all) = surface_positions;
+  result.report = report;
+  result.report.seconds += watch.seconds();
   return result;
 }
 
@@ -260,6 +280,8 @@ VolumeMorph::VolumeMorph(const Mesh& mesh, VolumeMorphOptions options, InputArch
 }
 
 void VolumeMorph::store(OutputArchive& archive) const {
+  if (linear_)
+    throw InvalidInputError("a linearised volume morph can't be stored; store it before");
   archive(impl_->surface_nodes);
   if (impl_->baseline) return;
   archive(impl_->scales.lengths, impl_->scales.slits, impl_->parts.size());
@@ -279,13 +301,15 @@ std::vector<VolumeMorphResult> VolumeMorph::morph_each(
   for (std::size_t r = 0; r < results.size(); ++r) {
     try {
       check_positions(surface_positions[r], impl_->surface_nodes);
-      if (impl_->baseline)
+      if (linear_)
+        results[r] = linear_->morph(impl_->base, surface_positions[r]);
+      else if (impl_->baseline)
         results[r].positions = impl_->morph_by_baseline(surface_positions[r], &results[r].report);
     } catch (const Error&) {
       results[r].error = std::current_exception();
     }
   }
-  if (!impl_->baseline) impl_->morph_by_rbf(surface_positions, results);
+  if (!linear_ && !impl_->baseline) impl_->morph_by_rbf(surface_positions, results);
   return results;
 }
 
@@ -294,6 +318,8 @@ std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const
   if (impl_->baseline)
     throw InvalidInputError("a morph by " + to_string(impl_->options.method) +
                             " has no field; use the RBF method");
+  if (linear_)
+    throw InvalidInputError("a linearised volume morph has no fields; take those of the plain one");
   std::vector<RbfField> result;
   for (const MorphPart& part : impl_->parts) {
     if (part.nodes.surface.empty()) continue;
@@ -312,12 +338,17 @@ std::vector<RbfField> VolumeMorph::fields(const Points& surface_positions) const
   return result;
 }
 
+void VolumeMorph::Impl::require_derivative() const {
+  if (baseline)
+    throw InvalidInputError("a morph by " + to_string(options.method) +
+                            " has no derivative here; use the RBF method");
+}
+
 VolumeDerivative VolumeMorph::derivative(const Points& surface_positions) const {
   const Impl& s = *impl_;
   check_positions(surface_positions, s.surface_nodes);
-  if (s.baseline)
-    throw InvalidInputError("a morph by " + to_string(s.options.method) +
-                            " has no derivative here; use the RBF method");
+  if (linear_) return linear_->map;
+  s.require_derivative();
   std::vector<VolumeDerivative::Part> parts(s.parts.size());
   parallel_for(std::ssize(parts), 1, [&](Index begin, Index end) {
     for (Index p = begin; p < end; ++p) {
@@ -332,24 +363,81 @@ VolumeDerivative VolumeMorph::derivative(const Points& surface_positions) const 
   return {s.base.rows(), s.surface_nodes, std::move(parts)};
 }
 
+VolumeMorph VolumeMorph::linearised(const std::vector<Points>& references) const {
+  const Impl& s = *impl_;
+  const Stopwatch watch;
+  s.require_derivative();
+  if (references.empty()) throw InvalidInputError("no motion is given to linearise a morph for");
+  const Points start = s.base(s.surface_nodes, Eigen::all);
+  bool is_moving = false;
+  for (const Points& positions : references) {
+    check_positions(positions, s.surface_nodes);
+    is_moving |= positions != start;
+  }
+  if (!is_moving)
+    throw InvalidInputError("no motion that is given to linearise a morph for moves a node");
+  std::vector<LinearField> fields(s.parts.size());
+  parallel_for(std::ssize(fields), 1, [&](Index begin, Index end) {
+    for (Index p = begin; p < end; ++p) {
+      const MorphPart& part = s.parts[p];
+      if (!part.system) continue;
+      std::vector<RowMatrix> motions;
+      for (const Points& positions : references)
+        motions.emplace_back(positions(part.nodes.surface, Eigen::all) - part.centres);
+      fields[p] = linear_field(part, motions, s.base, s.options);
+    }
+  });
+  std::vector<VolumeDerivative::Part> parts;
+  Index kernels = 0, anchors = 0;
+  double overshoot = 0;
+  for (std::size_t p = 0; p < fields.size(); ++p) {
+    if (!s.parts[p].system) continue;
+    kernels += fields[p].kernels;
+    anchors += fields[p].anchors;
+    overshoot = std::max(overshoot, fields[p].overshoot);
+    parts.push_back({s.parts[p].nodes.surface, s.parts[p].nodes.volume, std::move(fields[p].map)});
+  }
+  RbfReport report = s.report;
+  report.reason += "; a linear map of " + std::to_string(kernels) + " kernels and " +
+                   std::to_string(anchors) + " anchors, chosen for " +
+                   std::to_string(references.size()) + " motions";
+  if (is_bounded(s.options) && overshoot > kMostOvershoot) {
+    char text[80];
+    std::snprintf(text, sizeof text, ", which runs on to %.3g times one of them", overshoot);
+    report.reason += text;
+  }
+  report.seconds = watch.seconds();
+  VolumeMorph result = *this;
+  result.linear_ = std::make_shared<const Linear>(
+      Linear{{s.base.rows(), s.surface_nodes, std::move(parts)}, std::move(report)});
+  return result;
+}
+
 VolumeMorph::HoldCheck VolumeMorph::hold_check() const {
   const Impl& s = *impl_;
   HoldCheck result;
-  if (s.baseline || !is_bounded(s.options)) return result;
+  if (linear_ || s.baseline || !is_bounded(s.options)) return result;
   for (const MorphPart& part : s.parts) {
     if (!part.system) continue;
     const PartTargets targets = targets_of(part, s.base);
     if (targets.of_cells == 0) continue;
     result.parts_.push_back(
-        {part.nodes.surface, part.centres,
+        {part.nodes.surface, part.centres, *part.system, *part.targets, targets.of_cells,
          OvershootCheck(part.centres, s.options.kernel, targets.points.topRows(targets.of_cells))});
   }
   return result;
 }
 
+bool VolumeMorph::HoldCheck::Part::may_be_held(const RowMatrix& values) const {
+  const OvershootGuess guess = check.guess(values);
+  if (guess != OvershootGuess::Unknown) return guess == OvershootGuess::Likely;
+  const RowMatrix moved = targets.evaluate({system.solve(values)}).front();
+  return overshoot(values, moved.topRows(of_cells)) > kMostOvershoot;
+}
+
 bool VolumeMorph::HoldCheck::may_be_held(const Points& surface_positions) const {
   return std::ranges::any_of(parts_, [&](const Part& part) {
-    return part.check.may_overshoot(surface_positions(part.surface, Eigen::all) - part.centres);
+    return part.may_be_held(surface_positions(part.surface, Eigen::all) - part.centres);
   });
 }
 
@@ -358,7 +446,7 @@ Index VolumeMorph::field_count() const {
                                [](const MorphPart& part) { return !part.nodes.surface.empty(); });
 }
 
-const RbfReport& VolumeMorph::report() const { return impl_->report; }
+const RbfReport& VolumeMorph::report() const { return linear_ ? linear_->report : impl_->report; }
 
 const std::vector<Index>& VolumeMorph::surface_nodes() const { return impl_->surface_nodes; }
 

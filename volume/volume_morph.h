@@ -67,10 +67,20 @@ class VolumeMorph {
   /// incremental QR, and SolverError where the factor needs more memory than allowed.
   VolumeDerivative derivative(const Points& surface_positions) const;
 
+  /// The morph as one linear map: kernels and anchors are chosen here, for the motions onto these
+  /// surface positions (m x 3 each), and serve whatever is morphed to; its derivative is the same
+  /// everywhere. A motion unlike all of these may run on farther than `morph` lets it. Affine
+  /// motions are exact. Has no `fields` and can't be stored. Cost: a derivative, and for each of
+  /// the positions some morphs. Throws InvalidInputError where none is given or moves a node, and
+  /// as `derivative` does.
+  VolumeMorph linearised(const std::vector<Points>& references) const;
+
   /// Which motions of the surface may need anchors, and so have a derivative of their own. Of no
   /// motion where the method or the solver asked for has none.
   class HoldCheck {
    public:
+    /// Where a guess by few of the nodes does not tell, the motion's own field does, at the cost of
+    /// a morph.
     bool may_be_held(const Points& surface_positions) const;
 
    private:
@@ -78,7 +88,12 @@ class VolumeMorph {
     struct Part {
       std::vector<Index> surface;
       RowMatrix centres;
+      RbfSystem system;
+      RbfTargets targets;
+      Index of_cells;  // of the targets, the first
       OvershootCheck check;
+
+      bool may_be_held(const RowMatrix& values) const;
     };
     std::vector<Part> parts_;
   };
@@ -93,7 +108,9 @@ class VolumeMorph {
 
  private:
   struct Impl;
+  struct Linear;
   std::shared_ptr<const Impl> impl_;
+  std::shared_ptr<const Linear> linear_;  // where it is linearised
 };
 
 }  // namespace cadmorph

@@ -10,6 +10,7 @@
 #include "core/errors.h"
 #include "core/kd_tree.h"
 #include "core/parallel.h"
+#include "core/rbf/affine_fit.h"
 #include "core/rbf/centre_frame.h"
 #include "core/rbf/dense_solver.h"
 #include "core/rbf/kernel_sum.h"
@@ -40,9 +41,6 @@ constexpr double kSpread = 0.5;
 // turns takes its surroundings along; the lower, the sooner they come to rest.
 constexpr int kLocality = 3;
 
-// Neighbour whose distance is the spacing of the centres: the nearest may lie across a thin gap.
-constexpr Index kNeighbour = 3;
-
 // Each adds anchors where the field moves too far still.
 constexpr int kMostRounds = 30;
 
@@ -53,6 +51,14 @@ constexpr int kMostHolds = 8;
 // this part of the largest value, and the others.
 constexpr Index kProbes = 250;
 constexpr double kMoves = 0.1;
+
+// What these miss still is taken to be no more than so many times what half as many missed beside
+// them: each doubling halves it at least, and what lies between the candidates adds to it.
+constexpr double kMissedAgain = 2;
+
+// Nor do they tell much where they miss this part of the largest value at the centres that move, in
+// the root mean square.
+constexpr double kMissed = 0.05;
 
 // Motions count in steps of this: of nodes that are mirror images the first is taken, not the one
 // that rounding favours on this processor.
@@ -101,19 +107,10 @@ std::vector<Index> graded(const RowMatrix& targets, const VectorXd& distance) {
 // Means of the values at points, with positive weights: size / distance^power of each centre.
 class Means {
  public:
-  explicit Means(const RowMatrix& centres) : centres_(centres) {
-    const int extent = CentreFrame(centres).terms() - 1;  // a flat set has the border of a plane
-    power_ = extent + kLocality;
-    const KdTree tree(centres);
-    size_.resize(centres.rows());
-    parallel_for(centres.rows(), 1024, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) {
-        const double spacing =
-            tree.nearest(centres.row(i).data(), kNeighbour + 1).back().squared_distance;
-        size_(i) = std::pow(spacing, 0.5 * (extent - 1));
-      }
-    });
-  }
+  explicit Means(const RowMatrix& centres)
+      : centres_(centres),
+        size_(surface_shares(centres)),
+        power_(CentreFrame(centres).terms() - 1 + kLocality) {}
 
   RowMatrix at(const RowMatrix& points, const RowMatrix& values) const {
     RowMatrix result(points.rows(), values.cols());
@@ -286,24 +283,39 @@ OvershootCheck::OvershootCheck(RowMatrix centres, const Kernel& kernel, const Ro
       order_(farthest_point_order(Points(centres_)).rows),
       kernel_(kernel) {}
 
-bool OvershootCheck::may_overshoot(const RowMatrix& values) const {
+RowMatrix OvershootCheck::by_probes(const RowMatrix& values, Index count,
+                                    const RowMatrix& targets) const {
   const VectorXd moved = values.rowwise().norm();
-  const double largest = moved.size() > 0 ? moved.maxCoeff() : 0;
-  if (largest == 0 || candidates_.rows() == 0) return false;
+  const double moves = kMoves * moved.maxCoeff();
   // A body that moves may be small beside what rests: it has as many of the probes.
-  std::array<Index, 2> left = {kProbes, kProbes};
+  std::array<Index, 2> left = {count, count};
   std::vector<Index> probes;
   for (const Index row : order_)
-    if (Index& count = left[moved(row) > kMoves * largest]; count > 0) {
+    if (Index& more = left[moved(row) > moves]; more > 0) {
       probes.push_back(row);
-      --count;
+      --more;
     }
+  return interpolate(centres_(probes, Eigen::all), values(probes, Eigen::all), kernel_, targets);
+}
+
+OvershootGuess OvershootCheck::guess(const RowMatrix& values) const {
+  const double largest = values.rows() > 0 ? values.rowwise().norm().maxCoeff() : 0;
+  if (largest == 0 || candidates_.rows() == 0) return OvershootGuess::None;
   try {
-    const RowMatrix field =
-        interpolate(centres_(probes, Eigen::all), values(probes, Eigen::all), kernel_, candidates_);
-    return motions(field, largest).maxCoeff() > kEnough;
-  } catch (const SolverError&) {
-    return true;
+    const RowMatrix all = by_probes(values, kProbes, stack(candidates_, centres_));
+    const RowMatrix field = all.topRows(candidates_.rows());
+    const double farthest = motions(field, largest).maxCoeff();
+    if (farthest > kEnough) return OvershootGuess::Likely;
+    const RowMatrix change = field - by_probes(values, kProbes / 2, candidates_);
+    if (farthest + kMissedAgain * motions(change, largest).maxCoeff() > kEnough)
+      return OvershootGuess::Unknown;
+    const double missed = (all.bottomRows(values.rows()) - values).squaredNorm();
+    const double moving =
+        static_cast<double>((values.rowwise().norm().array() > kMoves * largest).count());
+    return std::sqrt(missed / moving) > kMissed * largest ? OvershootGuess::Unknown
+                                                          : OvershootGuess::None;
+  } catch (const SolverError&) {  // probes nearly coincide
+    return OvershootGuess::Unknown;
   }
 }
 
@@ -368,6 +380,18 @@ MatrixXd AnchorDerivative::adjoint(MatrixXd slopes) const {
 }
 
 MatrixXd FieldMap::forward(const MatrixXd& values) const {
+  MatrixXd result = forward_held(values);
+  if (more) result += more->fields * (more->functionals * values);
+  return result;
+}
+
+MatrixXd FieldMap::adjoint(const MatrixXd& slopes) const {
+  MatrixXd result = adjoint_held(slopes);
+  if (more) result += more->functionals.transpose() * (more->fields.transpose() * slopes);
+  return result;
+}
+
+MatrixXd FieldMap::forward_held(const MatrixXd& values) const {
   if (!anchors) return field.forward(values);
   const MatrixXd held = anchors->forward(values);
   MatrixXd all(values.rows() + held.rows(), values.cols());
@@ -375,7 +399,7 @@ MatrixXd FieldMap::forward(const MatrixXd& values) const {
   return field.forward(all);
 }
 
-MatrixXd FieldMap::adjoint(const MatrixXd& slopes) const {
+MatrixXd FieldMap::adjoint_held(const MatrixXd& slopes) const {
   MatrixXd all = field.adjoint(slopes);
   if (!anchors) return all;
   const Index held = anchors->size();

@@ -54,18 +54,27 @@ Anchors find_anchors(const RowMatrix& centres, const RowMatrix& values,
                      const std::vector<Index>& carriers, const Kernel& kernel,
                      const RowMatrix& targets, const TriedAnchors& before = {});
 
-/// Tells of displacements, at little cost, whether anchors may be needed: by some centres that move
-/// and some that rest, at the graded choice of the targets that find_anchors goes by.
+/// Whether a target moves farther than kMostOvershoot allows.
+enum class OvershootGuess {
+  None,
+  Unknown,  ///< the field itself has to tell
+  Likely,
+};
+
+/// Guesses of displacements, at little cost, whether anchors may be needed: by some centres that
+/// move and some that rest, at the graded choice of the targets that find_anchors goes by.
 class OvershootCheck {
  public:
   /// `centres`: N x 3. `targets`: T x 3.
   OvershootCheck(RowMatrix centres, const Kernel& kernel, const RowMatrix& targets);
 
-  /// Whether one of those targets moves farther than kMostOvershoot allows, or nearly so, for N x M
-  /// values at the centres; true where the centres nearly coincide.
-  bool may_overshoot(const RowMatrix& values) const;
+  /// For N x 3 values at the centres. None is a guess, too, but a cautious one: Unknown where half
+  /// of the centres taken would say something else, or these miss the values of others.
+  OvershootGuess guess(const RowMatrix& values) const;
 
  private:
+  RowMatrix by_probes(const RowMatrix& values, Index count, const RowMatrix& targets) const;
+
   RowMatrix centres_, candidates_;
   std::vector<Index> order_;  // of the centres, from coarse to fine
   Kernel kernel_;
@@ -105,14 +114,25 @@ class AnchorDerivative {
   std::vector<Step> steps_;
 };
 
+/// A few displacement fields, each as much as a linear functional of the values says.
+struct LowRankMap {
+  Eigen::MatrixXd functionals;  ///< R x N
+  Eigen::MatrixXd fields;       ///< T x R
+};
+
 /// The derivative of a field by the values at its centres, where anchors hold it by way of these.
 struct FieldMap {
   RbfDerivative field;  ///< by the values at the centres and, below them, at the anchors
-  std::optional<AnchorDerivative> anchors;
+  std::optional<AnchorDerivative> anchors = {};
+  std::optional<LowRankMap> more = {};  ///< added to that
 
   /// T x M for N x M values, and N x M for T x M slopes.
   Eigen::MatrixXd forward(const Eigen::MatrixXd& values) const;
   Eigen::MatrixXd adjoint(const Eigen::MatrixXd& slopes) const;
+
+ private:
+  Eigen::MatrixXd forward_held(const Eigen::MatrixXd& values) const;
+  Eigen::MatrixXd adjoint_held(const Eigen::MatrixXd& slopes) const;
 };
 
 /// The targets' displacements (T x M) by the interpolant of all values, held by anchors where it

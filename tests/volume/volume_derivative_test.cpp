@@ -7,6 +7,7 @@
 #include "../core/sample_meshes.h"
 #include "core/boundary.h"
 #include "core/errors.h"
+#include "core/rbf/point_order.h"
 #include "volume/volume_morph.h"
 #include "volume_meshes.h"
 
@@ -193,6 +194,29 @@ TEST_CASE("Motions that anchors hold are known beforehand", "[volume][derivative
   CHECK(held >= 3);
   const Case cube = shaken_cube(8, SolverKind::Auto);
   CHECK(!VolumeMorph(cube.mesh, cube.surface).hold_check().may_be_held(cube.target));
+}
+
+TEST_CASE("Motions that anchors hold are known where few of the nodes don't tell",
+          "[volume][derivative]") {
+  const FarField field = far_field(18, 50);
+  const VolumeMorph morph(field.mesh, field.surface);
+  const Points start = rows_of(field.mesh.points, field.surface);
+  Points moved = start;
+  // The nodes that are farthest from each other, which a guess takes, shift; those between them
+  // grow.
+  const auto count = static_cast<Index>(field.body.size());
+  std::vector<Index> order = farthest_point_order(start).rows;
+  std::erase_if(order, [&](Index row) { return row >= count; });
+  for (Index i = 0; i < count; ++i)
+    if (i < 400)
+      moved(order[i], 0) += 0.1;
+    else
+      moved.row(order[i]) *= 1.1;
+  RbfReport report;
+  morph.morph(moved, &report);
+  CAPTURE(report.reason);
+  CHECK(report.reason.find("hold the field") != std::string::npos);
+  CHECK(morph.hold_check().may_be_held(moved));
 }
 
 TEST_CASE("Columns of a derivative are independent", "[volume][derivative]") {
