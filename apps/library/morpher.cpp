@@ -130,6 +130,15 @@ std::vector<ParameterGradient> Morpher::gradient_of_files(
   });
 }
 
+void Morpher::linearise(const std::vector<CadModel>& models) {
+  at_door([&] {
+    const auto lock = lock_or_refuse(impl_->at_work);
+    std::vector<cadmorph::CadModel> given;
+    for (const CadModel& model : models) given.push_back(*model.impl().model);
+    impl_->job->linearise(given);
+  });
+}
+
 const CadModel& Morpher::base() const { return impl_->base; }
 const Mesh& Morpher::mesh() const { return impl_->mesh; }
 const Report& Morpher::report() const { return impl_->report; }

@@ -14,6 +14,9 @@
 namespace cadmorph {
 namespace {
 
+// Of the mesh's size; see is_at_base.
+constexpr double kAtBase = 1e-9;
+
 PipelineOptions with_progress_everywhere(PipelineOptions options) {
   if (!options.surface.association.progress)
     options.surface.association.progress = options.progress;
@@ -207,6 +210,13 @@ Points BaseSide::on_boundary(const Points& prescribed_positions) const {
   Points result = mesh().points(boundary.nodes, Eigen::all);
   result(rows, Eigen::all) = prescribed_positions;
   return result;
+}
+
+bool BaseSide::is_at_base(const Points& prescribed_positions) const {
+  const Points& all = mesh().points;
+  const double size = (all.colwise().maxCoeff() - all.colwise().minCoeff()).norm();
+  const Points moved = on_boundary(prescribed_positions) - Points(all(boundary.nodes, Eigen::all));
+  return moved.rowwise().norm().maxCoeff() <= kAtBase * size;
 }
 
 std::vector<char> BaseSide::fixed_nodes() const {

@@ -33,6 +33,10 @@ struct BaseSide {
   /// Throws InvalidInputError on a wrong number.
   Points on_boundary(const Points& prescribed_positions) const;
 
+  /// Whether prescribed nodes at these positions are where they are at the base, to 1e-9 of the
+  /// mesh's size: what the digits of a STEP file and a projection leave is no motion.
+  bool is_at_base(const Points& prescribed_positions) const;
+
   /// A flag a mesh node: prescribed, or of a cell whose node order is wrong, so that no repair
   /// takes to that.
   std::vector<char> fixed_nodes() const;

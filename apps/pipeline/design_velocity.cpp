@@ -25,19 +25,11 @@ constexpr double kUneven = 0.1;
 // The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size.
 constexpr double kSmallMotion = 1e-6;
 
-// A surface this part of the mesh's size from the base's is the base's: what the digits of a STEP
-// file and a projection leave is no motion to choose kernels and anchors by.
-constexpr double kAtBase = 1e-9;
-
 // Of the largest velocity: below, a node rests.
 constexpr double kRests = 1e-9;
 
 double largest(const RowMatrix& rows) {
   return rows.rows() == 0 ? 0 : rows.rowwise().norm().maxCoeff();
-}
-
-double size_of(const Points& points) {
-  return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
 }
 
 Points base_surface(const MorphJob& job) {
@@ -49,11 +41,9 @@ Points positions(const MorphJob& job, const Points& present) {
   return present.rows() > 0 ? present : base_surface(job);
 }
 
-// Empty where these are the base's.
+// Empty where these are the base's: no motion chooses kernels and anchors then.
 Points unless_at_base(const MorphJob& job, const Points& present) {
-  if (present.rows() == 0) return present;
-  const double motion = largest(present - base_surface(job));
-  return motion <= kAtBase * size_of(job.base().mesh().points) ? Points() : present;
+  return present.rows() > 0 && job.base().is_at_base(present) ? Points() : present;
 }
 
 double typical_tolerance(const CadModel& cad) {
@@ -102,7 +92,8 @@ void judge(const ParameterModels& models, SurfaceVelocity& result) {
 Points towards(const MorphJob& job, const SurfaceVelocity& surface) {
   const double speed = largest(surface.velocity);
   if (surface.present.rows() > 0 || speed == 0) return positions(job, surface.present);
-  const double size = size_of(job.base().mesh().points);
+  const Points& all = job.base().mesh().points;
+  const double size = (all.colwise().maxCoeff() - all.colwise().minCoeff()).norm();
   return base_surface(job) + kSmallMotion * size / speed * surface.velocity;
 }
 

@@ -8,11 +8,12 @@
 #include "apps/pipeline/morph_derivative.h"
 #include "apps/pipeline/surface_stage.h"
 #include "apps/pipeline/volume_stage.h"
+#include "core/errors.h"
 
 namespace cadmorph {
 
 struct MorphJob::Impl {
-  explicit Impl(std::shared_ptr<const BaseSide> side) : base(std::move(side)) {}
+  explicit Impl(std::shared_ptr<BaseSide> side) : base(std::move(side)) {}
 
   MorphResult match(const CadModel& variant) {
     MatchedModels found =
@@ -22,12 +23,33 @@ struct MorphJob::Impl {
                         std::move(found.match));
   }
 
-  std::shared_ptr<const BaseSide> base;
+  void linearise(const std::vector<Points>& surface_positions) {
+    VolumeMorph linear = base->volume->linearised(surface_positions);
+    const std::lock_guard lock(mutex_);
+    std::vector<VolumeMorph> of_merged;
+    for (const auto& [count, side] : merged_)
+      of_merged.push_back(linearised(*side, surface_positions));
+    auto next = of_merged.begin();
+    for (auto& [count, side] : merged_) side->volume = std::move(*next++);
+    base->volume = std::move(linear);
+    references_ = surface_positions;
+  }
+
+  std::shared_ptr<BaseSide> base;
 
  private:
+  // Faces merged or not, the nodes that the CAD prescribes are the same as a rule.
+  VolumeMorph linearised(const BaseSide& side, const std::vector<Points>& references) const {
+    if (side.volume->surface_nodes() != base->volume->surface_nodes())
+      throw InvalidInputError(
+          "models whose faces have to be merged prescribe other nodes than the base: write them "
+          "with the faces of the base, or don't linearise the morph");
+    return side.volume->linearised(references);
+  }
+
   std::shared_ptr<const BaseSide> merged_base(const CadModel& cad) {
     const std::lock_guard lock(mutex_);
-    std::shared_ptr<const BaseSide>& kept = merged_[cad.merged_face_count()];
+    std::shared_ptr<BaseSide>& kept = merged_[cad.merged_face_count()];
     if (!kept) {
       PipelineOptions options = base->options;
       options.cache.clear();
@@ -35,6 +57,7 @@ struct MorphJob::Impl {
                                                      base->mesh_file, std::move(options),
                                                      base->moved ? base->moved->points : Points());
       merged->report.run.phases = base->report.run.phases;  // its own are a part of the matching
+      if (!references_.empty()) merged->volume = linearised(*merged, references_);
       kept = merged;
     }
     return kept;
@@ -42,12 +65,13 @@ struct MorphJob::Impl {
 
   std::mutex mutex_;
   /// By the number of merged faces, each from the first variant on that asks for it.
-  std::map<int, std::shared_ptr<const BaseSide>> merged_;
+  std::map<int, std::shared_ptr<BaseSide>> merged_;
+  std::vector<Points> references_;  ///< that the volume morph is linearised for
 };
 
 MorphJob::MorphJob(std::shared_ptr<const CadModel> base, std::shared_ptr<const MeshFile> mesh,
                    PipelineOptions options, Points start)
-    : impl_(std::make_unique<Impl>(std::make_shared<const BaseSide>(
+    : impl_(std::make_unique<Impl>(std::make_shared<BaseSide>(
           std::move(base), std::move(mesh), std::move(options), std::move(start)))) {}
 
 MorphJob::~MorphJob() = default;
@@ -89,6 +113,21 @@ MorphResult MorphJob::morph_surface(const CadModel& variant) const {
 
 Points MorphJob::slide(const Points& surface_positions) const {
   return base().prescribed(base().surface->slide(base().on_boundary(surface_positions)));
+}
+
+void MorphJob::linearise(const std::vector<CadModel>& models) {
+  if (models.empty()) throw InvalidInputError("no model is given to linearise the morph for");
+  std::vector<Points> moved;
+  for (const CadModel& model : models) {
+    Points positions = morph_surface(model).surface_positions;
+    if (base().is_at_base(positions)) continue;
+    moved.push_back(std::move(positions));
+  }
+  if (moved.empty())
+    throw InvalidInputError(
+        "no model that is given to linearise the morph for moves the surface of " +
+        base().cad->file_name() + ": give models of the parameters a step away");
+  impl_->linearise(moved);
 }
 
 MorphDerivative MorphJob::derivative(const Points& surface_positions, bool is_sliding) const {

@@ -63,6 +63,12 @@ class MorphJob {
   /// that slide. Throws what VolumeMorph::derivative throws.
   MorphDerivative derivative(const Points& surface_positions, bool is_sliding = false) const;
 
+  /// From now on the volume morph is one linear map, chosen for the motions of the surface onto
+  /// these models (VolumeMorph::linearised): all above goes by it. Models that are the base's count
+  /// for nothing. Throws InvalidInputError where none is given or moves a node, and what
+  /// morph_surface and VolumeMorph::linearised throw; the volume morph is then as it was.
+  void linearise(const std::vector<CadModel>& models);
+
   const BaseSide& base() const;
 
  private:

@@ -564,6 +564,24 @@ Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
           "is 0, and columns come in threes. Raises InvalidInputError, also for methods other than "
           "'rbf' and the solver 'iqr'; SolverError.")
       .def(
+          "linearise",
+          [](Morpher& morpher, const std::vector<CadModel>& models) {
+            const py::gil_scoped_release release;
+            morpher.linearise(models);
+          },
+          "models"_a,
+          "Makes the volume morph one linear map from now on, its kernels and anchors chosen for "
+          "the "
+          "motions onto these models: one a step away from the base for each parameter. morph "
+          "(with "
+          "quality='fast'), warp, derivative, velocity and gradient then agree to rounding, and "
+          "the "
+          "mesh is a smooth function of the parameters. Models equal to the base count for "
+          "nothing. "
+          "A second call takes the place of the first. Raises InvalidInputError where no model is "
+          "given or none moves the surface, for methods other than 'rbf' and the solver 'iqr'; "
+          "TopologyError, SolverError.")
+      .def(
           "slide",
           [](const Morpher& morpher, const py::object& surface_positions) {
             const Points positions = to_points(surface_positions, "surface_positions",

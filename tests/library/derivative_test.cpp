@@ -180,6 +180,42 @@ TEST_CASE("About the base itself a velocity has the anchors of its motion", "[li
   }
 }
 
+TEST_CASE("Linearised, morph, velocity, gradient and derivative agree in a far field",
+          "[library]") {
+  FarBox far;
+  Morpher& morpher = far.morpher;
+  const auto formula = [&](const Points& velocity) {
+    return dot(morpher.derivative().adjoint(far.slopes), velocity);
+  };
+  const double scale = far.slopes.norm();
+  {  // Before, the derivative at the base has no anchors.
+    const Velocity velocity = morpher.velocity(far.pair);
+    CHECK(std::abs(formula(velocity.surface()) - dot(far.slopes, velocity.nodes())) >
+          1e-3 * scale * velocity.nodes().norm());
+  }
+  morpher.linearise({far.grown, far.base});
+  const Velocity velocity = morpher.velocity(far.pair);
+  const double size = velocity.nodes().norm();
+  const double expected = dot(far.slopes, velocity.nodes());
+  CHECK(std::abs(formula(velocity.surface()) - expected) < 1e-11 * scale * size);
+  CHECK(std::abs(far.gradient({}) - expected) < 1e-11 * scale * size);
+  CHECK(std::abs(far.gradient(far.grown) - expected) < 1e-11 * scale * size);
+  const MorphResult grown = morpher.morph(far.grown);
+  CHECK(largest(grown.positions() - far.mesh.points() - velocity.nodes()) < 1e-10 * size);
+  CHECK(farthest(velocity.nodes()) <= 1.21 * farthest(velocity.surface()));
+  CHECK(grown.report().is_plain);
+}
+
+TEST_CASE("A morph can't be linearised for nothing", "[library]") {
+  FarBox far;
+  CHECK_THROWS_WITH(far.morpher.linearise({}), Contains("no model is given"));
+  CHECK_THROWS_WITH(far.morpher.linearise({far.base}), Contains("moves the surface of"));
+  Morpher femwarp(far.base, far.mesh, {.method = Method::Femwarp});
+  CHECK_THROWS_AS(femwarp.linearise({far.grown}), InvalidInputError);
+  const Velocity velocity = far.morpher.velocity(far.pair);  // as before
+  CHECK(farthest(velocity.nodes()) <= 1.21 * farthest(velocity.surface()));
+}
+
 TEST_CASE("A velocity about a variant is the slope of the warp there", "[library]") {
   const Bore bore;
   const CadModel step10 = cad("bore/step10");

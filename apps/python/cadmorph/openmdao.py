@@ -9,15 +9,21 @@ from ._native import QualityError, SolverError, TopologyError
 class MeshComp(om.ExplicitComponent):
     """Surface coordinates in, volume coordinates out.
 
-    Options: morpher, a cadmorph.Morpher. Input x_surface (3 m,), the nodes morpher.surface_nodes;
-    output x_volume (3 N,). Both directions of the derivative are products without a matrix.
+    Options: morpher, a cadmorph.Morpher; linearise, CadModels whose motions the volume morph is made
+    one linear map for (Morpher.linearise): a mesh of a flow round a body is a smooth function of the
+    surface then alone. None: it stays as it is. Input x_surface (3 m,), the nodes
+    morpher.surface_nodes; output x_volume (3 N,). Both directions of the derivative are products
+    without a matrix.
     """
 
     def initialize(self):
         self.options.declare("morpher", recordable=False)
+        self.options.declare("linearise", default=None, allow_none=True, recordable=False)
 
     def setup(self):
         morpher = self.options["morpher"]
+        if self.options["linearise"] is not None:
+            morpher.linearise(list(self.options["linearise"]))
         points = morpher.mesh.points
         self.add_input("x_surface", val=points[morpher.surface_nodes].ravel())
         self.add_output("x_volume", val=points.ravel())
@@ -48,8 +54,11 @@ class ParameterComp(om.ExplicitComponent):
     """CAD parameters in, volume coordinates out.
 
     Options: morpher; model, a function of the parameters (an array) that returns the CadModel;
-    start, their values at first; steps, of the central differences. Input parameters, output
-    x_volume (3 N,). The derivative is that of one plain morph at the present parameters, by the
+    start, their values at first; steps, of the central differences; linearise, True unless given:
+    the first compute makes the volume morph one linear map (Morpher.linearise), for the models a
+    step above start. Without, kernels and the nodes that hold a far field are chosen anew for each
+    motion, so that the mesh of a flow round a body jumps a little where that choice changes: drivers
+    then stall. Input parameters, output x_volume (3 N,). The derivative is that of one plain morph at the present parameters, by the
     models a step on either side: a warning says so where the morph was not plain, which a Morpher
     with quality="fast" avoids. Parameters that can't be morphed to raise AnalysisError, which
     drivers take as a failed design.
@@ -60,6 +69,7 @@ class ParameterComp(om.ExplicitComponent):
         self.options.declare("model", recordable=False)
         self.options.declare("start")
         self.options.declare("steps")
+        self.options.declare("linearise", default=True, types=bool)
 
     def setup(self):
         self.start = np.atleast_1d(np.asarray(self.options["start"], dtype=float))
@@ -67,6 +77,7 @@ class ParameterComp(om.ExplicitComponent):
         self.add_input("parameters", val=self.start)
         self.add_output("x_volume", val=self.options["morpher"].mesh.points.ravel())
         self._at = None
+        self._is_linearised = not self.options["linearise"]
 
     def setup_partials(self):
         self.declare_partials("x_volume", "parameters")
@@ -74,6 +85,7 @@ class ParameterComp(om.ExplicitComponent):
     def compute(self, inputs, outputs):
         variant = self.options["model"](np.array(inputs["parameters"]))
         try:
+            self._linearise()
             result = self.options["morpher"].morph(variant)
         except (TopologyError, QualityError, SolverError) as error:
             raise om.AnalysisError(str(error)) from error
@@ -93,6 +105,12 @@ class ParameterComp(om.ExplicitComponent):
                 d_outputs["x_volume"] += d_inputs["parameters"][i] * velocity
             else:
                 d_inputs["parameters"][i] += np.dot(velocity, d_outputs["x_volume"])
+
+    def _linearise(self):
+        if not self._is_linearised:
+            model = self.options["model"]
+            self.options["morpher"].linearise([model(self.start + motion) for motion in np.diag(self.steps)])
+            self._is_linearised = True
 
     def _velocities(self, parameters):
         if self._at is None or not np.array_equal(self._at[0], parameters):

@@ -107,6 +107,18 @@ class Morpher {
                                                    const std::vector<ParameterFiles>& parameters,
                                                    const GradientCall& call = {}) const;
 
+  /// Makes the volume morph one linear map from now on, for this object and its copies: its kernels
+  /// and, in a far field, its anchors are chosen for the motions of the surface onto these models,
+  /// and no more for each variant. `morph` (with Quality::Fast), `warp`, `derivative`, `velocity`
+  /// and `gradient` then agree to rounding, and the mesh is a smooth function of the parameters. As
+  /// models take one a step away from the base for each parameter; those equal to the base count
+  /// for nothing. A motion unlike all of these may move nodes far from the surface farther than
+  /// without. A second call takes the place of the first. Costs some morphs a model and a
+  /// factorisation of the centres' system. Throws InvalidInputError where no model is given or
+  /// none moves the surface, and as `derivative` does; TopologyError; InvalidInputError while
+  /// another call is at work. The morph is then as it was.
+  void linearise(const std::vector<CadModel>& models);
+
   const CadModel& base() const;
   const Mesh& mesh() const;
   const Report& report() const;  ///< of the base: what `after` and the like would say is empty
