@@ -1,6 +1,7 @@
 #include "volume/held_field.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -28,6 +29,10 @@ constexpr double kLeastSeparation = 1e-4;
 // What the centres of a field with anchors may miss counts in spacings, or in this part of the
 // largest displacement: the spacing of a far field is far larger than that.
 constexpr double kMostMissed = 0.5;
+
+// The kernels of a linear map serve motions of this part of what moves, in size, at least: those it
+// is made for may be the steps of differences.
+constexpr double kFar = 0.1;
 
 // Of the largest mode of several motions: smaller ones are what is left of motions that are nearly
 // the same, whose fields anchors may make far more different than they are.
@@ -196,11 +201,23 @@ HeldMap held_map(const MorphPart& part, const RowMatrix& values, const PartTarge
   return result;
 }
 
-// Beside each other, as large each; those that rest are left out.
-RowMatrix side_by_side(const std::vector<RowMatrix>& motions) {
+// The diagonal of the box of the centres that move by more than half of the largest motion.
+double extent_of_moving(const RowMatrix& centres, const RowMatrix& motion) {
+  const Eigen::VectorXd moved = motion.rowwise().norm();
+  const double half = moved.maxCoeff() / 2;
+  Eigen::AlignedBox3d box;
+  for (Index i = 0; i < centres.rows(); ++i)
+    if (moved(i) > half) box.extend(centres.row(i).transpose());
+  return box.diagonal().norm();
+}
+
+// Beside each other, as large each, and not small; those that rest are left out.
+RowMatrix side_by_side(const RowMatrix& centres, const std::vector<RowMatrix>& motions) {
   double largest = 0;
-  for (const RowMatrix& motion : motions)
-    largest = std::max(largest, motion.rowwise().norm().maxCoeff());
+  for (const RowMatrix& motion : motions) {
+    const double own = motion.rowwise().norm().maxCoeff();
+    if (own > 0) largest = std::max({largest, own, kFar * extent_of_moving(centres, motion)});
+  }
   RowMatrix result(motions.front().rows(), 0);
   for (const RowMatrix& motion : motions) {
     const double own = motion.rowwise().norm().maxCoeff();
@@ -250,7 +267,7 @@ FieldMap held_derivative(const MorphPart& part, const RowMatrix& values, const P
 LinearField linear_field(const MorphPart& part, const std::vector<RowMatrix>& motions,
                          const Points& base, const VolumeMorphOptions& options) {
   const PartTargets targets = targets_of(part, base);
-  const RowMatrix all = side_by_side(motions);
+  const RowMatrix all = side_by_side(part.centres, motions);
   const Index count = all.cols() / 3;
   if (count == 0) return {held_map(part, motions.front(), targets, options).map};
   // Of the motions one by one: the most anchors serve for what is none of these.

@@ -42,8 +42,9 @@ struct LinearField {
 /// A linear map by which each of these motions (N x 3 values at the part's centres) does what its
 /// own field does, held by its own anchors where it needs some: the map of the one with the most
 /// anchors, and a correction by the share of each motion in the values. Affine motions are exact in
-/// that map, too. Without anchors the map has kernels for all. `base`: positions of all nodes.
-/// Throws what RbfSystem throws. Memory: 24 bytes a target and motion where anchors are needed.
+/// that map, too. Without anchors the map has kernels for all. Motions count by their direction
+/// where they are less than a tenth of what moves. `base`: positions of all nodes. Throws what
+/// RbfSystem throws. Memory: 24 bytes a target and motion where anchors are needed.
 LinearField linear_field(const MorphPart& part, const std::vector<RowMatrix>& motions,
                          const Points& base, const VolumeMorphOptions& options);
 

@@ -68,11 +68,11 @@ class VolumeMorph {
   VolumeDerivative derivative(const Points& surface_positions) const;
 
   /// The morph as one linear map: kernels and anchors are chosen here, for the motions onto these
-  /// surface positions (m x 3 each), and serve whatever is morphed to; its derivative is the same
-  /// everywhere. A motion unlike all of these may run on farther than `morph` lets it. Affine
-  /// motions are exact. Has no `fields` and can't be stored. Cost: a derivative, and for each of
-  /// the positions some morphs. Throws InvalidInputError where none is given or moves a node, and
-  /// as `derivative` does.
+  /// surface positions (m x 3 each; where less than a tenth of what moves, for as much in their
+  /// direction), and serve whatever is morphed to; its derivative is the same everywhere. A motion
+  /// unlike all of these may run on farther than `morph` lets it. Affine motions are exact. Has no
+  /// `fields` and can't be stored. Cost: a derivative, and for each of the positions some morphs.
+  /// Throws InvalidInputError where none is given or moves a node, and as `derivative` does.
   VolumeMorph linearised(const std::vector<Points>& references) const;
 
   /// Which motions of the surface may need anchors, and so have a derivative of their own. Of no

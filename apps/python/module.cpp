@@ -571,16 +571,12 @@ Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
           },
           "models"_a,
           "Makes the volume morph one linear map from now on, its kernels and anchors chosen for "
-          "the "
-          "motions onto these models: one a step away from the base for each parameter. morph "
-          "(with "
-          "quality='fast'), warp, derivative, velocity and gradient then agree to rounding, and "
-          "the "
-          "mesh is a smooth function of the parameters. Models equal to the base count for "
-          "nothing. "
-          "A second call takes the place of the first. Raises InvalidInputError where no model is "
-          "given or none moves the surface, for methods other than 'rbf' and the solver 'iqr'; "
-          "TopologyError, SolverError.")
+          "the motions onto these models: one a step away from the base for each parameter. morph "
+          "(with quality='fast'), warp, derivative, velocity and gradient then agree to rounding, "
+          "and the mesh is a smooth function of the parameters. Models equal to the base count for "
+          "nothing. A second call takes the place of the first. Raises InvalidInputError where no "
+          "model is given or none moves the surface, for methods other than 'rbf' and the solver "
+          "'iqr'; TopologyError, SolverError.")
       .def(
           "slide",
           [](const Morpher& morpher, const py::object& surface_positions) {

@@ -56,9 +56,10 @@ class ParameterComp(om.ExplicitComponent):
     Options: morpher; model, a function of the parameters (an array) that returns the CadModel;
     start, their values at first; steps, of the central differences; linearise, True unless given:
     the first compute makes the volume morph one linear map (Morpher.linearise), for the models a
-    step above start. Without, kernels and the nodes that hold a far field are chosen anew for each
-    motion, so that the mesh of a flow round a body jumps a little where that choice changes: drivers
-    then stall. Input parameters, output x_volume (3 N,). The derivative is that of one plain morph at the present parameters, by the
+    step above start. False for a morpher of another method than "rbf", and where kernels and the
+    nodes that hold a far field are to be chosen for each motion: the mesh of a flow round a body
+    then jumps a little where that choice changes, and drivers stall. Input parameters, output
+    x_volume (3 N,). The derivative is that of one plain morph at the present parameters, by the
     models a step on either side: a warning says so where the morph was not plain, which a Morpher
     with quality="fast" avoids. Parameters that can't be morphed to raise AnalysisError, which
     drivers take as a failed design.
