@@ -25,11 +25,16 @@ std::string list(const std::vector<std::string>& items) {
   return text;
 }
 
-// Entities [begin, end) of one kind left over by greedy pairing, nearest first: of the base, then
-// of the variant.
-std::vector<std::string> leftovers(const MatchSide& base, const MatchSide& variant,
-                                   const Similarity& t, std::array<int, 2> b,
-                                   std::array<int, 2> v) {
+// Entities, of the base and of the variant.
+struct Leftovers {
+  std::vector<int> base, variant;
+};
+
+// Entities [begin, end) of one kind left over by greedy pairing, nearest first. With colours only
+// entities of the same pair.
+Leftovers leftovers(const MatchSide& base, const MatchSide& variant, const Similarity& t,
+                    std::array<int, 2> b, std::array<int, 2> v,
+                    const ColourRefinement* colours = nullptr) {
   struct Pair {
     double distance;
     int base, variant;
@@ -42,7 +47,8 @@ std::vector<std::string> leftovers(const MatchSide& base, const MatchSide& varia
   for (int i = b[0]; i < b[1]; ++i) {
     const Eigen::Vector3d at = t(base.features[i].centre);
     for (const auto& [distance, j] : nearest.find(base.features[i], at, t.scale, count))
-      pairs.push_back({distance, i, j});
+      if (!colours || colours->base_colours()[i] == colours->variant_colours()[j])
+        pairs.push_back({distance, i, j});
   }
   std::sort(pairs.begin(), pairs.end(),
             [](const Pair& x, const Pair& y) { return x.distance < y.distance; });
@@ -51,11 +57,62 @@ std::vector<std::string> leftovers(const MatchSide& base, const MatchSide& varia
   for (const Pair& p : pairs)
     if (!is_paired_base[p.base] && !is_paired_variant[p.variant])
       is_paired_base[p.base] = is_paired_variant[p.variant] = 1;
-  std::vector<std::string> result;
+  Leftovers result;
   for (int i = b[0]; i < b[1]; ++i)
-    if (!is_paired_base[i]) result.push_back("base " + describe(base, i));
+    if (!is_paired_base[i]) result.base.push_back(i);
   for (int j = v[0]; j < v[1]; ++j)
-    if (!is_paired_variant[j]) result.push_back("variant " + describe(variant, j));
+    if (!is_paired_variant[j]) result.variant.push_back(j);
+  return result;
+}
+
+std::vector<std::string> names(const MatchSide& base, const MatchSide& variant,
+                               const Leftovers& left) {
+  std::vector<std::string> result;
+  for (const int i : left.base) result.push_back("base " + describe(base, i));
+  for (const int j : left.variant) result.push_back("variant " + describe(variant, j));
+  return result;
+}
+
+// Of faces, edges and vertices, the first that are not as many.
+std::vector<std::string> without_partner(const MatchSide& base, const MatchSide& variant,
+                                         const Similarity& t) {
+  int b = 0, v = 0;
+  for (const auto& [of_base, of_variant] :
+       {std::array{base.graph.faces, variant.graph.faces},
+        std::array{base.graph.curves, variant.graph.curves},
+        std::array{base.graph.corners, variant.graph.corners}}) {
+    if (of_base != of_variant)
+      return names(base, variant,
+                   leftovers(base, variant, t, {b, b + of_base}, {v, v + of_variant}));
+    b += of_base;
+    v += of_variant;
+  }
+  return {};
+}
+
+// How many edges bound a face, seams not counted.
+int edge_count(const EntityGraph& graph, int face) {
+  return static_cast<int>(graph.arcs[face].size());
+}
+
+// The faces that have other edges than any left of the other part, where the counts agree: those
+// where the first difference shows when one goes from each face to its neighbours.
+std::vector<std::string> connected_otherwise(const MatchSide& base, const MatchSide& variant,
+                                             const Similarity& t) {
+  const GraphOptions plain{.is_oriented = false, .has_solids = false};
+  const EntityGraph b = build_graph(base.model, plain), v = build_graph(variant.model, plain);
+  ColourRefinement colours(b, v);
+  if (colours.refine()) return {};
+  const Leftovers left = leftovers(base, variant, t, {0, b.faces}, {0, v.faces}, &colours);
+  std::vector<std::string> result;
+  const auto add = [&](const char* whose, const MatchSide& side, const EntityGraph& graph,
+                       const std::vector<int>& faces) {
+    for (const int face : faces)
+      result.push_back(whose + describe(side, face) + " with " +
+                       std::to_string(edge_count(graph, face)) + " edges");
+  };
+  add("base ", base, b, left.base);
+  add("variant ", variant, v, left.variant);
   return result;
 }
 
@@ -139,21 +196,18 @@ void refuse_match(const MatchSide& base, const MatchSide& variant) {
   std::vector<std::string> lost;
   if (b_solids != v_solids && std::min(b_solids, v_solids) > 0)
     lost = leftover_bodies(base, variant, t);
-  if (lost.empty()) lost = leftovers(base, variant, t, {0, b.faces}, {0, v.faces});
-  if (lost.empty())
-    lost =
-        leftovers(base, variant, t, {b.faces, b.faces + b.curves}, {v.faces, v.faces + v.curves});
-  if (lost.empty())
-    lost = leftovers(base, variant, t, {b.faces + b.curves, b.entity_count()},
-                     {v.faces + v.curves, v.entity_count()});
+  if (lost.empty()) lost = without_partner(base, variant, t);
+  const std::vector<std::string> other =
+      lost.empty() ? connected_otherwise(base, variant, t) : std::vector<std::string>();
   std::ostringstream text;
   text << variant.model.file_name() << " does not correspond to " << base.model.file_name()
        << ": base has " << b_solids << " solids, " << b.faces << " faces, " << b.curves
        << " edges, " << b.corners << " vertices, variant " << v_solids << ", " << v.faces << ", "
        << v.curves << ", " << v.corners << " (seams not counted). "
-       << (lost.empty()
+       << (!lost.empty() ? "Without a partner: " + list(lost)
+           : other.empty()
                ? "The counts agree but the faces are connected differently, or are of other kinds"
-               : "Without a partner: " + list(lost))
+               : "The counts agree but faces are connected differently: " + list(other))
        << ". " << remedy(base, variant);
   throw TopologyError(text.str());
 }

@@ -478,6 +478,26 @@ TEST_CASE("a round feature in place of a flat one is refused", "[cad][match][err
   CHECK_NOTHROW(match_topology(base, punched({{{10, 26}}, {{42, 26}, true}})));
 }
 
+TEST_CASE("a feature that went to another face is refused, and the faces named",
+          "[cad][match][errors]") {
+  // A boss at the end of a channel, or under it.
+  const auto channel = [](const gp_Ax2& boss) {
+    const TopoDS_Shape cut =
+        BRepAlgoAPI_Cut(BRepPrimAPI_MakeBox(40, 30, 20).Solid(),
+                        BRepPrimAPI_MakeBox(gp_Pnt(-1, 10, 12), 42, 10, 10).Solid());
+    return to_model(BRepAlgoAPI_Fuse(cut, BRepPrimAPI_MakeCylinder(boss, 3, 5)));
+  };
+  const CadModel at_end = channel({{40, 15, 6}, {1, 0, 0}}),
+                 below = channel({{20, 15, 0}, {0, 0, -1}});
+  REQUIRE(at_end.faces().size() == below.faces().size());
+  CHECK_NOTHROW(match_topology(at_end, channel({{40, 15, 7}, {1, 0, 0}})));
+  const std::string text = refusal(at_end, below);
+  CHECK_THAT(text, Contains("The counts agree but faces are connected differently: base face ") &&
+                       Contains("with 9 edges") && Contains("with 8 edges") &&
+                       Contains("variant face ") && Contains("with 5 edges"));
+  CHECK_THAT(text, !Contains("; and "));
+}
+
 TEST_CASE("a removed solid is refused and named", "[cad][match][errors]") {
   const auto bars = [](const std::vector<int>& places) {
     TopoDS_Compound all;
