@@ -25,7 +25,9 @@ class Socket {
 
 /// A copy of this process for work that may crash or come to no end, as HDF5 1.10 on some damaged
 /// files. It prints nothing, leaves no core file, and is ended after 20 s of processor time and a
-/// second for each 4 MB of the file that it works on.
+/// second for each 4 MB of the file that it works on. Locks that other threads held when it was
+/// made stay locked in it: the work must register no function for the exit (std::atexit, a static
+/// object with a destructor).
 class ChildProcess {
  public:
   /// Starts `work` in the copy, which ends with it.

@@ -124,11 +124,11 @@ void check_copy_name(const fs::path& mesh, const fs::path& target) {
   const std::string extension = lower(mesh_extension(target));
   const auto refuse = [&](const std::string& other) {
     const std::string spelling = mesh_extension(mesh);
-    throw InvalidInputError("can't write " + target.string() + ": the mesh is a " +
-                            std::string(own.name) + (spelling.empty() ? " folder" : " file") +
-                            ", and its copy can't be " + other + "; name it as the mesh is" +
-                            (spelling.empty() ? "" : ", *" + spelling) +
-                            ", or *.vtu to look at it");
+    throw InvalidInputError("can't write " + target.string() + ": a copy keeps the format of " +
+                            mesh.string() + ", " + std::string(own.name) + ", and this is " +
+                            other + ". Name it " +
+                            (spelling.empty() ? "a folder" : "*" + spelling) +
+                            (spelling == ".vtu" ? "" : ", or *.vtu to look at it"));
   };
   std::error_code error;
   const bool is_folder = fs::is_directory(mesh, error);
@@ -136,8 +136,8 @@ void check_copy_name(const fs::path& mesh, const fs::path& target) {
   if (extension.empty() || extension == lower(mesh_extension(mesh))) return;
   for (const MeshFormat& format : mesh_formats())
     if (has_extension(format, extension) && (is_folder || !has_extension(own, extension)))
-      refuse("a " + std::string(format.name) + " file");
-  if (own.name == vtk_format().name) refuse("a file of another format");
+      refuse("a name of " + std::string(format.name));
+  if (own.name == vtk_format().name) refuse("a name of another");
 }
 
 void fail_reading(const fs::path& path, const std::string& why) {

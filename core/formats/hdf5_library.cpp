@@ -316,6 +316,9 @@ struct Hdf5Library::Impl {
 };
 
 Hdf5Library::Hdf5Library(const fs::path& path, Mode mode) {
+  // In a child process (see ChildProcess) the list of functions for the exit may be locked for
+  // ever: by a thread of the parent's that the child has not.
+  H5dont_atexit();
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   const std::uint64_t size = size_of(path);
   Handle file = open_file(path, mode == Mode::Write ? H5F_ACC_RDWR : H5F_ACC_RDONLY);

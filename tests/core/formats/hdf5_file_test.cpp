@@ -1,11 +1,15 @@
 #include <algorithm>
+#include <atomic>
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <memory>
 #include <numeric>
+#include <thread>
 
 #include "core/errors.h"
+#include "core/formats/child_process.h"
 #include "core/formats/hdf5_coordinates.h"
 #include "tests/core/formats/format_checks.h"
 #include "tests/core/formats/hdf5_writer.h"
@@ -64,6 +68,26 @@ Index changed_bytes(const FormatFolder& folder, const Storage& storage) {
 }
 
 }  // namespace
+
+TEST_CASE("An HDF5 file is read while another thread registers functions for the exit",
+          "[core][formats]") {
+  const FormatFolder folder;
+  const auto path = folder / "points.h5";
+  {  // In a copy: once it has begun, the library registers nothing more.
+    const ChildProcess writer(0, [&](const Socket& socket) {
+      Hdf5Writer(path).numbers("/points", values(5));
+      constexpr char kDone = 1;
+      socket.send(&kDone, 1);
+    });
+    char done = 0;
+    REQUIRE(writer.socket().receive(&done, 1));
+  }
+  std::atomic<int> left = 20;
+  const std::jthread other([&] {  // as static objects of OCCT do while a STEP file is read
+    for (int i = 0; i < 2'000'000 && left > 0; ++i) std::atexit([] {});
+  });
+  for (; left > 0; --left) CHECK(Hdf5File(path).numbers("/points") == values(5));
+}
 
 TEST_CASE("A number in an HDF5 file is replaced in place", "[core][formats]") {
   const FormatFolder folder;
