@@ -25,6 +25,9 @@ constexpr double kExactFit = 1e-7;
 constexpr double kLargeTurn = std::numbers::pi / 4;
 constexpr double kSmallMove = 0.2;   // of the diagonal, as a change of parameters makes
 constexpr double kFarBetter = 0.05;  // factor
+// Of the areas of faces, times 1 - cos(angle): so much says that something turned, and so much may
+// be left of it.
+constexpr double kFewNormals = 0.01, kNormalsTurn = 0.25;
 constexpr double kOnLine = 1e-4, kSampledOnLine = 0.05;  // of its length
 
 EntityFeature face_feature(const CadModel& model, FaceId face) {
@@ -175,6 +178,34 @@ Matrix3d best_rotation(const Matrix3d& covariance, double line) {
   return fit.rotation;
 }
 
+// The integral of a face's outer normal; of a closed one zero.
+Vector3d vector_area(const CadModel& model, FaceId face) {
+  const CadFace& f = model.faces()[face];
+  const double cell = (f.upper - f.lower).prod() / (kFaceGrid * kFaceGrid);
+  Vector3d sum = Vector3d::Zero();
+  for (const Vector2d& uv : sample_domain(model, face, kFaceGrid)) {
+    const SurfacePoint s = model.evaluate(face, uv);
+    sum += cell * s.du.cross(s.dv).norm() * model.normal(face, uv);
+  }
+  return sum;
+}
+
+// Whether the outsides of the faces of solids turn with the part. Those of a part that was turned
+// do, whatever else changed; those about a bore that moved stay.
+bool normals_turn(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
+                  const Matrix3d& rotation) {
+  double all = 0, turned = 0, still = 0;  // sums of areas, and of these times 1 - cos(angle)
+  for (const FaceId f : match.faces.ids()) {
+    if (base.faces()[f].solid < 0 || variant.faces()[match.faces[f]].solid < 0) continue;
+    const Vector3d from = vector_area(base, f), to = vector_area(variant, match.faces[f]);
+    const double area = std::sqrt(from.norm() * to.norm());
+    all += area;
+    turned += area - (rotation * from.normalized()).dot(to.normalized()) * area;
+    still += area - from.normalized().dot(to.normalized()) * area;
+  }
+  return still > kFewNormals * all && turned < kNormalsTurn * still;
+}
+
 // Whether points that move a little speak for a turn of the whole by accident: a bore whose
 // eccentricity changes its direction. A line alone tells of no such turn.
 bool is_accidental_turn(const Similarity& turned, const Similarity& unturned,
@@ -302,7 +333,8 @@ void align(const CadModel& base, const CadModel& variant, TopologyMatch& match) 
   const double line = landmarks(base, variant, match, from, to);
   match.alignment = fit_similarity(from, to, line);
   const Similarity unturned = fit_shift(from, to, variant.diagonal() / base.diagonal());
-  if (is_accidental_turn(match.alignment, unturned, from, to, variant.diagonal()))
+  if (is_accidental_turn(match.alignment, unturned, from, to, variant.diagonal()) &&
+      !normals_turn(base, variant, match, match.alignment.rotation))
     match.alignment = unturned;
   if (!spans_a_plane(from) && from.size() < 3) {
     match.alignment.scale = variant.diagonal() / base.diagonal();

@@ -1,6 +1,9 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <gp_Ax1.hxx>
+#include <gp_Trsf.hxx>
 #include <map>
+#include <numbers>
 #include <set>
 #include <string>
 
@@ -146,4 +149,43 @@ TEST_CASE("a pair of models whose seams begin elsewhere moves the surface alike"
     ++tried;
   }
   CHECK(tried > 100);
+}
+
+TEST_CASE("a changed part that was turned as well moves the surface alike",
+          "[surface][corpus][turn]") {
+  // As other programs' axes lie.
+  gp_Trsf quarter;
+  quarter.SetRotation(gp_Ax1({}, gp_Dir(1, 0, 0)), std::numbers::pi / 2);
+  int tried = 0;
+  std::set<std::string> done;
+  for (KnownPair row : known_pairs()) {
+    row.written = row.base_written = "";
+    if (has(row, "turn") || has(row, "spin") || has(row, "seam")) continue;
+    // What is round about an axis may spin as it likes.
+    const std::string part = row.part;
+    if (known_part(part).is_round || part == "rod_in_ball" || !done.insert(to_string(row)).second)
+      continue;
+    const MadePair pair = make(row);
+    if (!outcome(pair).empty()) continue;
+    const TopoDS_Shape turned = transformed(pair.variant.shape, quarter);
+    // A part that looks the same after a turn has not turned.
+    const auto match_with = [&](const CadModel& variant) {
+      return match_models(pair.base.model, variant).match;
+    };
+    const TopologyMatch match = match_with(pair.variant.model),
+                        of_turned = match_with(to_model(turned));
+    if (of_turned.faces != match.faces || of_turned.curves != match.curves ||
+        of_turned.corners != match.corners)
+      continue;
+    const double diagonal = pair.base.model.diagonal();
+    const Mesh mesh = triangulate(pair.base.shape, 0.01 * diagonal, 0.6);
+    Points expected = surface(pair.base.shape, pair.variant.shape, mesh);
+    for (Index i = 0; i < expected.rows(); ++i)
+      expected.row(i) = apply(quarter, expected.row(i).transpose());
+    INFO(to_string(row));
+    CHECK(largest_difference(surface(pair.base.shape, turned, mesh), expected) <=
+          usual_limit(pair.variant.model) * diagonal);
+    ++tried;
+  }
+  CHECK(tried > 300);
 }
