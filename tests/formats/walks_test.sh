@@ -27,6 +27,8 @@ points_of() {
 }
 [[ $(points_of out/bore.su2) == "$(points_of out/wide.su2)" ]] || fail "SU2: other points"
 [[ $(points_of out/bore.msh) == "$(points_of out/wide.msh)" ]] || fail "gmsh: other points"
+[[ $(points_of out/tetrahedra.xdmf) == "$(points_of out/wide.xdmf)" ]] || fail "XDMF: other points"
+[[ $(points_of out/tetrahedra.med) == "$(points_of out/wide.med)" ]] || fail "MED: other points"
 
 # counts_of CASE: points, faces and cells as checkMesh counts them.
 counts_of() {
@@ -46,7 +48,7 @@ awk -v base="$(reaction base_analysis)" -v wide="$(reaction out/analysis)" \
   'BEGIN { exit !(base > 0 && wide > 0 && base != wide) }' || fail "CalculiX: no other weight"
 
 # The same CAD gives the same bytes.
-for mesh in out/bore.su2 out/bore.msh out/bore.inp; do
+for mesh in out/bore.su2 out/bore.msh out/bore.inp out/tetrahedra.med; do
   cadmorph models/bore/base.step models/bore/base.step "$mesh" -o "out/same.${mesh##*.}" --quiet
   cmp "$mesh" "out/same.${mesh##*.}" || fail "an identity changes $mesh"
 done
