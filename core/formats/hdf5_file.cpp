@@ -217,7 +217,8 @@ Recognition recognise_hdf5(const FileStart& start, const std::string& object,
   if (start.is_folder || !is_hdf5(start.bytes)) return Recognition::No;
   if (start.bytes.find(mark) != std::string::npos) return Recognition::Sure;
   try {
-    return Hdf5File(start.path).has(object) ? Recognition::Sure : Recognition::No;
+    if (!start.hdf5) start.hdf5 = std::make_shared<const Hdf5File>(start.path);
+    return start.hdf5->has(object) ? Recognition::Sure : Recognition::No;
   } catch (const IoError&) {
     return Recognition::Possible;
   }

@@ -185,17 +185,28 @@ struct Hdf5Library::Impl {
     const Index row = total / sizes[0];  // values in one row of the first dimension
     const Index most = rows_at_once(dataset.get(), sizes, row);
     std::vector<Value> values(std::size_t(std::min(most, sizes[0]) * row));
+    const Handle transfer = transfer_of(values.size());
     for (Index begin = 0; begin < sizes[0]; begin += most) {
       const Index rows = std::min(most, sizes[0] - begin);
       if (rows < sizes[0]) select_rows(space.get(), begin, rows, sizes);
       const hsize_t count = hsize_t(rows * row);
       const Handle memory(H5Screate_simple(1, &count, nullptr), H5Sclose);
       const hid_t number = std::is_same_v<Value, Index> ? H5T_NATIVE_INT64 : H5T_NATIVE_DOUBLE;
-      if (H5Dread(dataset.get(), number, memory.get(), space.get(), H5P_DEFAULT, values.data()) < 0)
+      if (H5Dread(dataset.get(), number, memory.get(), space.get(), transfer.get(), values.data()) <
+          0)
         fail(object, "it can't be read: it is damaged, or compressed in a way that is not known" +
                          last_error());
       take(total, std::span(values).first(std::size_t(count)));
     }
+  }
+
+  /// How so many numbers are read: with no larger buffer for their conversion than they need, of
+  /// which the library clears the default, a megabyte, each time.
+  static Handle transfer_of(std::size_t count) {
+    constexpr std::size_t kDefault = 1 << 20, kLargestNumber = 16;
+    Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose);
+    H5Pset_buffer(transfer.get(), std::min(kDefault, count * kLargestNumber), nullptr, nullptr);
+    return transfer;
   }
 
   /// About a megabyte, and whole chunks, so that none is uncompressed twice.

@@ -13,6 +13,8 @@
 
 namespace cadmorph {
 
+class Hdf5File;
+
 /// Writes copies of a mesh file with other coordinates.
 class MeshCopier {
  public:
@@ -68,6 +70,8 @@ struct FileStart {
   bool is_folder = false;
   std::string extension;  ///< lower case, with the dot, that of a compressed file without ".gz"
   std::string bytes;      ///< the first 64 KiB, uncompressed; empty for a folder
+  /// The file as HDF5, from when a format asks for it: opening it costs a process.
+  mutable std::shared_ptr<const Hdf5File> hdf5 = {};
 };
 
 enum class Recognition {
