@@ -39,32 +39,35 @@ std::pair<std::string, std::string> parse_pair(const std::string& text) {
   return {text.substr(0, comma), text.substr(comma + 1)};
 }
 
-Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
-  const bool has_shape = name == KernelName::Gaussian || name == KernelName::Multiquadric ||
-                         name == KernelName::InverseMultiquadric ||
-                         name == KernelName::WendlandC2 || name == KernelName::WendlandC4;
-  if (has_shape && !shape)
-    throw UsageError("this --kernel needs --shape, the inverse of a length in the mesh's unit");
-  if (!has_shape && shape) throw UsageError("--shape has no meaning for a polyharmonic --kernel");
-  const double epsilon = shape.value_or(1);
+Kernel kernel_of(KernelName name) {
   switch (name) {
     case KernelName::Biharmonic:
       return Kernel::biharmonic_3d();
     case KernelName::Quadharmonic:
       return Kernel::quadharmonic_3d();
     case KernelName::Gaussian:
-      return {.kind = KernelKind::Gaussian, .shape = epsilon};
+      return {.kind = KernelKind::Gaussian};
     case KernelName::Multiquadric:
-      return {.kind = KernelKind::Multiquadric, .shape = epsilon};
+      return {.kind = KernelKind::Multiquadric};
     case KernelName::InverseMultiquadric:
-      return {.kind = KernelKind::InverseMultiquadric, .shape = epsilon};
+      return {.kind = KernelKind::InverseMultiquadric};
     case KernelName::WendlandC2:
-      return {.kind = KernelKind::WendlandC2, .shape = epsilon};
+      return {.kind = KernelKind::WendlandC2};
     case KernelName::WendlandC4:
-      return {.kind = KernelKind::WendlandC4, .shape = epsilon};
+      return {.kind = KernelKind::WendlandC4};
     default:
       return Kernel::triharmonic_3d();
   }
+}
+
+Kernel make_kernel(KernelName name, const std::optional<double>& shape) {
+  Kernel kernel = kernel_of(name);
+  if (kernel.has_shape() && !shape)
+    throw UsageError("this --kernel needs --shape, the inverse of a length in the mesh's unit");
+  if (!kernel.has_shape() && shape)
+    throw UsageError("--shape has no meaning for a polyharmonic --kernel");
+  kernel.shape = shape.value_or(kernel.shape);
+  return kernel;
 }
 
 // The choices of the RBF warp mean nothing to another method.

@@ -20,6 +20,7 @@ void check_range(const std::optional<double>& value, double low, const char* nam
 void check(const MorphOptions& options) {
   if (options.mesh_unit_mm) check_positive(*options.mesh_unit_mm, "mesh_unit_mm");
   check_positive(options.association_tolerance, "association_tolerance");
+  if (options.kernel_shape) check_positive(*options.kernel_shape, "kernel_shape");
   check_positive(options.solver_tolerance, "solver_tolerance");
   check_positive(options.memory_limit_bytes, "memory_limit_bytes");
   check_range(options.improve_below, 0, "improve_below");
@@ -58,6 +59,39 @@ MorphMethod inner(Method method) {
       return MorphMethod::SimplexLinear;
   }
   throw InvalidInputError("the option method has no such choice");
+}
+
+cadmorph::Kernel kernel_of(Kernel kernel) {
+  switch (kernel) {
+    case Kernel::Triharmonic:
+      return cadmorph::Kernel::triharmonic_3d();
+    case Kernel::Biharmonic:
+      return cadmorph::Kernel::biharmonic_3d();
+    case Kernel::Quadharmonic:
+      return cadmorph::Kernel::quadharmonic_3d();
+    case Kernel::Gaussian:
+      return {.kind = KernelKind::Gaussian};
+    case Kernel::Multiquadric:
+      return {.kind = KernelKind::Multiquadric};
+    case Kernel::InverseMultiquadric:
+      return {.kind = KernelKind::InverseMultiquadric};
+    case Kernel::WendlandC2:
+      return {.kind = KernelKind::WendlandC2};
+    case Kernel::WendlandC4:
+      return {.kind = KernelKind::WendlandC4};
+  }
+  throw InvalidInputError("the option kernel has no such choice");
+}
+
+cadmorph::Kernel inner(Kernel kernel, const std::optional<double>& shape) {
+  cadmorph::Kernel result = kernel_of(kernel);
+  if (result.has_shape() && !shape)
+    throw InvalidInputError(
+        "this kernel needs the option kernel_shape, the inverse of a length in the mesh's unit");
+  if (!result.has_shape() && shape)
+    throw InvalidInputError("the option kernel_shape has no meaning for a polyharmonic kernel");
+  result.shape = shape.value_or(result.shape);
+  return result;
 }
 
 SolverKind inner(Solver solver) {
@@ -129,6 +163,7 @@ PipelineOptions inner_options(const MorphOptions& options) {
                            .following = options.follow,
                            .periodic = options.periodic};
   result.volume.method = inner(options.method);
+  result.volume.kernel = inner(options.kernel, options.kernel_shape);
   result.volume.rbf.solver = inner(options.solver);
   result.volume.rbf.tolerance = options.solver_tolerance;
   result.volume.rbf.memory_limit = options.memory_limit_bytes;

@@ -67,6 +67,18 @@ Quality quality_of(const std::string& text) {
   return choose<Quality>("quality", text, {{"best", Quality::Best}, {"fast", Quality::Fast}});
 }
 
+Kernel kernel_of(const std::string& text) {
+  return choose<Kernel>("kernel", text,
+                        {{"triharmonic", Kernel::Triharmonic},
+                         {"biharmonic", Kernel::Biharmonic},
+                         {"quadharmonic", Kernel::Quadharmonic},
+                         {"gaussian", Kernel::Gaussian},
+                         {"multiquadric", Kernel::Multiquadric},
+                         {"inverse-multiquadric", Kernel::InverseMultiquadric},
+                         {"wendland-c2", Kernel::WendlandC2},
+                         {"wendland-c4", Kernel::WendlandC4}});
+}
+
 SolverFamily solver_family_of(const std::string& text) {
   return choose<SolverFamily>("solver_family", text,
                               {{"auto", SolverFamily::OfFormat},
@@ -433,9 +445,10 @@ std::unique_ptr<Morpher> make_morpher(
     const std::string& unmatched, std::vector<std::string> hold, std::vector<std::string> rigid,
     std::vector<std::string> slide, std::vector<std::string> follow,
     std::vector<std::pair<std::string, std::string>> periodic,
-    std::vector<std::pair<int, int>> face_map, const std::string& method, const std::string& solver,
-    double solver_tolerance, double memory_limit_bytes, int steps, int max_steps,
-    const std::string& untangle, const std::string& quality, const std::string& solver_family,
+    std::vector<std::pair<int, int>> face_map, const std::string& method, const std::string& kernel,
+    std::optional<double> kernel_shape, const std::string& solver, double solver_tolerance,
+    double memory_limit_bytes, int steps, int max_steps, const std::string& untangle,
+    const std::string& quality, const std::string& solver_family,
     std::optional<double> improve_below, std::optional<double> min_scaled_jacobian) {
   const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
                              .association_tolerance = association_tolerance,
@@ -448,6 +461,8 @@ std::unique_ptr<Morpher> make_morpher(
                              .periodic = std::move(periodic),
                              .face_map = std::move(face_map),
                              .method = method_of(method),
+                             .kernel = kernel_of(kernel),
+                             .kernel_shape = kernel_shape,
                              .solver = solver_of(solver),
                              .solver_tolerance = solver_tolerance,
                              .memory_limit_bytes = memory_limit_bytes,
@@ -492,7 +507,8 @@ void add_morpher(py::module_& module) {
           "snap"_a = false, "unmatched"_a = "auto", "hold"_a = defaults.hold,
           "rigid"_a = defaults.rigid, "slide"_a = defaults.slide, "follow"_a = defaults.follow,
           "periodic"_a = defaults.periodic, "face_map"_a = defaults.face_map, "method"_a = "rbf",
-          "solver"_a = "auto", "solver_tolerance"_a = defaults.solver_tolerance,
+          "kernel"_a = "triharmonic", "kernel_shape"_a = py::none(), "solver"_a = "auto",
+          "solver_tolerance"_a = defaults.solver_tolerance,
           "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
           "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "quality"_a = "best",
           "solver_family"_a = "auto", "improve_below"_a = py::none(),
@@ -510,6 +526,9 @@ periodic: pairs of names of sides a period apart, by a translation or a rotation
     as the first does, turned with it.
 face_map: pairs of base and variant face numbers, from 1 as 'cadmorph match' prints them.
 method: 'rbf', 'femwarp', 'lbwarp', 'simplex-linear'.
+kernel: of 'rbf': 'triharmonic', 'biharmonic', 'quadharmonic', 'gaussian', 'multiquadric',
+    'inverse-multiquadric', 'wendland-c2', 'wendland-c4'.
+kernel_shape: of the last five: epsilon, for Wendland's 1 / support; 1 / mesh unit.
 solver: 'auto', 'adaptive', 'lu', 'ldlt', 'cholesky', 'iqr', 'fast'.
 solver_tolerance: residual of the iterative solvers, in local edge lengths.
 steps: 0: one, more (up to max_steps) while elements are inverted; or how many.

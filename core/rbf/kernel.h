@@ -30,6 +30,8 @@ struct Kernel {
 
   double operator()(double r) const;
 
+  bool has_shape() const { return kind != KernelKind::Polyharmonic; }
+
   /// Order of conditional positive definiteness: the interpolant needs polynomials of degree
   /// cpd_order() - 1 at least; 0 for positive definite kernels (Wendland 2005, ch. 8).
   int cpd_order() const;

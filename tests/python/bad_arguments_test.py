@@ -157,6 +157,10 @@ class BadMorphs(unittest.TestCase):
         cases = {
             "unmatched: 'no' is no choice; give one of 'auto'": {"unmatched": "no"},
             "method": {"method": "magic"},
+            "kernel: 'magic' is no choice": {"kernel": "magic"},
+            "needs the option kernel_shape": {"kernel": "wendland-c2"},
+            "kernel_shape has no meaning": {"kernel_shape": 0.1},
+            "the option kernel_shape is -1": {"kernel": "gaussian", "kernel_shape": -1.0},
             "solver": {"solver": "magic"},
             "untangle": {"untangle": "magic"},
             "quality": {"quality": "magic"},

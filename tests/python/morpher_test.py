@@ -20,14 +20,18 @@ PROGRAM = os.environ["CADMORPH_PROGRAM"]
 
 class Morphs(unittest.TestCase):
     def test_files_are_the_programs_to_the_byte(self):
-        for base, variant, mesh in [("bore/base", "bore/step20", "bore/hex"),
-                                    ("shapes/blade", "shapes/blade_variant", "shapes/blade")]:
+        local = ["--kernel", "wendland-c2", "--shape", "0.02", "--quality", "fast"]
+        for base, variant, mesh, words, options in [
+                ("bore/base", "bore/step20", "bore/hex", [], {}),
+                ("shapes/blade", "shapes/blade_variant", "shapes/blade", [], {}),
+                ("shapes/box", "shapes/box_variant", "shapes/box", local,
+                 {"kernel": "wendland-c2", "kernel_shape": 0.02, "quality": "fast"})]:
             with self.subTest(base), tempfile.TemporaryDirectory() as folder:
                 wanted = Path(folder) / "program.vtu"
                 subprocess.run(
                     [PROGRAM, *(models.FOLDER / f"{name}.step" for name in (base, variant)),
-                     models.FOLDER / f"{mesh}.vtu", "-o", wanted, "--quiet"], check=True)
-                morpher = cadmorph.Morpher(models.cad(base), models.mesh(mesh))
+                     models.FOLDER / f"{mesh}.vtu", "-o", wanted, "--quiet", *words], check=True)
+                morpher = cadmorph.Morpher(models.cad(base), models.mesh(mesh), **options)
                 result = morpher.morph(models.cad(variant))
                 written = result.write(Path(folder) / "python.vtu")
                 self.assertTrue(filecmp.cmp(written, wanted, shallow=False))

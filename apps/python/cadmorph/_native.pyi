@@ -321,6 +321,8 @@ class Morpher:
         periodic: Sequence[tuple[str, str]] = (),
         face_map: Sequence[tuple[int, int]] = (),
         method: str = "rbf",
+        kernel: str = "triharmonic",
+        kernel_shape: float | None = None,
         solver: str = "auto",
         solver_tolerance: float = 1e-5,
         memory_limit_bytes: float = 8e9,

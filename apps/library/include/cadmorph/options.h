@@ -20,6 +20,18 @@ enum class Unmatched {
 /// How the volume nodes follow the surface (docs/evaluation.md).
 enum class Method { Rbf, Femwarp, Lbwarp, SimplexLinear };
 
+/// Radial function of Method::Rbf (docs/choosing.md). The last five have a shape.
+enum class Kernel {
+  Triharmonic,
+  Biharmonic,
+  Quadharmonic,
+  Gaussian,
+  Multiquadric,
+  InverseMultiquadric,
+  WendlandC2,
+  WendlandC4,
+};
+
 /// Linear solver of Method::Rbf (docs/reference.md).
 enum class Solver { Auto, Adaptive, Lu, Ldlt, Cholesky, Iqr, Fast };
 
@@ -60,6 +72,9 @@ struct MorphOptions {
   /// Base and variant face numbers, from 1 as `cadmorph match` prints them.
   std::vector<std::pair<int, int>> face_map = {};
   Method method = Method::Rbf;
+  Kernel kernel = Kernel::Triharmonic;
+  /// Epsilon of the Gaussian and the multiquadrics, 1 / support of Wendland's; 1 / mesh unit.
+  std::optional<double> kernel_shape = {};
   Solver solver = Solver::Auto;
   double solver_tolerance = 1e-5;   ///< residual of the iterative solvers, in local edge lengths
   double memory_limit_bytes = 8e9;  ///< that a solver may take
