@@ -68,9 +68,11 @@ double Distortion::operator()(const VectorXd& x, double epsilon, VectorXd& gradi
   slopes_.gather(free_, 1, gradient);
   double energy = 0;
   least_ = std::numeric_limits<double>::infinity();
+  inverted_ = 0;
   for (Index i = 0; i < count; ++i) {
     energy += energies[i];
     least_ = std::min(least_, determinants[i]);
+    if (determinants[i] <= 0) ++inverted_;
   }
   return energy;
 }

@@ -25,6 +25,8 @@ class Distortion {
   /// What an evaluation costs: the nodes of all samples.
   double size() const;
   double least_determinant() const { return least_; }
+  /// Cells with a determinant that is not positive.
+  Index inverted() const { return inverted_; }
   /// A guess of the energy's Hessian at the unknowns, good until the next one; O(cells).
   const HessianGuess& guess_hessian(const Eigen::VectorXd& x, double epsilon);
   const FreeNodes& free_nodes() const { return free_; }
@@ -58,6 +60,7 @@ class Distortion {
   CellSlopes slopes_;
   std::optional<NodeBlocks> hessian_;
   double least_ = 0;
+  Index inverted_ = 0;
 };
 
 }  // namespace cadmorph

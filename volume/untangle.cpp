@@ -34,6 +34,9 @@ constexpr double kLeastRise = 0.1;
 // took minutes to.
 constexpr double kMostPasses = 100;
 constexpr double kSmallWork = 1e8;
+// After this share of its work a repair ends at whose pace so many times all work would not do.
+// Of wrecked meshes a hundredth of the inverted cells is repaired by then.
+constexpr double kWorkToJudge = 0.25, kTimesAll = 4;
 
 // The cells within some rings of the seeds, and the nodes that may move.
 struct Neighbourhood {
@@ -69,45 +72,74 @@ Neighbourhood grow(const Mesh& mesh, const NodeCells& incidence, const std::vect
   return result;
 }
 
-// Evaluations of the distortion: what they cost, and what they did.
-struct Work {
+// What an evaluation of the distortion costs.
+struct Cost {
   double nodes = 0;   ///< of the samples, see Distortion::size
   double passes = 0;  ///< over all cells of the mesh
+};
 
-  bool is_over() const { return nodes >= kSmallWork && passes >= kMostPasses; }
-  // How many evaluations of `one` are left.
-  int left(const Work& one) const {
-    const double by_nodes = (kSmallWork - nodes) / one.nodes;
-    return int(std::clamp(std::max(by_nodes, (kMostPasses - passes) / one.passes), 1.0, 1e6));
+// Evaluations that were done, of those that a repair may take.
+class Work {
+ public:
+  void add(const Cost& one) {
+    done_.nodes += one.nodes;
+    done_.passes += one.passes;
   }
+  // 1: all of them.
+  double share() const { return std::min(done_.nodes / kSmallWork, done_.passes / kMostPasses); }
+  bool is_over() const { return fell_short_ || share() >= 1; }
+  bool fell_short() const { return fell_short_; }
+  // How many evaluations of `one` are left.
+  int left(const Cost& one) const {
+    const double by_nodes = (kSmallWork - done_.nodes) / one.nodes;
+    const double by_passes = (kMostPasses - done_.passes) / one.passes;
+    return int(std::clamp(std::max(by_nodes, by_passes), 1.0, 1e6));
+  }
+  // Ends the repair where kTimesAll times all work would not repair what remains inverted, at the
+  // pace of the work since its share was `start`.
+  void judge(double start, Index repaired, Index remaining) {
+    fell_short_ = share() >= kWorkToJudge &&
+                  kTimesAll * double(repaired) < double(remaining) * (share() - start);
+  }
+
+ private:
+  Cost done_;
+  bool fell_short_ = false;
 };
 
 // Returns the unknowns at the least distortion found, where the positions then are, too. An
 // evaluation is `one` more work.
-VectorXd minimise(Distortion& distortion, VectorXd x, const Work& one,
+VectorXd minimise(Distortion& distortion, VectorXd x, const Cost& one,
                   const UntangleOptions& options, Work& work) {
   VectorXd gradient;
   double epsilon = 1, first_least = 0;
   distortion(x, epsilon, gradient);
+  Index most_inverted = distortion.inverted();
+  double start = work.share();
   if (distortion.least_determinant() > 0) epsilon = kLeastEpsilon;
   for (int outer = 0; outer < options.outer_iterations && !work.is_over(); ++outer) {
     const auto energy = [&](const VectorXd& at, VectorXd& slope) {
-      work.nodes += one.nodes;
-      work.passes += one.passes;
+      work.add(one);
       return distortion(at, epsilon, slope);
     };
     const double before = energy(x, gradient);
     minimise_lbfgs(
         energy, x,
         [&](const VectorXd& at) -> const HessianGuess& {
-          work.nodes += one.nodes;
-          work.passes += one.passes;
+          work.add(one);
           return distortion.guess_hessian(at, epsilon);
         },
         std::min(options.inner_iterations, work.left(one)));
     const double after = energy(x, gradient);
     const double least = distortion.least_determinant();
     if (least > 0 && epsilon <= kLeastEpsilon && after > (1 - kSettled) * before) break;
+    if (distortion.inverted() > most_inverted) {  // as once more nodes may move
+      most_inverted = distortion.inverted();
+      start = work.share();
+    } else {
+      work.judge(start, most_inverted - distortion.inverted(), distortion.inverted());
+      if (work.fell_short()) break;
+    }
     if (outer == 0) first_least = least;
     if (outer == kPatience && least < (1 - kLeastRise) * std::min(first_least, 0.0)) break;
     epsilon = next_epsilon(epsilon, least, before, after);
@@ -152,6 +184,7 @@ class Repair {
       idle = report.validity.invalid < before ? 0 : idle + 1;
       seeds = movable(report.validity.invalid_cells);
     }
+    report.fell_short = work_.fell_short();
     report.slid_nodes = (slides_.rowwise().squaredNorm().array() > 0).count();
   }
 
@@ -183,7 +216,7 @@ class Repair {
       // Cells held inverted have no say: their energy would outweigh all others.
       Distortion distortion(mesh_, positions_, std::move(free), movable(around.cells),
                             orientation_);
-      const Work one{distortion.size(), double(around.cells.size()) / double(mesh_.cell_count())};
+      const Cost one{distortion.size(), double(around.cells.size()) / double(mesh_.cell_count())};
       const VectorXd x = minimise(distortion, start, one, options_, work_);
       ValidityReport validity = check_validity(mesh_, distortion.positions(), orientation_);
       const Index before = report.validity.invalid;

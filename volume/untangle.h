@@ -25,10 +25,11 @@ struct UntangleOptions {
 struct UntangleReport {
   Index before = 0;  ///< invalid cells
   Index after = 0;
-  Index moved_nodes = 0;  ///< free nodes of the last neighbourhood
-  Index slid_nodes = 0;   ///< sliding ones that are not where they started
-  int rings = 0;          ///< size of the last neighbourhood
-  double max_move = 0;    ///< largest change of a node's position, in the mesh's unit
+  Index moved_nodes = 0;    ///< free nodes of the last neighbourhood
+  Index slid_nodes = 0;     ///< sliding ones that are not where they started
+  int rings = 0;            ///< size of the last neighbourhood
+  bool fell_short = false;  ///< it ended since at its pace most cells would have stayed invalid
+  double max_move = 0;      ///< largest change of a node's position, in the mesh's unit
   double seconds = 0;
   ValidityReport validity;
 };

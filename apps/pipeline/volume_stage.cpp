@@ -132,11 +132,12 @@ class Sliding {
 };
 
 // Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
-void slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) {
+// Returns false where that came nowhere near, so that another start is no better.
+bool slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   const auto& left = result.validity.invalid_cells;
   if (base.options.untangle == UntangleMode::Never ||
       std::ranges::includes(base.validity.invalid_cells, left))  // for the input mesh to repair
-    return;
+    return true;
   UntangleOptions how;
   how.progress = base.options.progress;
   how.sliding = sliding.nodes();
@@ -146,10 +147,10 @@ void slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) 
   for (how.rings = 1; !found && how.rings <= kMostFirstRings; how.rings *= 2) {
     UntangleResult repaired =
         untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
-    if (repaired.report.after > 0) return;
+    if (repaired.report.after > 0) return !repaired.report.fell_short;
     if (!sliding.is_folded(repaired.positions, repaired.slides)) found = std::move(repaired);
   }
-  if (!found) return;
+  if (!found) return true;
   UntangleResult& repaired = *found;
   repaired.report.before = result.report.untangling->before;
   repaired.report.seconds += result.report.untangling->seconds;
@@ -160,6 +161,7 @@ void slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) 
   result.surface.folds.clear();
   result.surface.folded_facets.clear();
   settle_slid_nodes(base, result);
+  return true;
 }
 
 // Fewer inverted elements after steps are no easier to repair: where that failed, what one step
@@ -551,8 +553,7 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
     result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
     let_surface_follow(base, sliding, clock, result);
   }
-  slide_surface(base, sliding, result);
-  repair_from_one_step(base, sliding, clock, result);
+  if (slide_surface(base, sliding, result)) repair_from_one_step(base, sliding, clock, result);
   clock.start("quality after");
   measure(base, sliding, clock, result);
   describe_surface(base, result);
