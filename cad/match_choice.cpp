@@ -45,9 +45,8 @@ constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are e
 constexpr double kRests = 1e-6;      // of the diagonal, by which an entity at rest may be off
 constexpr double kHardlyTurned = 1e-3;           // radians: to look for other matches is of no use
 constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours: exchanged pairs among 40 stand out
-// Smoother than a thousandth of the diagonal is a change of shape, not an exchange; one that does
-// not get a tenth smoother has come to its end.
-constexpr double kWorthImproving = 1e-3, kSmoother = 1.1;
+// Bits that an entity costs by its neighbours, on the mean: two that are exchanged cost thirty.
+constexpr double kWorthImproving = 0.05;
 constexpr int kImprovements = 3;
 
 double bits(double x, double unit) { return std::log2(1 + x / unit); }
@@ -315,13 +314,13 @@ class PositionMatcher {
     for (int i = 0; i < kImprovements && !selection_.is_empty(); ++i) {
       const TopologyMatch& best = selection_.smoothest();
       const double before = best.cost.neighbours;
-      if (before < bits(kWorthImproving, kRough)) return;
+      if (before < kWorthImproving) return;
       const auto motion =
           std::make_shared<EntityMotion>(motion_of(base_, variant_, best, kSmoothing));
       const bool is_turned = best.how == kTurned;
       offer_both({{[motion](const Vector3d& x) { return (*motion)(x); }, best.alignment.scale},
                   is_turned ? kTurned : kInPlace});
-      if (selection_.smoothest().cost.neighbours > before - std::log2(kSmoother)) return;
+      if (selection_.smoothest().cost.neighbours >= before) return;
     }
   }
 
@@ -359,18 +358,22 @@ TopologyMatch to_match(const MatchSide& base, const ColourRefinement& colours) {
 
 namespace {
 
-// Root mean square distance of entities from where their neighbours' motion, smoothed over some
-// forty of them, would put them, in diagonals of the variant: zero for an affine change, small for
-// a smooth one, large where entities are exchanged.
+// What the distances of entities from where their neighbours' motion, smoothed over some forty of
+// them, would put them cost, on the mean: nothing for an affine change, little for a smooth one,
+// much where entities are exchanged. Each counts for itself: of a root mean square the edge of
+// what moves as a whole makes so much that an exchange within goes unseen.
 double roughness(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
   const auto nodes = partners(base, match);
   const EntityMotion motion = motion_of(base, variant, match, kSmoothing);
   double sum = 0;
-  for (std::size_t n = 0; n < nodes.size(); ++n)
-    sum +=
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    const double distance =
         (motion(base.features[n].centre, static_cast<int>(n)) - variant.features[nodes[n]].centre)
-            .squaredNorm();
-  return std::sqrt(sum / static_cast<double>(nodes.size())) / variant.model.diagonal();
+            .norm() /
+        variant.model.diagonal();
+    sum += bits(distance, kRough) + distance / kDesign;
+  }
+  return sum / static_cast<double>(nodes.size());
 }
 
 // Geometry alone tells equals apart: the lesser turn, then the lesser shift.
@@ -400,7 +403,7 @@ void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match)
   const double turned = turned_by(base, variant, match.alignment);
   const bool is_evidence = order_bits(base.graph, base.graph.entity_count()) >= kOrderBits;
   match.cost = {.deformation = bits(distance, kRounding) + distance / kDesign,
-                .neighbours = bits(rough, kRough) + rough / kDesign,
+                .neighbours = rough,
                 .parameters = kParameterBits * bits(others, 1),
                 .turn = others == 0 && is_exact ? 0 : kTurnBits * bits(turned, kSmallTurn),
                 .order = is_evidence && !keeps_order(match.faces) ? kOrder : 0};

@@ -996,6 +996,15 @@ const std::vector<KnownPair>& known_pairs() {
       {"block_in_rod", "length 1.3", "order"},
       {"block_in_rod", "height 1.5 width 0.8", "order edges"},
 
+      {"board", "x +4 y +3", ""},
+      {"board", "x +6 y +2", "order"},
+      {"board", "x +7", "order"},
+      {"board", "x +7 y +3", ""},
+      {"board", "x +9", "order"},
+      {"board", "x +10 y +6 first +5", "order"},
+      {"board", "x -8 y +12", ""},
+      {"board", "x +15 y +3 radius 1.1", "order"},
+
       {"link", "turn 2 length 1.2", "order planes edges surfaces"},
       {"link", "spin 2.8", "order edges"},
       {"link", "big 0.8 small 1.3", "order surfaces step"},

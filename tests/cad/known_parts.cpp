@@ -469,6 +469,28 @@ NamedShape pins_in_plate(const Sizes& s) {
   return together(solids);
 }
 
+// A circuit board with chips. Below one are pins through the board, on it is a sink of heat; these
+// go with it. Of touching faces those of the solid named first have its name.
+NamedShape board(const Sizes& s) {
+  const double h = s("height"), x = s("x"), y = s("y");
+  const std::vector<NamedShape> pins = upright_rods("pin", grid(4, 4, 4, 4, x, y), 0, h,
+                                                    s("radius"), 0, static_cast<int>(s("first")));
+  const auto chip = [&](const std::string& name, double from_x, double from_y, double length,
+                        double width, double to) {
+    return box(name, gp_Pnt(from_x, from_y, h), gp_Pnt(from_x + length, from_y + width, to));
+  };
+  std::vector<NamedShape> solids = pins;
+  solids.push_back(chip("hot", x - 9, y - 9, 18, 18, h + 2.5));
+  solids.push_back(chip("first", 65, 12, 12, 10, h + 2));
+  solids.push_back(chip("second", 15, 55, 10, 14, h + 1.5));
+  solids.push_back(chip("third", 70, 55, 16, 14, h + 1.8));
+  const double on = h + 2.5;
+  solids.push_back(fuse(box("sink", gp_Pnt(x - 15, y - 15, on), gp_Pnt(x + 15, y + 15, on + 3)),
+                        upright_rods("stud", grid(5, 5, 5, 5, x, y), on + 2, on + 15, 1.8, 0)));
+  solids.push_back(cut(block(s), pins));
+  return glued(solids);
+}
+
 NamedShape row_of_rods(const Sizes& s) {
   std::vector<NamedShape> rods;
   for (int i = 0; i < 5; ++i) {
@@ -692,6 +714,15 @@ std::vector<KnownPart> make_parts() {
       {"cup", {{"radius", 20}, {"height", 40}, {"wall", 1}, {"seam", 0}}, cup, true},
       {"case", {{"length", 60}, {"width", 40}, {"height", 25}, {"wall", 1.5}}, case_of},
       {"two_blocks", {{"a", 30}, {"b", 20}, {"width", 20}, {"height", 20}}, two_blocks},
+      {"board",
+       {{"length", 100},
+        {"width", 80},
+        {"height", 1.6},
+        {"radius", 0.9},
+        {"x", 44},
+        {"y", 39},
+        {"first", 0}},
+       board},
       {"pins",
        {{"length", 60},
         {"width", 60},
