@@ -71,6 +71,18 @@ double share(double after, double base) { return base > 0 ? std::min(after / bas
 
 bool is_measured(double value) { return !std::isnan(value); }
 
+QualityReport of_faces(std::vector<double> values) {
+  QualityReport result;
+  result.min = 1;
+  for (const double value : values) {
+    if (!is_measured(value)) continue;
+    ++result.cells;
+    result.min = std::min(result.min, value);
+  }
+  result.values = std::move(values);
+  return result;
+}
+
 // Ascending.
 std::vector<Index> marked(const std::vector<char>& marks) {
   std::vector<Index> result;
@@ -145,17 +157,6 @@ class BestMesh {
       return measure_again(std::move(before), mesh_, positions, orientation_, cells);
     return of_faces(
         face_quality_again(std::move(before.values), *options_.volumes, positions, cells));
-  }
-  static QualityReport of_faces(std::vector<double> values) {
-    QualityReport result;
-    result.min = 1;
-    for (const double value : values) {
-      if (!is_measured(value)) continue;
-      ++result.cells;
-      result.min = std::min(result.min, value);
-    }
-    result.values = std::move(values);
-    return result;
   }
   const QualityReport& reference_quality() const {
     return options_.volumes ? of_faces_ : reference_.quality;
@@ -698,6 +699,10 @@ WorstCells worst_cells(const QualityReport& quality) {
   values.resize(count);
   std::ranges::sort(values);  // the sum in one order
   return {quality.min, std::accumulate(values.begin(), values.end(), 0.0) / double(count)};
+}
+
+WorstCells worst_faces(const FiniteVolumes& volumes, const Points& points) {
+  return worst_cells(of_faces(face_quality(volumes, points)));
 }
 
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,

@@ -20,6 +20,9 @@ struct WorstCells {
 /// Of the cells that a report measured.
 WorstCells worst_cells(const QualityReport& quality);
 
+/// Of face_quality.
+WorstCells worst_faces(const FiniteVolumes& volumes, const Points& points);
+
 /// The lesser of the two figures' shares of the base's, at most 1.
 double least_share(const WorstCells& after, const WorstCells& base);
 double sum_of_shares(const WorstCells& after, const WorstCells& base);

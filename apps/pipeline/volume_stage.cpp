@@ -26,6 +26,8 @@ constexpr int kMostFirstRings = 4;
 // makes more of it by this factor; all the way, or where they fold then, the second share of it.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
+// Shapes of finite volumes are raised where their faces keep this share.
+constexpr double kForShapes = 0.99;
 
 SteppingOptions stepping(const BaseSide& base) {
   SteppingOptions result = base.options.stepping;
@@ -372,23 +374,16 @@ bool let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& cloc
   return true;
 }
 
-// Raises the cells whose shape lost most against the mesh file's, also after a series of morphs.
-void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
-  const PipelineOptions& options = base.options;
-  if (options.quality == QualityMode::Fast || options.untangle == UntangleMode::Never ||
-      !options.can_repair || result.validity.invalid > base.validity.invalid)
-    return;
-  const Points& reference = base.mesh_file->mesh().points;
-  std::optional<QualityReport> of_file;
-  if (base.moved) of_file = measure_quality(base.mesh(), reference, base.orientation);
+// Raises the cells that lost most against `reference`: their faces where `volumes` are given, else
+// their shapes.
+void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const FiniteVolumes* volumes,
+                 Sliding& sliding, MorphResult& result) {
+  const Points& reference = of_file.points;
   const bool is_in_plane =
       !plane_normal(base.mesh(), base.mesh().points, result.positions).isZero(0);
   std::vector<char> is_fixed = nodes_to_leave(base, result.surface, is_in_plane);
   BestMeshOptions how;
-  std::optional<FiniteVolumes> volumes;
-  if (is_for_finite_volumes(base))
-    volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
-  if (volumes && volumes->has_cells()) how.volumes = &*volumes;
+  how.volumes = volumes;
   hold_nodes(base, result, how);
   // Faces of finite volumes that are raised keep them by themselves.
   if (!how.volumes)
@@ -407,9 +402,8 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   std::vector<RaiseAttempt> tried;
   while (unfold_curved_cells(base, sliding, reference, is_fixed, how, tried, result)) {
   }
-  BestMeshResult best =
-      find_best_mesh(base.mesh(), {reference, of_file ? *of_file : base.quality},
-                     {result.positions, result.quality}, is_fixed, base.orientation, how);
+  BestMeshResult best = find_best_mesh(base.mesh(), of_file, {result.positions, result.quality},
+                                       is_fixed, base.orientation, how);
   if (!tried.empty()) {
     if (!best.report.is_by_faces) best.report.plain = plain;
     best.report.attempts.insert(best.report.attempts.begin(), tried.begin(), tried.end());
@@ -420,6 +414,45 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   if (best.slides.rows() == 0) return;
   sliding.move_to(std::move(best.slides));
   settle_slid_nodes(base, result);
+}
+
+// Raises the cells that lost most against the mesh file's, also after a series of morphs. Faces of
+// finite volumes may be good where a cell is flat: shapes that lost much are raised after them,
+// where that costs the faces nothing.
+void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
+  const PipelineOptions& options = base.options;
+  if (options.quality == QualityMode::Fast || options.untangle == UntangleMode::Never ||
+      !options.can_repair || result.validity.invalid > base.validity.invalid)
+    return;
+  const Points& reference = base.mesh_file->mesh().points;
+  std::optional<QualityReport> moved_back;
+  if (base.moved) moved_back = measure_quality(base.mesh(), reference, base.orientation);
+  const MeasuredShape of_file{reference, moved_back ? *moved_back : base.quality};
+  std::optional<FiniteVolumes> volumes;
+  if (is_for_finite_volumes(base))
+    volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
+  const bool is_by_faces = volumes && volumes->has_cells();
+  raise_cells(base, of_file, is_by_faces ? &*volumes : nullptr, sliding, result);
+  const WorstCells had = worst_cells(of_file.quality);
+  if (!is_by_faces || least_share(worst_cells(result.quality), had) >= kKeptHalf) return;
+  sliding.nodes();
+  Undo undo(sliding, result);
+  const BestMeshReport by_faces = *result.report.best_mesh;
+  const WorstCells had_faces = worst_faces(*volumes, reference);
+  const auto faces = [&] {
+    return sum_of_shares(worst_faces(*volumes, result.positions), had_faces);
+  };
+  const double faces_before = faces();
+  raise_cells(base, of_file, nullptr, sliding, result);
+  const bool has_risen = sum_of_shares(worst_cells(result.quality), had) >
+                         sum_of_shares(worst_cells(undo.kept().quality), had);
+  if (!has_risen || faces() < kForShapes * faces_before) {
+    undo.apply(sliding, result);
+    result.report.best_mesh = by_faces;
+    return;
+  }
+  auto& attempts = result.report.best_mesh->attempts;
+  attempts.insert(attempts.begin(), by_faces.attempts.begin(), by_faces.attempts.end());
 }
 
 // Moves nodes near poor cells, the inner ones or those on CAD edges and faces, too. Returns whether
