@@ -433,8 +433,9 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
     volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
   const bool is_by_faces = volumes && volumes->has_cells();
   raise_cells(base, of_file, is_by_faces ? &*volumes : nullptr, sliding, result);
+  if (!is_by_faces) return;
   const WorstCells had = worst_cells(of_file.quality);
-  if (!is_by_faces || least_share(worst_cells(result.quality), had) >= kKeptHalf) return;
+  if (least_share(worst_cells(result.quality), had) >= kKeptHalf) return;
   sliding.nodes();
   Undo undo(sliding, result);
   const BestMeshReport by_faces = *result.report.best_mesh;
