@@ -16,9 +16,9 @@ std::optional<TopologyMatch> match_by_position(const MatchSide& base, const Matc
 /// The match that `colours`, all decided, describe. Confidences are not set.
 TopologyMatch to_match(const MatchSide& base, const ColourRefinement& colours);
 
-/// Sets match.alignment (see align) and match.cost, but for its names. Distances x are root mean
-/// squares over entities, in diagonals of the variant, and cost log2(1 + x / x0), x0 what may be
-/// rounding.
+/// Sets match.alignment (see align) and match.cost, but for its names. Distances x, in diagonals of
+/// the variant, cost log2(1 + x / x0), x0 what may be rounding: a root mean square over entities of
+/// the deformation, the mean of what each costs of departures from the neighbours' motion.
 void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match);
 
 /// Whichever costs less; the other one is a runner-up, where it costs less than those known.

@@ -27,7 +27,8 @@ constexpr double kMost = 0.5;
 // A CAD face lies inside of the mesh where so many of its samples do, and on another face where
 // they are that near, in parts of the model's diagonal.
 constexpr double kInside = 0.5, kSamePlace = 1e-6;
-constexpr int kProbes = 8;  // in each direction of a face
+constexpr int kProbes = 8;        // in each direction of a face
+constexpr Index kFewSamples = 8;  // about a place
 
 // A node on a CAD face.
 struct Lies {
@@ -62,6 +63,9 @@ class Search {
 
   UnnamedInterfaces run() {
     if (std::ranges::none_of(is_sought_, [](char sought) { return sought != 0; })) return {};
+    samples_ = sample_faces(base_, kSamples);
+    all_.emplace(samples_.points);
+    leave_twins();
     take_samples();
     if (near_.empty()) return {};
     find_nodes();
@@ -74,9 +78,25 @@ class Search {
  private:
   Vector3d position(Index node) const { return unit_ * mesh_.points.row(node).transpose(); }
 
+  // Of two faces in the same place, one of each solid, facets have one.
+  void leave_twins() {
+    const auto faces = static_cast<Index>(is_sought_.size());
+    std::vector<char> is_twin(is_sought_.size(), 0);
+    parallel_for(faces, 1, [&](Index begin, Index end) {
+      for (Index f = begin; f < end; ++f) {
+        const FaceId face(static_cast<int>(f));
+        is_twin[f] = is_sought_[face] &&
+                     std::ranges::all_of(sample_domain(base_, face, kProbes), [&](auto& uv) {
+                       return is_on_other(face, base_.evaluate(face, uv).point);
+                     });
+      }
+    });
+    for (const FaceId face : is_sought_.ids())
+      if (is_twin[static_cast<std::size_t>(face)]) is_sought_[face] = 0;
+  }
+
   // Those of the faces sought, with a tree; and their box.
   void take_samples() {
-    samples_ = sample_faces(base_, kSamples);
     std::vector<Index> kept;
     for (std::size_t i = 0; i < samples_.face.size(); ++i)
       if (is_sought_[samples_.face[i]]) kept.push_back(static_cast<Index>(i));
@@ -203,7 +223,6 @@ class Search {
   bool is_inside(FaceId face) {
     if (!nodes_) {
       nodes_.emplace(unit_ * mesh_.points);
-      all_.emplace(samples_.points);
       is_outer_.assign(static_cast<std::size_t>(mesh_.node_count()), 0);
       for (Index f = 0; f < boundary_.facet_count(); ++f)
         if (boundary_.neighbour[f] < 0)
@@ -217,16 +236,17 @@ class Search {
     return double(inside) > kInside * double(probes.size());
   }
 
+  // Whether x lies on a face that has facets, too: mostly it is that of a sample next to x.
   bool is_on_other(FaceId face, const Vector3d& x) const {
-    for (const Neighbour& near : all_->within(x.data(), 2 * samples_.spacing)) {
+    const double least = kSamePlace * base_.diagonal();
+    const auto lies_there = [&](const Neighbour& near) {
       const FaceId other = samples_.face[near.index];
-      if (other == face || is_sought_[other]) continue;
+      if (other == face || is_sought_[other]) return false;
       const FaceFoot foot = project_on_face(base_, other, x, samples_.uv[near.index]);
-      if (foot.distance <= kSamePlace * base_.diagonal() &&
-          distance_to_trimmed(base_, other, foot.uv) <= kSamePlace * base_.diagonal())
-        return true;
-    }
-    return false;
+      return foot.distance <= least && distance_to_trimmed(base_, other, foot.uv) <= least;
+    };
+    return std::ranges::any_of(all_->nearest(x.data(), kFewSamples), lies_there) ||
+           std::ranges::any_of(all_->within(x.data(), 2 * samples_.spacing), lies_there);
   }
 
   const CadModel& base_;
