@@ -5,8 +5,11 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <numeric>
+#include <optional>
 #include <sstream>
 #include <string_view>
+#include <utility>
 
 #include "cad/alignment.h"
 #include "cad/match_choice.h"
@@ -28,6 +31,17 @@ constexpr double kInPlane = 1e-6;
 constexpr double kOfOtherKind = 0.8;
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
+// Colours with the first `count` of the pairs given, or nothing where these can't be.
+std::optional<ColourRefinement> with_given(ColourRefinement colours, const MatchOptions& options,
+                                           std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto& [b, v] = options.given_faces[i];
+    colours.individualise(b - 1, v - 1);
+  }
+  if (count > 0 && !colours.refine()) return std::nullopt;
+  return colours;
+}
+
 void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOptions& options,
                  ColourRefinement& colours) {
   for (const auto& [b, v] : options.given_faces) {
@@ -36,12 +50,22 @@ void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOpt
                               " is outside 1.." + std::to_string(base.graph.faces) + " and 1.." +
                               std::to_string(variant.graph.faces) +
                               "; face numbers are those that 'cadmorph match' prints.");
-    colours.individualise(b - 1, v - 1);
   }
-  if (!options.given_faces.empty() && !colours.refine())
-    throw TopologyError(
-        "face map: the given pairs contradict the adjacency of the two models. "
-        "Check them against 'cadmorph match'.");
+  const std::size_t all = options.given_faces.size();
+  if (auto given = with_given(colours, options, all)) {
+    colours = std::move(*given);
+    return;
+  }
+  std::size_t possible = 0, impossible = all;
+  while (impossible - possible > 1) {
+    const std::size_t middle = std::midpoint(possible, impossible);
+    (with_given(colours, options, middle) ? possible : impossible) = middle;
+  }
+  const auto& [b, v] = options.given_faces[possible];
+  throw TopologyError("face map: with pair " + std::to_string(b) + "," + std::to_string(v) +
+                      (possible == 0 ? "" : " and those before it") +
+                      " the pairs contradict how the faces of the two models are connected. "
+                      "Check them against 'cadmorph match'.");
 }
 
 using Names = std::vector<std::pair<std::string, FaceId>>;  // name and face
