@@ -1001,8 +1001,8 @@ const std::vector<KnownPair>& known_pairs() {
       {"board", "x +7", "order"},
       {"board", "x +7 y +3", ""},
       {"board", "x +9", "order"},
-      {"board", "x +10 y +6 first +5", "order"},
-      {"board", "x -8 y +12", ""},
+      {"board", "x +8 y +3 first +5", "order"},
+      {"board", "x -6 y +2", ""},
       {"board", "x +15 y +3 radius 1.1", "order"},
 
       {"link", "turn 2 length 1.2", "order planes edges surfaces"},
