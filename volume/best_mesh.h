@@ -20,7 +20,7 @@ struct WorstCells {
 /// Of the cells that a report measured.
 WorstCells worst_cells(const QualityReport& quality);
 
-/// Of face_quality.
+/// Of face_quality with the nodes at `points` (N x 3).
 WorstCells worst_faces(const FiniteVolumes& volumes, const Points& points);
 
 /// The lesser of the two figures' shares of the base's, at most 1.

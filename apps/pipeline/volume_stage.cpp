@@ -374,8 +374,8 @@ bool let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& cloc
   return true;
 }
 
-// Raises the cells that lost most against `reference`: their faces where `volumes` are given, else
-// their shapes.
+// Raises the cells that lost most against the mesh file's: their faces where `volumes` are given,
+// else their shapes.
 void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const FiniteVolumes* volumes,
                  Sliding& sliding, MorphResult& result) {
   const Points& reference = of_file.points;
@@ -439,15 +439,12 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   sliding.nodes();
   Undo undo(sliding, result);
   const BestMeshReport by_faces = *result.report.best_mesh;
-  const WorstCells had_faces = worst_faces(*volumes, reference);
-  const auto faces = [&] {
-    return sum_of_shares(worst_faces(*volumes, result.positions), had_faces);
-  };
-  const double faces_before = faces();
   raise_cells(base, of_file, nullptr, sliding, result);
+  const WorstCells faces = worst_faces(*volumes, result.positions);
   const bool has_risen = sum_of_shares(worst_cells(result.quality), had) >
                          sum_of_shares(worst_cells(undo.kept().quality), had);
-  if (!has_risen || faces() < kForShapes * faces_before) {
+  if (!has_risen || sum_of_shares(faces, by_faces.base) <
+                        kForShapes * sum_of_shares(by_faces.best, by_faces.base)) {
     undo.apply(sliding, result);
     result.report.best_mesh = by_faces;
     return;
