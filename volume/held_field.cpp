@@ -3,12 +3,14 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <utility>
 
 #include "core/errors.h"
 #include "core/kd_tree.h"
+#include "core/parallel.h"
 #include "core/rbf/affine_fit.h"
 #include "core/rbf/point_order.h"
 #include "core/rbf/solver_choice.h"
@@ -29,6 +31,15 @@ constexpr double kLeastSeparation = 1e-4;
 // What the centres of a field with anchors may miss counts in spacings, or in this part of the
 // largest displacement: the spacing of a far field is far larger than that.
 constexpr double kMostMissed = 0.5;
+
+// A field may run on near the surface, where its own nodes are what it follows: a target at so many
+// spacings of the surface as the n-th part of this may move n times as far as the surface does. Of
+// solids and thin gaps (docs/adaptive-centres.md) that is where they run on, and holding them takes
+// ten times as long as the field; far fields do so a hundred spacings away, or a hundred times.
+constexpr double kNear = 10;
+
+// The spacing of the surface is the distance from a centre to this neighbour.
+constexpr Index kNeighbour = 3;
 
 // The kernels of a linear map serve motions of this part of what moves, in size, at least: those it
 // is made for may be the steps of differences.
@@ -51,6 +62,27 @@ std::vector<Index> carriers_of(const RbfSystem& system, const RbfField& field,
   std::vector<Index> farthest;
   for (Index i = 0; i < kMostCarriers; ++i) farthest.push_back(carriers[order.rows[i]]);
   return farthest;
+}
+
+// Whether a target moves farther than kMostOvershoot and its distance from the surface allow.
+bool runs_on(const RowMatrix& centres, const RowMatrix& values, const RowMatrix& targets,
+             const RowMatrix& displacements) {
+  const double largest = values.rowwise().norm().maxCoeff();
+  const KdTree tree(centres);
+  std::atomic<bool> does = false;
+  parallel_for(targets.rows(), 1024, [&](Index begin, Index end) {
+    for (Index i = begin; i < end && !does; ++i) {
+      const double moved = displacements.row(i).norm();
+      if (moved <= kMostOvershoot * largest) continue;
+      const Neighbour near = tree.nearest(targets.row(i).data(), 1).front();
+      const double* centre = centres.row(near.index).data();
+      const Neighbour spacing = tree.nearest(centre, kNeighbour + 1).back();
+      if (moved * std::sqrt(near.squared_distance) >
+          kNear * largest * std::sqrt(spacing.squared_distance))
+        does = true;
+    }
+  });
+  return does;
 }
 
 // A field that anchors hold, with the first so many of them.
@@ -98,8 +130,9 @@ struct HoldHistory {
 // that nearly coincide leave no anchors to be found, it stays as it is.
 void hold_back(const MorphPart& part, const RowMatrix& values, const RowMatrix& targets,
                const VolumeMorphOptions& options, BoundedField& bounded, HoldHistory* history) {
+  if (!is_bounded(options) || !runs_on(part.centres, values, targets, bounded.displacements))
+    return;
   const double at_first = overshoot(values, bounded.displacements);
-  if (!is_bounded(options) || at_first <= kMostOvershoot) return;
   const std::vector<Index> carriers = carriers_of(*part.system, bounded.field, part.centres);
   std::vector<Index> first;
   if (bounded.field.report().solver == SolverKind::Adaptive)

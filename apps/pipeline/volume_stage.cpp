@@ -47,9 +47,8 @@ void untangle_result(const BaseSide& base, MorphResult& result) {
   result.validity = std::move(repaired.report.validity);
 }
 
-void step_and_untangle(const BaseSide& base, const Points& surface_positions,
-                       const SteppingOptions& how, PhaseClock& clock, MorphResult& result,
-                       VolumeMorphResult* one_step) {
+void step(const BaseSide& base, const Points& surface_positions, const SteppingOptions& how,
+          PhaseClock& clock, MorphResult& result, VolumeMorphResult* one_step) {
   clock.start("volume morph");
   SteppingResult stepped =
       morph_in_steps(base.mesh(), *base.volume, {surface_positions, base.path(surface_positions)},
@@ -58,6 +57,12 @@ void step_and_untangle(const BaseSide& base, const Points& surface_positions,
   result.validity = stepped.report.validity;
   result.report.solver = stepped.report.rbf;
   result.report.stepping = std::move(stepped.report);
+}
+
+void step_and_untangle(const BaseSide& base, const Points& surface_positions,
+                       const SteppingOptions& how, PhaseClock& clock, MorphResult& result,
+                       VolumeMorphResult* one_step) {
+  step(base, surface_positions, how, clock, result, one_step);
   clock.start("untangling");
   untangle_result(base, result);
 }
@@ -318,7 +323,8 @@ RowMatrix slides_to_follow(const BaseSide& base, const SlidingNodes& nodes,
   return follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
 }
 
-// Moves the volume anew with nodes at these slides, in as many steps as before, and repairs it.
+// Moves the volume anew with nodes at these slides, in as many steps as before, and repairs it
+// where it was repaired before.
 void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
                        PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();
@@ -328,13 +334,18 @@ void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& 
   for (Index i = 0; i < slides.rows(); ++i)
     if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
       result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
+  const bool is_repaired = result.report.untangling.has_value();
   result.report.untangling.reset();
   SteppingOptions how = stepping(base);
   how.steps = result.report.stepping.steps;
-  step_and_untangle(base, result.surface_positions, how, clock, result, nullptr);
+  step(base, result.surface_positions, how, clock, result, nullptr);
   sliding.move_to(slides);
   settle_slid_nodes(base, result);
-  slide_surface(base, sliding, result);
+  if (is_repaired) {
+    clock.start("untangling");
+    untangle_result(base, result);
+    slide_surface(base, sliding, result);
+  }
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
 }
 

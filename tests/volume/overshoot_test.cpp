@@ -4,6 +4,7 @@
 #include <map>
 #include <numbers>
 
+#include "../core/sample_meshes.h"
 #include "core/parallel.h"
 #include "core/quality.h"
 #include "volume/deformation_field.h"
@@ -65,6 +66,22 @@ TEST_CASE("No node moves farther than 1.2 times the farthest of the surface",
       CHECK(quality.mean >=
             measure_quality(field.mesh, field.mesh.points, orientation).mean - 1e-3);
   }
+}
+
+TEST_CASE("A field that runs on within a few spacings of the surface is not held",
+          "[volume][overshoot]") {
+  const auto dish = [](const Vector3d& x) -> Vector3d {
+    return x + Vector3d(0.01 * ((x - Vector3d(0.5, 0.5, 0.5)).squaredNorm() - 0.5), 0, 0);
+  };
+  const auto times = [&](int n) {
+    const Mesh mesh = cube(CellType::Hexahedron, n);
+    const std::vector<Index> surface = cube_surface(mesh);
+    const Points start = rows_of(mesh.points, surface), moved = mapped(start, dish);
+    const Points result = VolumeMorph(mesh, surface).morph(moved);
+    return farthest(mesh.points, result) / farthest(start, moved);
+  };
+  CHECK(times(8) > 2);  // the middle, four spacings deep
+  CHECK(times(16) <= 1.2);
 }
 
 TEST_CASE("A far field moves affinely with all of its surface", "[volume][overshoot]") {
