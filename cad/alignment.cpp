@@ -28,6 +28,9 @@ constexpr double kFarBetter = 0.05;  // factor
 // Of the areas of faces, times 1 - cos(angle): so much says that something turned, and so much may
 // be left of it.
 constexpr double kFewNormals = 0.01, kNormalsTurn = 0.25;
+// A mirror image fits so many times better, where the other fit is worse than this part of the
+// diagonal: of a symmetric part both fit.
+constexpr double kMirrorFits = 0.25, kMirrored = 1e-3;
 constexpr double kOnLine = 1e-4, kSampledOnLine = 0.05;  // of its length
 
 EntityFeature face_feature(const CadModel& model, FaceId face) {
@@ -304,6 +307,23 @@ double parameter_agreement(const CadModel& base, const CadModel& variant,
     same += is_same;
   }
   return static_cast<double>(same) / static_cast<double>(match.faces.size());
+}
+
+bool is_mirror_image(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
+  if (match.is_congruent) return false;
+  std::vector<Vector3d> from, mirrored, to;
+  for (const CornerId c : match.corners.ids()) {
+    from.push_back(base.vertices()[base.skeleton().corners[c]].point);
+    to.push_back(variant.vertices()[variant.skeleton().corners[match.corners[c]]].point);
+  }
+  for (const CurveId c : match.curves.ids()) {
+    from.push_back(curve_feature(base, c).centre);
+    to.push_back(curve_feature(variant, match.curves[c]).centre);
+  }
+  for (const Vector3d& point : from) mirrored.push_back(-point);
+  const double plain = residual(fit_similarity(from, to), from, to);
+  return plain > kMirrored * variant.diagonal() &&
+         residual(fit_similarity(mirrored, to), mirrored, to) < kMirrorFits * plain;
 }
 
 bool stays(const TopologyMatch& match) {

@@ -34,6 +34,10 @@ double residual(const Similarity& s, const std::vector<Eigen::Vector3d>& from,
 /// accident.
 void align(const CadModel& base, const CadModel& variant, TopologyMatch& match);
 
+/// Whether corners and curves of the variant lie clearly nearer to where a mirror image of the base
+/// has them than to where any similarity of it does: a mesh would be turned inside out.
+bool is_mirror_image(const CadModel& base, const CadModel& variant, const TopologyMatch& match);
+
 /// Whether an aligned match is of models that coincide: nothing moves.
 bool stays(const TopologyMatch& match);
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -11,8 +13,7 @@
 namespace cadmorph {
 namespace {
 
-constexpr double kFlat = 1e-12;      // of the mesh's size: rounding of coordinates
-constexpr double kFewTurned = 0.05;  // of the area: more is meant
+constexpr double kFlat = 1e-12;  // of the mesh's size: rounding of coordinates
 
 // Corners of a shell cell in their order round it.
 std::vector<Index> loop(const Mesh& mesh, Index cell) {
@@ -32,6 +33,54 @@ double doubled_area(const std::vector<Index>& nodes, const Points& points, int f
            (points(b, u) - points(nodes[0], u)) * (points(a, v) - points(nodes[0], v));
   }
   return sum;
+}
+
+// Lets a shell cell go round the other way.
+void turn_round(Mesh& mesh, Index cell) {
+  const auto first = mesh.connectivity.begin() + mesh.offsets[cell];
+  const Index count = corner_count(mesh.types[cell], mesh.offsets[cell + 1] - mesh.offsets[cell]);
+  if (mesh.types[cell] == CellType::Pixel) return std::swap(first[1], first[2]);
+  if (mesh.types[cell] == CellType::QuadraticLinearQuad) {  // nodes amid the first and third edge
+    std::swap(first[0], first[1]);
+    return std::swap(first[2], first[3]);
+  }
+  std::reverse(first + 1, first + count);
+  // Edge k, from corner k on, becomes the k-th from the end.
+  if (mesh.offsets[cell + 1] - mesh.offsets[cell] >= 2 * count)
+    std::reverse(first + count, first + 2 * count);
+}
+
+// For each cell the first one of its patch: shell cells that share an edge belong together where
+// they go along it in opposite senses.
+std::vector<Index> patches_of_one_sense(const Mesh& mesh) {
+  struct Side {
+    Index low, high, cell;
+    bool is_upward;
+  };
+  std::vector<Side> sides;
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (dimension(mesh.types[c]) != 2) continue;
+    const std::vector<Index> nodes = loop(mesh, c);
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const Index a = nodes[i], b = nodes[(i + 1) % nodes.size()];
+      sides.push_back({std::min(a, b), std::max(a, b), c, a < b});
+    }
+  }
+  std::ranges::sort(sides, {}, [](const Side& s) { return std::tuple(s.low, s.high, s.cell); });
+  std::vector<Index> first(mesh.cell_count());
+  std::iota(first.begin(), first.end(), Index{0});
+  const auto patch = [&](Index c) {
+    while (first[c] != c) c = first[c] = first[first[c]];
+    return c;
+  };
+  for (std::size_t i = 1; i < sides.size(); ++i) {
+    const Side &a = sides[i - 1], &b = sides[i];
+    if (a.low != b.low || a.high != b.high || a.is_upward == b.is_upward) continue;
+    const Index one = patch(a.cell), other = patch(b.cell);
+    first[std::max(one, other)] = std::min(one, other);
+  }
+  for (Index c = 0; c < mesh.cell_count(); ++c) first[c] = patch(c);
+  return first;
 }
 
 // The face and its copy `off` nodes on, and a quad along each side.
@@ -82,12 +131,25 @@ std::vector<Index> turned_cells(const Mesh& mesh, const Points& points) {
     (area < 0 ? against : with).push_back(c);
     (area < 0 ? area_against : area_with) += std::abs(area);
   }
-  if (area_against > area_with) {
-    std::swap(with, against);
-    std::swap(area_with, area_against);
+  return area_against > area_with ? with : against;
+}
+
+std::optional<Mesh> in_one_sense(const Mesh& mesh) {
+  const int axis = flat_axis(mesh, mesh.points);
+  if (axis < 0 || turned_cells(mesh, mesh.points).empty()) return std::nullopt;
+  std::vector<Index> patch = patches_of_one_sense(mesh);
+  std::vector<double> areas(mesh.cell_count(), 0);
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (dimension(mesh.types[c]) == 2)
+      areas[patch[c]] += doubled_area(loop(mesh, c), mesh.points, axis);
+  const double sense = doubled_area(mesh, mesh.points, axis) < 0 ? -1 : 1;
+  std::optional<Mesh> result;
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    if (dimension(mesh.types[c]) != 2 || sense * areas[patch[c]] >= 0) continue;
+    if (!result) result = mesh;
+    turn_round(*result, c);
   }
-  if (area_against > kFewTurned * area_with) against.clear();
-  return against;
+  return result;
 }
 
 Mesh one_layer(const Mesh& mesh, const Points& points) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "core/mesh.h"
@@ -18,10 +19,15 @@ Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& points);
 /// is not in one plane, or not in the same.
 Eigen::Vector3d plane_normal(const Mesh& mesh, const Points& before, const Points& after);
 
-/// The cells of a plane mesh that are turned over: they go round the other way than all but a
-/// twentieth of its area does at `points` (N x 3); ids, ascending. None where more does, as in
-/// shells whose normals differ from part to part.
+/// The cells of a plane mesh that are turned over: they go round the other way than most of its
+/// area does at `points` (N x 3); ids, ascending. `mesh`: in one sense.
 std::vector<Index> turned_cells(const Mesh& mesh, const Points& points);
+
+/// The mesh with cells that all go round the same way, where it is in a plane and patches of it go
+/// round the other way than most of its area: mesh generators take the sense of each face of the
+/// CAD. A patch is what cells make up that go round the edges they share in opposite senses; cells
+/// of it that are turned over stay so. Nothing where all go round the same way already.
+std::optional<Mesh> in_one_sense(const Mesh& mesh);
 
 /// A plane mesh as one layer of solid cells 1 thick, as finite-volume programs take it: wedges,
 /// hexahedra and polyhedra in the place of its triangles, quads and polygons (corners alone), its

@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
@@ -12,6 +13,7 @@
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
 #include "core/parallel.h"
+#include "core/plane_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -36,7 +38,8 @@ void draw(const QualityCommand& command, const DrawnMesh& drawn) {
 ExitCode run_quality(const QualityCommand& command) {
   set_thread_count(command.threads);
   const MeshFile file(command.mesh);
-  const Mesh& mesh = file.mesh();
+  const std::optional<Mesh> turned = in_one_sense(file.mesh());
+  const Mesh& mesh = turned ? *turned : file.mesh();
   const Orientation orientation = detect_orientation(mesh);
   const QualityReport quality = measure_quality(mesh, mesh.points, orientation);
   const ValidityReport validity = check_validity(mesh, mesh.points, orientation);

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <optional>
 
 #include "apps/picture/picture_display.h"
 #include "apps/picture/picture_renderer.h"
@@ -14,6 +15,7 @@
 #include "apps/pipeline/output_file.h"
 #include "core/interrupt.h"
 #include "core/mesh_file.h"
+#include "core/plane_mesh.h"
 
 namespace cadmorph {
 namespace {
@@ -43,8 +45,9 @@ std::optional<Eigen::AlignedBox3d> box_of(const std::vector<double>& corners) {
 void draw_meshes(const PictureOptions& options) {
   check_output(options.output, {options.before, options.after});
   const MeshFile before_file(options.before), after_file(options.after);
-  const Mesh &before = before_file.mesh(), &after = after_file.mesh();
-  if (before.types != after.types || before.connectivity != after.connectivity)
+  const std::optional<Mesh> turned = in_one_sense(before_file.mesh());
+  const Mesh &before = turned ? *turned : before_file.mesh(), &after = after_file.mesh();
+  if (before.types != after.types || before_file.mesh().connectivity != after.connectivity)
     throw InvalidInputError(options.after.string() + " does not have the cells of " +
                             options.before.string() + ": give a mesh and its morph");
   const Orientation orientation = detect_orientation(before);

@@ -54,9 +54,11 @@ BaseSide::BaseSide(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<con
     : options(with_progress_everywhere(std::move(all_options))),
       cad(std::move(base_cad)),
       mesh_file(std::move(file)) {
-  if (start.size() > 0) set_start(std::move(start));
+  const bool starts_elsewhere = start.size() > 0;
+  if (starts_elsewhere) set_start(std::move(start));
+  if (auto turned = in_one_sense(mesh())) own = std::move(turned);
   PhaseClock clock(options.progress);
-  if (options.cache.empty() || moved)
+  if (options.cache.empty() || starts_elsewhere)
     set_up(clock);
   else
     report.run.cache = BaseCache::set_up(*this, clock);
@@ -127,8 +129,8 @@ void BaseSide::set_start(Points start) {
   if (start.rows() != mesh_file->mesh().node_count())
     throw InvalidInputError("a morph needs a start for each of the mesh's " +
                             std::to_string(mesh_file->mesh().node_count()) + " nodes");
-  moved = mesh_file->mesh();
-  moved->points = std::move(start);
+  own = mesh_file->mesh();
+  own->points = std::move(start);
 }
 
 void BaseSide::fill_report() {

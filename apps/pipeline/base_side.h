@@ -23,7 +23,7 @@ struct BaseSide {
            PipelineOptions options, Points start = {});
 
   /// The mesh at the positions that the morph starts from.
-  const Mesh& mesh() const { return moved ? *moved : mesh_file->mesh(); }
+  const Mesh& mesh() const { return own ? *own : mesh_file->mesh(); }
   const Association& association() const { return surface->association(); }
 
   /// Of a position for each boundary node: those of the prescribed nodes alone.
@@ -48,7 +48,9 @@ struct BaseSide {
   PipelineOptions options;
   std::shared_ptr<const CadModel> cad;
   std::shared_ptr<const MeshFile> mesh_file;
-  std::optional<Mesh> moved;  ///< the file's mesh where the morph starts elsewhere
+  /// The file's mesh where the morph starts elsewhere, or where the cells of a plane mesh do not
+  /// all go round the same way (in_one_sense).
+  std::optional<Mesh> own;
 
   Boundary boundary;
   std::optional<SurfaceMorph> surface;

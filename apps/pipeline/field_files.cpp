@@ -4,8 +4,10 @@
 #include <cmath>
 #include <future>
 #include <iterator>
+#include <optional>
 
 #include "apps/pipeline/output_file.h"
+#include "core/plane_mesh.h"
 #include "volume/field_file.h"
 
 namespace cadmorph {
@@ -66,7 +68,9 @@ std::vector<Index> bad_cells(const ApplyReport& report) {
   return result;
 }
 
-void measure(const Mesh& mesh, const Points& moved, ApplyReport& report) {
+void measure(const Mesh& given, const Points& moved, ApplyReport& report) {
+  const std::optional<Mesh> turned = in_one_sense(given);
+  const Mesh& mesh = turned ? *turned : given;
   const Orientation orientation = detect_orientation(mesh);
   report.quality_before = measure_quality(mesh, mesh.points, orientation);
   report.quality_after = measure_quality(mesh, moved, orientation);

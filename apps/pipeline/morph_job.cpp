@@ -8,6 +8,7 @@
 #include "apps/pipeline/morph_derivative.h"
 #include "apps/pipeline/surface_stage.h"
 #include "apps/pipeline/volume_stage.h"
+#include "cad/alignment.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -18,6 +19,11 @@ struct MorphJob::Impl {
   MorphResult match(const CadModel& variant) {
     MatchedModels found =
         match_models(*base->cad, variant, {.given_faces = base->options.face_map});
+    if (is_mirror_image(found.base, found.variant, found.match))
+      throw TopologyError(
+          variant.file_name() + " is the mirror image of " + base->cad->file_name() +
+          ", or nearly so: on it, the mesh would be turned inside out. Mirror the variant's CAD, "
+          "morph onto that, and mirror the morphed mesh, the order of its nodes, too");
     const bool is_base_merged = found.base.merged_face_count() > base->cad->merged_face_count();
     return begin_result(is_base_merged ? merged_base(found.base) : base, found.variant,
                         std::move(found.match));
@@ -53,9 +59,9 @@ struct MorphJob::Impl {
     if (!kept) {
       PipelineOptions options = base->options;
       options.cache.clear();
-      const auto merged = std::make_shared<BaseSide>(std::make_shared<const CadModel>(cad),
-                                                     base->mesh_file, std::move(options),
-                                                     base->moved ? base->moved->points : Points());
+      const auto merged =
+          std::make_shared<BaseSide>(std::make_shared<const CadModel>(cad), base->mesh_file,
+                                     std::move(options), base->own ? base->own->points : Points());
       merged->report.run.phases = base->report.run.phases;  // its own are a part of the matching
       if (!references_.empty()) merged->volume = linearised(*merged, references_);
       kept = merged;

@@ -437,7 +437,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
     return;
   const Points& reference = base.mesh_file->mesh().points;
   std::optional<QualityReport> moved_back;
-  if (base.moved) moved_back = measure_quality(base.mesh(), reference, base.orientation);
+  if (base.own) moved_back = measure_quality(base.mesh(), reference, base.orientation);
   const MeasuredShape of_file{reference, moved_back ? *moved_back : base.quality};
   std::optional<FiniteVolumes> volumes;
   if (is_for_finite_volumes(base))

@@ -1,8 +1,13 @@
 #include "cad/alignment.h"
 
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepBuilderAPI_Transform.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <gp_Trsf.hxx>
 #include <numbers>
 #include <random>
 
@@ -123,4 +128,32 @@ TEST_CASE("features are centroids and sizes, whatever the parameters", "[cad][al
       CHECK(std::abs(features[c].size / (2 * pi * 15) - 1) < 1e-3);
     }
   }
+}
+
+TEST_CASE("a mirror image is told from a change of parameters", "[cad][alignment]") {
+  gp_Trsf mirror;
+  mirror.SetMirror(gp_Ax2(gp_Pnt(1, 2, 3), gp_Dir(1, 0.5, -2)));
+  // A box without one of its corners, with a hole along z and a pocket along x: no axis can take
+  // the place of another.
+  const auto chiral = [](double x, double y, double z) -> TopoDS_Shape {
+    const TopoDS_Shape notched = BRepAlgoAPI_Cut(BRepPrimAPI_MakeBox(30, 20, 10).Shape(),
+                                                 BRepPrimAPI_MakeBox(x, y, z).Shape());
+    const gp_Ax2 axis(gp_Pnt(20, 14, -1), gp_Dir(0, 0, 1));
+    const TopoDS_Shape drilled =
+        BRepAlgoAPI_Cut(notched, BRepPrimAPI_MakeCylinder(axis, 2, 12).Shape());
+    return BRepAlgoAPI_Cut(drilled, BRepPrimAPI_MakeBox(gp_Pnt(26, 4, 3), 9, 6, 4).Shape());
+  };
+  const CadModel base = to_model(chiral(12, 5, 7));
+  for (const TopoDS_Shape& shape : {chiral(12, 5, 7), chiral(15, 6, 6)}) {
+    const CadModel variant = to_model(shape),
+                   mirrored = to_model(BRepBuilderAPI_Transform(shape, mirror, true).Shape());
+    CHECK_FALSE(is_mirror_image(base, variant, match_topology(base, variant)));
+    CHECK(is_mirror_image(base, mirrored, match_topology(base, mirrored)));
+    CHECK(is_mirror_image(mirrored, base, match_topology(mirrored, base)));
+  }
+  // Of a part that is its own mirror image there is a match without.
+  const TopoDS_Shape cylinder = read_shape(model_file("shapes/cylinder.step"));
+  const CadModel one = to_model(cylinder),
+                 other = to_model(BRepBuilderAPI_Transform(cylinder, mirror, true).Shape());
+  CHECK_FALSE(is_mirror_image(one, other, match_topology(one, other)));
 }

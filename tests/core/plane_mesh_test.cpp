@@ -1,9 +1,13 @@
 #include "core/plane_mesh.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <numeric>
+#include <optional>
 #include <vector>
 
 #include "core/layer_heights.h"
+#include "core/quality.h"
 #include "core/quality_checks.h"
 #include "sample_meshes.h"
 
@@ -105,6 +109,78 @@ TEST_CASE("Heights of the first cells in a plane, and in a mesh one cell thick",
   };
   check_layers(plane);
   check_layers(one_layer(plane, plane.points));
+}
+
+TEST_CASE("Patches of a plane mesh that go round the other way are no turned cells",
+          "[core][plane]") {
+  Mesh mesh = strip(std::vector<double>(9, 0), 2, false, CellType::Quad);
+  const auto turn = [&](Index c) {
+    std::reverse(mesh.connectivity.begin() + mesh.offsets[c],
+                 mesh.connectivity.begin() + mesh.offsets[c + 1]);
+  };
+  CHECK_FALSE(in_one_sense(mesh));
+  for (const Index c : {2, 3, 6}) turn(c);  // patches of two cells and of one
+  const std::optional<Mesh> one = in_one_sense(mesh);
+  REQUIRE(one);
+  CHECK(turned_cells(*one, one->points).empty());
+  CHECK(measure_quality(*one, one->points, detect_orientation(*one)).inverted == 0);
+  for (const Index c : {0, 1, 4, 5, 7}) {
+    const auto cell = one->cell(c), before = mesh.cell(c);
+    CHECK(std::vector(cell.begin(), cell.end()) == std::vector(before.begin(), before.end()));
+  }
+  // A cell that a node turns over stays so: it goes round as its neighbours do.
+  Points moved = mesh.points;
+  moved(2 * 2, 0) = moved(2 * 2 + 1, 0) = 3.5;
+  CHECK(turned_cells(*one, moved) == std::vector<Index>{2});
+  mesh.points = moved;
+  const std::optional<Mesh> folded = in_one_sense(mesh);
+  REQUIRE(folded);
+  CHECK(turned_cells(*folded, moved) == std::vector<Index>{2});
+}
+
+TEST_CASE("Cells of every type in a plane are the same the other way round", "[core][plane]") {
+  const auto nodes_of = [](CellType type) -> Points {
+    Points p(9, 3);
+    p << 0, 0, 0, 2, 0.1, 0, 2.2, 2, 0, -0.1, 1.8, 0, 1, -0.1, 0, 2.2, 1, 0, 1.1, 2, 0, -0.2, 0.9,
+        0, 1, 1, 0;
+    if (type == CellType::Pixel) p.row(2).swap(p.row(3));
+    if (type == CellType::QuadraticTriangle || type == CellType::BiquadraticTriangle)
+      p.topRows(7) << 0, 0, 0, 2, 0.1, 0, 0.1, 1.8, 0, 1, -0.1, 0, 1.2, 1.1, 0, -0.1, 0.9, 0, 0.7,
+          0.6, 0;
+    if (type == CellType::QuadraticLinearQuad) p.row(5) = p.row(6).eval();
+    return p;
+  };
+  for (const auto& [type, count] :
+       std::vector<std::pair<CellType, Index>>{{CellType::Triangle, 3},
+                                               {CellType::Polygon, 4},
+                                               {CellType::Pixel, 4},
+                                               {CellType::Quad, 4},
+                                               {CellType::QuadraticTriangle, 6},
+                                               {CellType::BiquadraticTriangle, 7},
+                                               {CellType::QuadraticQuad, 8},
+                                               {CellType::BiquadraticQuad, 9},
+                                               {CellType::QuadraticLinearQuad, 6}}) {
+    INFO(static_cast<int>(type));
+    // Beside a cell of the other sense that is larger.
+    Mesh mesh;
+    mesh.points.resize(13, 3);
+    mesh.points << nodes_of(type), 10, 0, 0, 10, 9, 0, 20, 9, 0, 20, 0, 0;
+    std::vector<Index> nodes(static_cast<std::size_t>(count));
+    std::iota(nodes.begin(), nodes.end(), Index{0});
+    add_cell(mesh, type, nodes);
+    add_cell(mesh, CellType::Quad, std::vector<Index>{9, 10, 11, 12});
+    const std::optional<Mesh> turned = in_one_sense(mesh);
+    REQUIRE(turned);
+    CHECK_FALSE(in_one_sense(*turned));
+    const auto cell = turned->cell(0);
+    std::vector<Index> same(cell.begin(), cell.end());
+    CHECK(same != nodes);
+    std::ranges::sort(same);
+    CHECK(same == nodes);
+    CHECK(scaled_jacobian(*turned, turned->points, 0) ==
+          Approx(scaled_jacobian(mesh, mesh.points, 0)));
+    CHECK(measure_quality(*turned, turned->points, detect_orientation(*turned)).inverted == 0);
+  }
 }
 
 }  // namespace cadmorph
