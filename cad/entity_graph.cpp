@@ -148,6 +148,10 @@ void ColourRefinement::individualise(int b, int v) {
   recolour({1, v}, colour);
 }
 
+Index ColourRefinement::count() const {
+  return std::ranges::count_if(classes_, [](const Class& members) { return members.size > 0; });
+}
+
 std::vector<ColourRefinement::Node> ColourRefinement::take_neighbours_of_changed() {
   std::vector<Node> result;
   for (const Node& node : changed_)

@@ -67,6 +67,9 @@ class ColourRefinement {
   /// Whether each colour has as many nodes in the base as in the variant.
   bool is_balanced() const { return unbalanced_ == 0; }
 
+  /// Number of colours that nodes have.
+  Index count() const;
+
   const std::vector<int>& base_colours() const { return colours_[0]; }
   const std::vector<int>& variant_colours() const { return colours_[1]; }
 

@@ -50,18 +50,15 @@ EntityMotion::EntityMotion(RoughMotion rough, const std::vector<Vector3d>& from,
   tree_ = std::make_unique<KdTree>(points);
 }
 
-double EntityMotion::reach(const Vector3d& x) const {
-  return tree_ ? std::sqrt(tree_->nearest(x.data(), 1)[0].squared_distance) : 0;
-}
-
-Vector3d EntityMotion::operator()(const Vector3d& x, int left_out) const {
+EntityMotion::Place EntityMotion::place_of(const Vector3d& x, int left_out) const {
   const Vector3d at = rough_(x);
-  if (!tree_) return at;
+  if (!tree_) return {at};
   auto near = tree_->nearest(x.data(), neighbours_ + (left_out >= 0));
   std::erase_if(near, [&](const Neighbour& n) { return n.index == left_out; });
-  if (near.empty()) return at;
+  if (near.empty()) return {at};
+  const double reach = std::sqrt(near.front().squared_distance);
   const double radius = near.back().squared_distance;
-  if (radius <= 0) return at + missed_[static_cast<std::size_t>(near.front().index)];
+  if (radius <= 0) return {at + missed_[static_cast<std::size_t>(near.front().index)], reach};
   Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
   Eigen::Matrix<double, 4, 3> right = Eigen::Matrix<double, 4, 3>::Zero();
   double sum = 0;
@@ -75,7 +72,7 @@ Vector3d EntityMotion::operator()(const Vector3d& x, int left_out) const {
     sum += weight;
   }
   normal.diagonal().tail<3>().array() += kLocalPrior * sum;
-  return at + normal.ldlt().solve(right).row(0).transpose();
+  return {at + normal.ldlt().solve(right).row(0).transpose(), reach};
 }
 
 }  // namespace cadmorph

@@ -25,11 +25,16 @@ class EntityMotion {
   EntityMotion(RoughMotion rough, const std::vector<Eigen::Vector3d>& from,
                const std::vector<Eigen::Vector3d>& to, int neighbours);
 
-  /// Where x goes. `left_out`: a known point (its index) that is not to be used.
-  Eigen::Vector3d operator()(const Eigen::Vector3d& x, int left_out = -1) const;
+  struct Place {
+    Eigen::Vector3d point;
+    double reach = 0;  ///< distance from x to the nearest known point; 0 where none is known
+  };
 
-  /// Distance from x to the nearest known point; 0 where none is known.
-  double reach(const Eigen::Vector3d& x) const;
+  /// Where x goes. `left_out`: a known point (its index) that is not to be used.
+  Place place_of(const Eigen::Vector3d& x, int left_out = -1) const;
+  Eigen::Vector3d operator()(const Eigen::Vector3d& x, int left_out = -1) const {
+    return place_of(x, left_out).point;
+  }
 
  private:
   RoughMotion rough_;

@@ -217,7 +217,7 @@ class PositionMatcher {
       : base_(base), variant_(variant), plain_(colours), selection_(base, variant) {
     ColourRefinement hinted = colours;
     hinted.hint(base.forms, variant.forms);
-    if (hinted.refine()) hinted_ = std::move(hinted);
+    if (hinted.refine() && hinted.count() > colours.count()) hinted_ = std::move(hinted);
   }
 
   std::optional<TopologyMatch> run() {

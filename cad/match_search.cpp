@@ -48,9 +48,11 @@ class Search {
       const auto open = open_classes(colours_, base_.graph.entity_count());
       if (open.empty()) return colours_;
       if (refinements_ >= most_refinements_) return std::nullopt;
-      std::vector<RankedClass> ranked;
+      std::vector<RankedClass> ranked(open.size());
       const EntityMotion motion = motion_so_far();
-      for (const ColourClass& members : open) ranked.push_back(rank(members, motion));
+      parallel_for(std::ssize(open), 1, [&](Index begin, Index end) {
+        for (Index i = begin; i < end; ++i) ranked[i] = rank(open[i], motion);
+      });
       if (!decide_clear_classes(ranked) && !decide_clear_pairs(ranked) && !decide_one(ranked))
         return std::nullopt;
     }
@@ -83,10 +85,10 @@ class Search {
       for (Index i = begin; i < end; ++i) {
         const int b = members.base[static_cast<std::size_t>(i)];
         const EntityFeature& feature = base_.features[b];
-        const Vector3d at = motion(feature.centre);
-        ranked[static_cast<std::size_t>(i)] = {b,
-                                               kDoubt * guess_.scale * motion.reach(feature.centre),
-                                               nearest.find(feature, at, guess_.scale, kMaxTries)};
+        const EntityMotion::Place place = motion.place_of(feature.centre);
+        ranked[static_cast<std::size_t>(i)] = {
+            b, kDoubt * guess_.scale * place.reach,
+            nearest.find(feature, place.point, guess_.scale, kMaxTries)};
       }
     });
     return ranked;
