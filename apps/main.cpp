@@ -12,6 +12,8 @@
 #include <iostream>
 #include <limits>
 #include <new>
+#include <string>
+#include <vector>
 
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
@@ -39,6 +41,7 @@ constexpr const char* kDescription =
     "  cadmorph gradient BASE.step MESH PARAMETERS.csv --sensitivity FILE [options]\n"
     "  cadmorph compare REFERENCE MESH [options]\n"
     "  cadmorph help exit-codes [CODE]\n"
+    "  cadmorph help COMMAND\n"
     "\n"
     "Both STEP files must have the same topology; MESH is the mesh of the first, in the format it\n"
     "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: docs/formats.md), and so is OUT. The\n"
@@ -116,6 +119,17 @@ std::string suggestion(const CLI::App& app, int argc, char** argv) {
   return {};
 }
 
+// The words after the program's name, the last one first. "help COMMAND" is "COMMAND --help".
+std::vector<std::string> reversed_words(const CLI::App& app, int argc, char** argv) {
+  std::vector<std::string> words(argv + 1, argv + argc);
+  const auto is_named = [&](const CLI::App* command) { return command->get_name() == words[1]; };
+  if (words.size() == 2 && words[0] == "help" &&
+      std::ranges::any_of(app.get_subcommands({}), is_named))
+    words = {words[1], "--help"};
+  std::ranges::reverse(words);
+  return words;
+}
+
 // Fills `action`; leaves it empty when help or the version was asked for, which are then printed.
 void parse(int argc, char** argv, Action& action) {
   CLI::App app(kDescription, "cadmorph");
@@ -137,7 +151,7 @@ void parse(int argc, char** argv, Action& action) {
   add_compare_command(app, action);
   add_help_command(app, action);
   try {
-    app.parse(argc, argv);
+    app.parse(reversed_words(app, argc, argv));
   } catch (const CLI::Success& request) {
     app.exit(request);
     if (!std::cout.flush()) throw OutputError("can't write to the standard output");

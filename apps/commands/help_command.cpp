@@ -28,9 +28,11 @@ std::string section(int code) {
 
 void add_help_command(CLI::App& app, Action& action) {
   const auto command = std::make_shared<HelpCommand>();
-  CLI::App* parser = app.add_subcommand("help", "tell what exit codes mean and what to do");
-  parser->footer(help_end({"help exit-codes", "help exit-codes 4"}, {0, 1}));
-  parser->add_option("TOPIC", command->topic, std::string("the topic: ") + kTopic);
+  CLI::App* parser = app.add_subcommand(
+      "help", "tell what exit codes mean and what to do, or what a command takes");
+  parser->footer(help_end({"help exit-codes", "help exit-codes 4", "help batch"}, {0, 1}));
+  parser->add_option("TOPIC", command->topic,
+                     std::string("the topic: ") + kTopic + ", or a command");
   parser->add_option("CODE", command->code, "one of the exit codes (default: all)");
   parser->callback([&action, command] {
     if (command->topic.empty()) throw CLI::CallForHelp();

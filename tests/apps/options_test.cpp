@@ -102,6 +102,9 @@ TEST_CASE("What an exit code means is told without a file to look for", "[apps][
   CHECK_THAT(place.run("help exit-codes").out, Catch::Contains("## Exit code 8"));
   CHECK_THAT(place.run("help exit-code").err, Catch::Contains("did you mean 'exit-codes'"));
   CHECK(place.run("help exit-codes 99").exit_code == 1);
+  CHECK(place.run("help quality").out == place.run("quality --help").out);
+  CHECK(place.run("help").out == place.run("help --help").out);
+  CHECK(place.run("help qualities").exit_code == 1);
 }
 
 TEST_CASE("Each command's help ends with its own examples and exit codes", "[apps][options]") {
