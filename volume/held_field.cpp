@@ -35,7 +35,8 @@ constexpr double kMostMissed = 0.5;
 // A field may run on near the surface, where its own nodes are what it follows: a target at so many
 // spacings of the surface as the n-th part of this may move n times as far as the surface does. Of
 // solids and thin gaps (docs/adaptive-centres.md) that is where they run on, and holding them takes
-// ten times as long as the field; far fields do so a hundred spacings away, or a hundred times.
+// up to ten times as long as the field; far fields do so a hundred spacings away, or a hundred
+// times.
 constexpr double kNear = 10;
 
 // The spacing of the surface is the distance from a centre to this neighbour.
