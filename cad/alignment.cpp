@@ -310,7 +310,7 @@ double parameter_agreement(const CadModel& base, const CadModel& variant,
 }
 
 bool is_mirror_image(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
-  if (match.is_congruent) return false;
+  if (match.is_congruent || match.is_oriented) return false;
   std::vector<Vector3d> from, mirrored, to;
   for (const CornerId c : match.corners.ids()) {
     from.push_back(base.vertices()[base.skeleton().corners[c]].point);

@@ -159,6 +159,11 @@ std::vector<Neighbour> KdTree::within(const double* query, double radius) const 
 
 Index KdTree::size() const { return impl_->size(); }
 
+double squared_spacing(const KdTree& tree, const double* point) {
+  constexpr Index kNeighbour = 3;
+  return tree.nearest(point, kNeighbour + 1).back().squared_distance;
+}
+
 Eigen::VectorXd nearest_distances(const RowMatrix& points) {
   if (points.rows() < 2) throw InvalidInputError("nearest distances need at least two points");
   const KdTree tree(points);

@@ -37,6 +37,10 @@ class KdTree {
   std::unique_ptr<Impl> impl_;
 };
 
+/// The square of the spacing of a tree's points at one of them (D values): the distance to its
+/// third neighbour, for the nearest may lie across a thin gap.
+double squared_spacing(const KdTree& tree, const double* point);
+
 /// Returns the distance (not squared) of each point to its nearest other one, for at least two
 /// points (N x D); parallel.
 Eigen::VectorXd nearest_distances(const RowMatrix& points);

@@ -39,9 +39,6 @@ constexpr double kMostMissed = 0.5;
 // times.
 constexpr double kNear = 10;
 
-// The spacing of the surface is the distance from a centre to this neighbour.
-constexpr Index kNeighbour = 3;
-
 // The kernels of a linear map serve motions of this part of what moves, in size, at least: those it
 // is made for may be the steps of differences.
 constexpr double kFar = 0.1;
@@ -76,11 +73,8 @@ bool runs_on(const RowMatrix& centres, const RowMatrix& values, const RowMatrix&
       const double moved = displacements.row(i).norm();
       if (moved <= kMostOvershoot * largest) continue;
       const Neighbour near = tree.nearest(targets.row(i).data(), 1).front();
-      const double* centre = centres.row(near.index).data();
-      const Neighbour spacing = tree.nearest(centre, kNeighbour + 1).back();
-      if (moved * std::sqrt(near.squared_distance) >
-          kNear * largest * std::sqrt(spacing.squared_distance))
-        does = true;
+      const double spacing = std::sqrt(squared_spacing(tree, centres.row(near.index).data()));
+      if (moved * std::sqrt(near.squared_distance) > kNear * largest * spacing) does = true;
     }
   });
   return does;
@@ -127,13 +121,14 @@ struct HoldHistory {
   std::size_t taken = 0;  // the hold that the field is of, from 1; 0: without anchors
 };
 
-// Holds a field by anchors among the volume nodes while one of them moves too far. Where centres
-// that nearly coincide leave no anchors to be found, it stays as it is.
+// Holds a field that runs on by anchors among the volume nodes while one of them moves too far.
+// Where centres that nearly coincide leave no anchors to be found, it stays as it is.
 void hold_back(const MorphPart& part, const RowMatrix& values, const RowMatrix& targets,
                const VolumeMorphOptions& options, BoundedField& bounded, HoldHistory* history) {
-  if (!is_bounded(options) || !runs_on(part.centres, values, targets, bounded.displacements))
-    return;
   const double at_first = overshoot(values, bounded.displacements);
+  if (!is_bounded(options) || at_first <= kMostOvershoot ||
+      !runs_on(part.centres, values, targets, bounded.displacements))
+    return;
   const std::vector<Index> carriers = carriers_of(*part.system, bounded.field, part.centres);
   std::vector<Index> first;
   if (bounded.field.report().solver == SolverKind::Adaptive)

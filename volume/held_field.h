@@ -21,8 +21,9 @@ struct BoundedField {
 };
 
 /// Holds a field of a part by anchors among its targets (find_anchors) while one of them moves
-/// too far. `values`: at the part's centres. Only nodes of cells bound and hold the field; those of
-/// no cell follow what results.
+/// too far; one that does so near the surface alone is left as it is (docs/adaptive-centres.md).
+/// `values`: at the part's centres. Only nodes of cells bound and hold the field; those of no cell
+/// follow what results.
 void hold_back(const MorphPart& part, const RowMatrix& values, const PartTargets& targets,
                const VolumeMorphOptions& options, BoundedField& bounded);
 

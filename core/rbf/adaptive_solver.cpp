@@ -44,10 +44,6 @@ constexpr double kSpread = 0.5;
 // Centres closer than this part of the diagonal would bring the system near to rounding.
 constexpr double kLeastSeparation = 1e-4;
 
-// The spacing is the distance to this neighbour: across a thin gap the nearest one says nothing of
-// the surface.
-constexpr Index kNeighbour = 3;
-
 // From so many centres on the fast solver is at least as fast as Cholesky.
 constexpr Index kManyCentres = 1500;
 
@@ -69,8 +65,7 @@ VectorXd spacings(const Points& points, const KdTree& tree) {
   VectorXd result(points.rows());
   parallel_for(points.rows(), 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i)
-      result(i) =
-          std::sqrt(tree.nearest(points.row(i).data(), kNeighbour + 1).back().squared_distance);
+      result(i) = std::sqrt(squared_spacing(tree, points.row(i).data()));
   });
   return result;
 }

@@ -8,12 +8,6 @@
 #include "core/rbf/centre_frame.h"
 
 namespace cadmorph {
-namespace {
-
-// Neighbour whose distance is the spacing of the centres: the nearest may lie across a thin gap.
-constexpr Index kNeighbour = 3;
-
-}  // namespace
 
 Eigen::VectorXd surface_shares(const RowMatrix& centres) {
   const int extent = CentreFrame(centres).terms() - 1;  // a flat set has the border of a plane
@@ -21,9 +15,8 @@ Eigen::VectorXd surface_shares(const RowMatrix& centres) {
   Eigen::VectorXd result(centres.rows());
   parallel_for(centres.rows(), 1024, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
-      const double spacing =
-          tree.nearest(centres.row(i).data(), kNeighbour + 1).back().squared_distance;
-      result(i) = std::pow(spacing, 0.5 * (extent - 1));
+      const double squared = squared_spacing(tree, centres.row(i).data());
+      result(i) = std::pow(squared, 0.5 * (extent - 1));
     }
   });
   return result;
