@@ -38,9 +38,9 @@ std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vecto
 
 }  // namespace
 
-RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Points& moved,
-                            const std::vector<char>& is_fixed, const SlidingNodes& sliding,
-                            const std::vector<Index>& cells) {
+FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, const Points& moved,
+                                 const std::vector<char>& is_fixed, const SlidingNodes& sliding,
+                                 const std::vector<Index>& cells) {
   const NodeCells incidence(mesh);
   const std::vector<Index> near = grow(mesh, incidence, cells);
   std::vector<char> is_near(mesh.cell_count(), 0);
@@ -56,8 +56,8 @@ RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Poi
   }
   const auto way = [&](Index n) -> Eigen::RowVector3d { return moved.row(n) - reference.row(n); };
   const Index count = std::ssize(nodes);
-  RowMatrix slides = sliding.slides;
-  if (count == 0) return slides;
+  FollowingNodes result{sliding.slides, moved};
+  if (count == 0) return result;
   std::vector<char> is_sliding(mesh.node_count(), 0);
   for (const Index n : sliding.nodes) is_sliding[n] = 1;
   Matrix matrix(count, count);
@@ -99,15 +99,20 @@ RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Poi
   for (Index i = 0; i < count; ++i) ways.row(i) = way(nodes[i]);
   for (int k = 0; k < 3; ++k)
     ways.col(k) = solver.solveWithGuess(right.col(k), Eigen::VectorXd(ways.col(k)));
+  for (Index i = 0; i < count; ++i)
+    if (!is_sliding[nodes[i]])
+      result.positions.row(nodes[i]) = reference.row(nodes[i]) + ways.row(i);
   for (Index i = 0; i < std::ssize(sliding.nodes); ++i) {
     const Index n = sliding.nodes[i];
     if (unknown[n] < 0) continue;
-    const Eigen::RowVector2d slide = slides.row(i);
+    const Eigen::RowVector2d slide = sliding.slides.row(i);
     const SlidePlace place = sliding.at(i, slide.transpose());
     const Eigen::RowVector2d step = (ways.row(unknown[n]) - way(n)) * place.tangents;
-    if (sliding.is_within(i, (slide + step).transpose())) slides.row(i) += step;
+    if (!sliding.is_within(i, (slide + step).transpose())) continue;
+    result.slides.row(i) += step;
+    result.positions.row(n) = sliding.at(i, result.slides.row(i).transpose()).point;
   }
-  return slides;
+  return result;
 }
 
 }  // namespace cadmorph

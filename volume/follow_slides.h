@@ -7,16 +7,21 @@
 
 namespace cadmorph {
 
-/// Slides (a row for each of SlidingNodes::nodes) by which surface nodes follow what moves beside
-/// them: where a rib moves along a thin wall, the nodes on the wall's other side go with it.
+struct FollowingNodes {
+  RowMatrix slides;  ///< a row for each of SlidingNodes::nodes
+  Points positions;  ///< N x 3, an estimate of where all nodes then are, in the mesh's unit
+};
+
+/// The slides by which surface nodes follow what moves beside them: where a rib moves along a thin
+/// wall, the nodes on the wall's other side go with it.
 /// Displacements u from `reference` to `moved` (N x 3, in the mesh's unit) are given at `is_fixed`
 /// nodes (N), and found at the others near `cells`: those of least sum of |u_i - u_j|^2 / l_ij^2
 /// over the pairs of nodes of each cell, l_ij their distance in the reference (a graph's
 /// Laplacian), where nodes that slide are drawn back weakly to where they are. Of these
 /// displacements, the nodes that slide take what lies in their surfaces, and none that would leave
 /// its surface. Cost: a sparse solve for what is near the cells.
-RowMatrix follow_neighbours(const Mesh& mesh, const Points& reference, const Points& moved,
-                            const std::vector<char>& is_fixed, const SlidingNodes& sliding,
-                            const std::vector<Index>& cells);
+FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, const Points& moved,
+                                 const std::vector<char>& is_fixed, const SlidingNodes& sliding,
+                                 const std::vector<Index>& cells);
 
 }  // namespace cadmorph

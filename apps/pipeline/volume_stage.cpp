@@ -22,10 +22,13 @@ constexpr Index kFewCells = 10'000;
 // Surface nodes slide where that lifts the worst cell's quality by this factor.
 constexpr double kWorthSliding = 1.1;
 constexpr int kMostFirstRings = 4;
-// Nodes at rest follow what moves beside them where less than this share is kept, and that
-// makes more of it by this factor; all the way, or where they fold then, the second share of it.
+// Nodes at rest follow what moves beside them where less than this share is kept, by raising too,
+// and that makes more of it by this factor; all the way, or where they fold then, the second share.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
+// What follows is repaired where no more than so many times the cells are inverted that were without:
+// up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or took ten morphs.
+constexpr Index kMostInverted = 4;
 // Shapes of finite volumes are raised where their faces keep this share.
 constexpr double kForShapes = 0.99;
 
@@ -295,6 +298,8 @@ class Undo {
     result.quality = std::move(kept_.quality);
     result.surface = std::move(kept_.surface);
     result.surface_positions = std::move(kept_.surface_positions);
+    result.report.best_mesh = std::move(kept_.report.best_mesh);
+    result.report.followed_nodes = kept_.report.followed_nodes;
     sliding.move_to(std::move(slides_));
   }
 
@@ -303,10 +308,60 @@ class Undo {
   RowMatrix slides_;
 };
 
-// Slides by which nodes at rest follow what moves beside them.
-RowMatrix slides_to_follow(const BaseSide& base, const SlidingNodes& nodes,
-                           const MorphResult& result) {
+// Moves the volume anew with nodes at these slides, in as many steps as before, and repairs it
+// where it was repaired before, unless much more is inverted.
+void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
+                       PhaseClock& clock, MorphResult& result) {
+  const SlidingNodes& nodes = *sliding.nodes();
+  const std::vector<Index>& prescribed = base.volume->surface_nodes();
+  std::vector<Index> row_of(base.mesh().node_count(), -1);
+  for (Index row = 0; row < std::ssize(prescribed); ++row) row_of[prescribed[row]] = row;
+  for (Index i = 0; i < slides.rows(); ++i)
+    if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
+      result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
+  const Index inverted = result.report.untangling ? result.report.untangling->before : 0;
+  result.report.untangling.reset();
+  SteppingOptions how = stepping(base);
+  how.steps = result.report.stepping.steps;
+  step(base, result.surface_positions, how, clock, result, nullptr);
+  sliding.move_to(slides);
+  settle_slid_nodes(base, result);
+  if (result.validity.invalid <= kMostInverted * inverted) {
+    clock.start("untangling");
+    untangle_result(base, result);
+    slide_surface(base, sliding, result);
+  }
+  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+}
+
+bool has_lost_half(const BaseSide& base, const QualityReport& quality) {
+  return least_share(worst_cells(quality), worst_cells(base.quality)) < kKeptHalf;
+}
+
+// Whether `now` keeps so much more of the base's cells than `before` that following is worth it.
+bool is_worth_following(const BaseSide& base, const QualityReport& now,
+                        const QualityReport& before) {
+  const WorstCells had = worst_cells(base.quality);
+  return sum_of_shares(worst_cells(now), had) >
+         kWorthFollowing * sum_of_shares(worst_cells(before), had);
+}
+
+// The slides by which nodes at rest follow what moves beside them.
+struct WayToFollow {
+  RowMatrix start, steps;
+  Index nodes = 0;            // that slide
+  bool is_promising = false;  // by the estimate of where the volume's nodes then are
+};
+
+// None where the cells kept half, or nothing can follow. `result.quality`: of its positions.
+std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
+                                              const MorphResult& result) {
+  const bool can_follow = is_free(base) && base.options.quality != QualityMode::Fast &&
+                          base.options.can_repair && dimension(base.mesh()) == 3 &&
+                          !is_for_finite_volumes(base);
+  if (!can_follow || !has_lost_half(base, result.quality)) return std::nullopt;
   const Mesh& mesh = base.mesh();
+  const SlidingNodes& nodes = *sliding.nodes();
   std::vector<Index> suffering;
   for (Index c = 0; c < mesh.cell_count(); ++c)
     if (result.quality.values[c] < kKeptHalf * base.quality.values[c]) suffering.push_back(c);
@@ -320,69 +375,40 @@ RowMatrix slides_to_follow(const BaseSide& base, const SlidingNodes& nodes,
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
-  return follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
-}
-
-// Moves the volume anew with nodes at these slides, in as many steps as before, and repairs it
-// where it was repaired before.
-void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
-                       PhaseClock& clock, MorphResult& result) {
-  const SlidingNodes& nodes = *sliding.nodes();
-  const std::vector<Index>& prescribed = base.volume->surface_nodes();
-  std::vector<Index> row_of(base.mesh().node_count(), -1);
-  for (Index row = 0; row < std::ssize(prescribed); ++row) row_of[prescribed[row]] = row;
-  for (Index i = 0; i < slides.rows(); ++i)
-    if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
-      result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
-  const bool is_repaired = result.report.untangling.has_value();
-  result.report.untangling.reset();
-  SteppingOptions how = stepping(base);
-  how.steps = result.report.stepping.steps;
-  step(base, result.surface_positions, how, clock, result, nullptr);
-  sliding.move_to(slides);
-  settle_slid_nodes(base, result);
-  if (is_repaired) {
-    clock.start("untangling");
-    untangle_result(base, result);
-    slide_surface(base, sliding, result);
-  }
-  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+  const FollowingNodes found =
+      follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
+  WayToFollow way{.start = nodes.slides, .steps = found.slides - nodes.slides};
+  way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
+  if (way.nodes == 0) return std::nullopt;
+  const QualityReport estimate = measure_quality(mesh, found.positions, base.orientation);
+  way.is_promising = is_worth_following(base, estimate, result.quality);
+  return way;
 }
 
 // Where a rib or a boss moves along a thin wall, the cells of the wall shear: the face on its other
 // side, which stays as it is, has no reason to move. Its nodes follow then, but for the CAD's
 // vertices, if that keeps more of the cells' shape. `result.quality`: of its positions. Returns
-// whether that was tried.
-bool let_surface_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
-                        MorphResult& result) {
-  const bool is_wanted = is_free(base) && base.options.quality != QualityMode::Fast &&
-                         base.options.can_repair && dimension(base.mesh()) == 3 &&
-                         !is_for_finite_volumes(base);
-  if (!is_wanted) return false;
-  const WorstCells had = worst_cells(base.quality), now = worst_cells(result.quality);
-  if (least_share(now, had) >= kKeptHalf) return false;
+// whether they did.
+bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
+                        PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();
-  const RowMatrix start = nodes.slides, steps = slides_to_follow(base, nodes, result) - start;
-  const Index followed = (steps.rowwise().squaredNorm().array() > 0).count();
-  if (followed == 0) return false;
   for (const double share : kSharesToFollow) {
     Undo undo(sliding, result);
-    RowMatrix slides = start + share * steps;
+    RowMatrix slides = way.start + share * way.steps;
     for (Index i = 0; i < slides.rows(); ++i)
-      if (!nodes.is_within(i, slides.row(i).transpose())) slides.row(i) = start.row(i);
+      if (!nodes.is_within(i, slides.row(i).transpose())) slides.row(i) = way.start.row(i);
     morph_with_slides(base, sliding, slides, clock, result);
-    const bool is_better =
-        sum_of_shares(worst_cells(result.quality), had) > kWorthFollowing * sum_of_shares(now, had);
+    const bool is_better = is_worth_following(base, result.quality, undo.kept().quality);
     if (is_better && result.validity.invalid <= undo.kept().validity.invalid &&
         sliding.turned_facets(result.positions, sliding.slides()) <=
             sliding.turned_facets(undo.kept().positions, undo.slides())) {
-      result.report.followed_nodes = followed;
-      break;
+      result.report.followed_nodes = way.nodes;
+      return true;
     }
     undo.apply(sliding, result);
     if (!is_better) break;
   }
-  return true;
+  return false;
 }
 
 // Raises the cells that lost most against the mesh file's: their faces where `volumes` are given,
@@ -457,11 +483,34 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   if (!has_risen || sum_of_shares(faces, by_faces.base) <
                         kForShapes * sum_of_shares(by_faces.best, by_faces.base)) {
     undo.apply(sliding, result);
-    result.report.best_mesh = by_faces;
     return;
   }
   auto& attempts = result.report.best_mesh->attempts;
   attempts.insert(attempts.begin(), by_faces.attempts.begin(), by_faces.attempts.end());
+}
+
+// Raises the lost cells, after surface nodes at rest followed where that promises to keep more. Where
+// it does not, but raising leaves less than half, that is tried still, and the better one taken.
+void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+                     MorphResult& result) {
+  const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result);
+  const auto follow = [&] {
+    const bool has_followed = let_surface_follow(base, *way, sliding, clock, result);
+    clock.start("quality after");
+    return has_followed;
+  };
+  if (way && way->is_promising) follow();
+  if (!way || way->is_promising) return raise_lost_cells(base, sliding, result);
+  Undo morphed(sliding, result);
+  raise_lost_cells(base, sliding, result);
+  if (!has_lost_half(base, result.quality)) return;
+  Undo raised(sliding, result);
+  morphed.apply(sliding, result);
+  if (follow()) {
+    raise_lost_cells(base, sliding, result);
+    if (is_worth_following(base, result.quality, raised.kept().quality)) return;
+  }
+  raised.apply(sliding, result);
 }
 
 // Moves nodes near poor cells, the inner ones or those on CAD edges and faces, too. Returns whether
@@ -527,11 +576,7 @@ Points where_cad_puts_surface(const BaseSide& base, const MorphResult& result) {
   return surface;
 }
 
-void measure(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
-  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
-  if (!result.report.untangling && let_surface_follow(base, sliding, clock, result))
-    clock.start("quality after");
-  raise_lost_cells(base, sliding, result);
+void measure(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   improve_result(base, sliding, result);
   carry_loose_nodes(base.mesh(), base.boundary, where_cad_puts_surface(base, result),
                     result.positions);
@@ -591,13 +636,20 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
   PhaseClock clock(base.options.progress);
   morph_volume(base, clock, result, one_step);
   Sliding sliding(result);
-  if (result.report.untangling) {
+  const bool is_inverted = result.validity.invalid > base.validity.invalid;
+  if (is_inverted) {
     result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
-    let_surface_follow(base, sliding, clock, result);
+    if (const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result))
+      let_surface_follow(base, *way, sliding, clock, result);
   }
   if (slide_surface(base, sliding, result)) repair_from_one_step(base, sliding, clock, result);
   clock.start("quality after");
-  measure(base, sliding, clock, result);
+  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+  if (is_inverted)
+    raise_lost_cells(base, sliding, result);
+  else
+    raise_or_follow(base, sliding, clock, result);
+  measure(base, sliding, result);
   describe_surface(base, result);
   for (const PhaseTime& phase : clock.phases()) result.report.run.phases.push_back(phase);
 }

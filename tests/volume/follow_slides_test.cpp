@@ -53,9 +53,10 @@ struct Wall {
         cells.push_back(c);
     return cells;
   }
-  RowMatrix follow(const std::vector<Index>& cells) const {
+  FollowingNodes find(const std::vector<Index>& cells) const {
     return follow_neighbours(mesh, mesh.points, moved, is_fixed, lower, cells);
   }
+  RowMatrix follow(const std::vector<Index>& cells) const { return find(cells).slides; }
 };
 
 }  // namespace
@@ -69,6 +70,20 @@ TEST_CASE("Nodes that slide follow what moves across a thin wall", "[volume][fol
     CHECK(slides(i, 0) == Approx(0.2).epsilon(0.2));
     CHECK(slides(i, 1) == Approx(-0.1).epsilon(0.2));
   }
+}
+
+TEST_CASE("Where nodes follow, the estimate keeps the wall's cells upright", "[volume][follow]") {
+  const Eigen::RowVector3d way(0.2, -0.1, 0);
+  const Wall wall(way);
+  const Points at = wall.find(wall.middle()).positions;
+  Index inner = 0;
+  for (Index n = 0; n < at.rows(); ++n) {
+    const auto x = wall.mesh.points.row(n);
+    if ((x.head<2>().array() - 0.5).abs().maxCoeff() > 0.15) continue;
+    CHECK((at.row(n) - x - way).norm() < 0.2 * way.norm());
+    inner += !wall.is_fixed[n];
+  }
+  CHECK(inner > 0);
 }
 
 TEST_CASE("What moves out of the surface has nothing slide in it", "[volume][follow]") {
