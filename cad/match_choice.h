@@ -17,9 +17,12 @@ std::optional<TopologyMatch> match_by_position(const MatchSide& base, const Matc
 TopologyMatch to_match(const MatchSide& base, const ColourRefinement& colours);
 
 /// Sets match.alignment (see align) and match.cost, but for its names. Distances x, in diagonals of
-/// the variant, cost log2(1 + x / x0), x0 what may be rounding: a root mean square over entities of
-/// the deformation, the mean of what each costs of departures from the neighbours' motion.
+/// the variant, cost log2(1 + x / x0) + x / x1: a root mean square over entities of the
+/// deformation, the mean of what each costs of departures from the neighbours' motion.
 void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match);
+
+/// Whether a rated match deforms nothing, to the rounding of exchanged files.
+bool fits_exactly(const TopologyMatch& match);
 
 /// Whichever costs less; the other one is a runner-up, where it costs less than those known.
 std::optional<TopologyMatch> cheaper(std::optional<TopologyMatch> a,

@@ -22,8 +22,8 @@ namespace {
 
 // A name that stays with its face is worth eight times as good a fit.
 constexpr double kNameBits = 3;
-// Where exporters cut smooth curves, there is a corner: worth a fit four times as good.
-constexpr double kJointBits = 2;
+// Where exporters cut smooth curves, there is a corner: worth a fit twice as good.
+constexpr double kJointBits = 1;
 // Of the diagonal, and radians: off a plane.
 constexpr double kInPlane = 1e-6;
 // Confidence of a pair of a flat and a round face below which it is none: another face is less than
@@ -142,7 +142,7 @@ std::optional<TopologyMatch> best_match(const MatchSide& base, const MatchSide& 
   for (const auto& [b, v] : named) by_name.individualise(b, v);
   std::optional<TopologyMatch> match;
   if (!named.empty() && by_name.refine()) match = decide(base, variant, by_name, "names");
-  if (match && match->cost.deformation < 1) return match;
+  if (match && fits_exactly(*match)) return match;
   auto other = decide(base, variant, colours, how);
   if (other) {
     const auto renamed = std::ranges::count_if(

@@ -26,8 +26,9 @@ constexpr int kMostFirstRings = 4;
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
-// What follows is repaired where no more than so many times the cells are inverted that were without:
-// up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or took ten morphs.
+// What follows is repaired where no more than so many times the cells are inverted that were
+// without: up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or took
+// ten morphs.
 constexpr Index kMostInverted = 4;
 // Shapes of finite volumes are raised where their faces keep this share.
 constexpr double kForShapes = 0.99;
@@ -489,8 +490,9 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   attempts.insert(attempts.begin(), by_faces.attempts.begin(), by_faces.attempts.end());
 }
 
-// Raises the lost cells, after surface nodes at rest followed where that promises to keep more. Where
-// it does not, but raising leaves less than half, that is tried still, and the better one taken.
+// Raises the lost cells, after surface nodes at rest followed where that promises to keep more.
+// Where it does not, but raising leaves less than half, that is tried still, and the better one
+// taken.
 void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
                      MorphResult& result) {
   const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result);

@@ -490,6 +490,7 @@ std::string match_text(const CadModel& base, const CadModel& variant, const Topo
 std::vector<std::pair<std::string, double>> cost_terms(const MatchCost& cost) {
   return {{"deformation", cost.deformation},
           {"neighbours", cost.neighbours},
+          {"lengths", cost.lengths},
           {"parameters", cost.parameters},
           {"turn", cost.turn},
           {"order", cost.order},

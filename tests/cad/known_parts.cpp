@@ -412,6 +412,22 @@ NamedShape blade(const Sizes& s) {
   return made("blade", loft.Shape());
 }
 
+// From a wide inlet to a square outlet beside it.
+NamedShape duct(const Sizes& s) {
+  BRepOffsetAPI_ThruSections loft(true, false, 1e-6);
+  for (const double t : {0.0, 0.3, 0.7, 1.0}) {
+    const double share = t * t * (3 - 2 * t), y = share * s("offset"), z = t * s("length");
+    const double width = 0.5 * ((1 - share) * s("width") + share * s("outlet")),
+                 height = 0.5 * ((1 - share) * s("height") + share * s("outlet"));
+    loft.AddWire(BRepBuilderAPI_MakePolygon(
+                     gp_Pnt(-width, y - height, z), gp_Pnt(width, y - height, z),
+                     gp_Pnt(width, y + height, z), gp_Pnt(-width, y + height, z), true)
+                     .Wire());
+  }
+  loft.Build();
+  return made("duct", loft.Shape());
+}
+
 NamedShape gear(const Sizes& s, int teeth) {
   Outline outline;
   for (int i = 0; i < teeth; ++i)
@@ -698,6 +714,9 @@ std::vector<KnownPart> make_parts() {
       {"two_tees", pipe, [](const Sizes& s) { return tee(s, 2); }},
       {"elbow", {{"bend", 40}, {"radius", 10}, {"wall", 2}, {"angle", 1.4}, {"seam", 0}}, elbow},
       {"swept", {{"length", 60}, {"bow", 20}, {"width", 12}, {"depth", 8}}, swept},
+      {"duct",
+       {{"width", 60}, {"height", 30}, {"outlet", 36}, {"offset", 25}, {"length", 120}},
+       duct},
       {"blade",
        {{"chord", 30},
         {"span", 60},

@@ -453,7 +453,8 @@ TEST_CASE("a round feature in place of a flat one is refused", "[cad][match][err
   };
   // With three walls each: a prism's, or a quarter of a cylinder's.
   const auto punched = [](const std::vector<Hole>& holes) {
-    TopoDS_Shape plate = BRepPrimAPI_MakeBox(60, 60, 10).Solid();
+    // No square: turned by a quarter, the holes would be in their places.
+    TopoDS_Shape plate = BRepPrimAPI_MakeBox(75, 60, 10).Solid();
     for (const auto& [corner, is_round] : holes) {
       const gp_Pnt at(corner.x(), corner.y(), -1);
       const TopoDS_Face floor =
