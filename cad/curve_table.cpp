@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 namespace cadmorph {
 namespace {
@@ -10,20 +11,24 @@ namespace {
 // Chords of an edge, each passed in proportion to its parameters: a circle is 0.01 % short, and
 // alike all round.
 constexpr int kSamplesPerLink = 128;
+// Of the length: the gap where two edges meet is no chord, and has any direction.
+constexpr double kGap = 1e-6;
 
 double angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-// The angle that chords between the points turn through, up to each point.
-std::vector<double> turned(const std::vector<Eigen::Vector3d>& points) {
+// The angle that chords between the points turn through, up to each point; those up to `gap` are
+// none.
+std::vector<double> turned(const std::vector<Eigen::Vector3d>& points, double gap) {
   std::vector<double> result(points.size(), 0);
-  Eigen::Vector3d before = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> before;
   for (std::size_t i = 1; i < points.size(); ++i) {
     const Eigen::Vector3d chord = points[i] - points[i - 1];
-    const bool is_chord = chord.norm() > 0;
-    result[i] = result[i - 1] + (is_chord ? angle(before, chord) : 0);
-    if (is_chord) before = chord;
+    result[i] = result[i - 1];
+    if (chord.norm() <= gap) continue;
+    if (before) result[i] += angle(*before, chord);
+    before = chord;
   }
   return result;
 }
@@ -44,7 +49,7 @@ CurveTable::CurveTable(const CadModel& model, CurveId curve)
       point_.push_back(p);
     }
   }
-  shape_ = turned(point_);
+  shape_ = turned(point_, kGap * length());
   for (std::size_t i = 0; i < shape_.size(); ++i)
     shape_[i] = shape_[i] / (2 * std::numbers::pi) + arc_[i] / length();
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 #include "apps/pipeline/nearest_face.h"
@@ -13,6 +14,7 @@ namespace cadmorph {
 namespace {
 
 constexpr double kWrongPairs = 0.05;  // of all cells: more than a large change inverts as a rule
+constexpr double kHardlyMore = 3;     // bits: a match that costs no more may be the right one
 
 std::vector<Index> sorted_union(const std::vector<Index>& a, const std::vector<Index>& b) {
   std::vector<Index> result;
@@ -86,17 +88,29 @@ Index held_among(const std::vector<Index>& inverted, const BaseSide& base, const
   });
 }
 
-std::vector<std::string> advice(const PipelineOptions& options, const PipelineReport& figures) {
+// What the cost of another match is above that of the one taken, in bits.
+double lead_of(const TopologyMatch& match) {
+  return match.runner_up ? match.runner_up->cost.sum() - match.cost.sum()
+                         : std::numeric_limits<double>::infinity();
+}
+
+std::vector<std::string> advice(const MorphResult& result) {
+  const PipelineOptions& options = result.base->options;
+  const PipelineReport& figures = result.report;
   std::vector<std::string> lines;
   const Diagnosis& found = *figures.diagnosis;
   const bool is_inverted = figures.outcome == Outcome::Inverted;
   const Index made = found.bad_cells - found.bad_in_base;
-  if (is_inverted &&
-      static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.mesh.cells))
-    lines.push_back(
-        "look at the pairs of faces ('cadmorph match'): so many cells invert where faces are "
-        "paired wrongly (set pairs by " +
-        words_for(Remedy::FaceMap) + "), or the variant is a mirror image");
+  const bool are_many =
+      static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.mesh.cells);
+  const bool is_unclear = made > 0 && lead_of(result.match) < kHardlyMore;
+  if (is_inverted && (are_many || is_unclear))
+    lines.push_back("look at the pairs of faces ('cadmorph match --explain'): " +
+                    std::string(is_unclear
+                                    ? "others fit hardly worse"
+                                    : "so many cells invert where faces are paired wrongly") +
+                    " (set pairs by " + words_for(Remedy::FaceMap) +
+                    (are_many ? "), or the variant is a mirror image" : ")"));
   if (found.misordered > 0)
     lines.push_back(
         "put the nodes of cells in the order of their type where the mesh comes from: " +
@@ -182,7 +196,7 @@ void judge(MorphResult& result) {
   figures.diagnosis->worst_name = cell_name(base.mesh(), figures.diagnosis->worst_cell);
   figures.diagnosis->location =
       centre_of(base.mesh().cell(figures.diagnosis->worst_cell), result.positions);
-  figures.diagnosis->advice = advice(base.options, figures);
+  figures.diagnosis->advice = advice(result);
 }
 
 }  // namespace cadmorph

@@ -52,6 +52,27 @@ TEST_CASE("fractions and locations are inverse", "[cad][curve]") {
   }
 }
 
+TEST_CASE("the shape of a curve is measured alike wherever it points", "[cad][curve]") {
+  for (const std::string name : {"blade", "cylinder", "plate_4_holes"}) {
+    const TopoDS_Shape shape = read_shape(model_file("shapes/" + name + ".step"));
+    const CadModel part = to_model(shape);
+    for (int turn = 0; turn < 16; ++turn) {  // also chords of negative components alone
+      gp_Trsf motion;
+      motion.SetRotation(gp_Ax1({}, gp_Dir(1, turn % 3 - 1, turn % 5 - 2)), 0.4 * turn);
+      const CadModel turned = to_model(transformed(shape, motion));
+      INFO(name << ", turn " << turn);
+      for (const CurveId c : part.skeleton().curves.ids()) {
+        const CurveTable before(part, c), after(turned, c);
+        for (const double fraction : {0.013, 0.25, 0.5001, 0.77, 0.99}) {
+          const CurveLocation at = before.locate(fraction);
+          CHECK(std::abs(before.fraction(at, CurveMeasure::Shape) -
+                         after.fraction(at, CurveMeasure::Shape)) < 1e-6);
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("open curves clamp at their ends, which are their corners", "[cad][curve]") {
   const CadModel box = model("box");
   for (const CurveId c : box.skeleton().curves.ids()) {

@@ -621,16 +621,6 @@ const std::vector<KnownPair>& known_pairs() {
       {"swept", "move 25", ""},
       {"swept", "turn 2.5", ""},
 
-      {"duct", "", "order planes edges"},
-      {"duct", "", "nurbs"},
-      {"duct", "width 1.3", "order"},
-      {"duct", "offset 1.5 length 0.8", "step"},
-      {"duct", "turn 2.5", "order edges"},
-      {"duct", "width 1.1 turn 3.1", ""},
-      {"duct", "height 1.1 length 1.2 turn 2.5", "order"},
-      {"duct", "outlet 1.15 turn 3.1415927", ""},
-      {"duct", "width 0.9 outlet 1.2 offset 1.2 turn 2.9 move 80", "order planes"},
-
       {"blade", "", "order planes edges"},
       {"blade", "", "order surfaces"},
       {"blade", "", "splits"},
@@ -828,12 +818,6 @@ const std::vector<KnownPair>& known_pairs() {
       {"dumbbell", "scale 0.6", "order edges"},
       {"dumbbell", "turn 0.3", ""},
 
-      {"link", "bar 0.7 turn 2.5", "order edges"},
-      {"link", "wall 1.3 turn 2.5", "order planes edges surfaces"},
-      {"link", "height 1.4 turn 2.5", "step"},
-      {"link", "small 1.3 turn 2.5", "order planes"},
-      {"bracket", "leg 1.3 turn 2.5", ""},
-      {"flange3", "shift +3 turn 2.5", "order"},
       {"link", "", "order planes edges"},
       {"link", "", "order surfaces"},
       {"link", "", "splits"},
@@ -1040,6 +1024,22 @@ const std::vector<KnownPair>& known_pairs() {
       {"cube", "length 1.3 width 1.1 height 0.8", "order planes edges surfaces"},
       {"cube", "turn 0.3 length 1.2", "order edges"},
       {"cube", "move 18 height 1.4", "order surfaces step"},
+
+      {"duct", "", "order planes edges"},
+      {"duct", "", "nurbs"},
+      {"duct", "width 1.3", "order"},
+      {"duct", "offset 1.5 length 0.8", "step"},
+      {"duct", "turn 2.5", "order edges"},
+      {"duct", "width 1.1 turn 3.1", ""},
+      {"duct", "height 1.1 length 1.2 turn 2.5", "order"},
+      {"duct", "outlet 1.15 turn 3.1415927", ""},
+      {"duct", "width 0.9 outlet 1.2 offset 1.2 turn 2.9 move 80", "order planes"},
+      {"link", "bar 0.7 turn 2.5", "order edges"},
+      {"link", "wall 1.3 turn 2.5", "order planes edges surfaces"},
+      {"link", "height 1.4 turn 2.5", "step"},
+      {"link", "small 1.3 turn 2.5", "order planes"},
+      {"bracket", "leg 1.3 turn 2.5", ""},
+      {"flange3", "shift +3 turn 2.5", "order"},
   };
   // clang-format on
   return rows;
