@@ -43,8 +43,9 @@ constexpr double kStretch = 0.02;
 // by accident.
 constexpr double kParameterBits = 4;
 // A program writes what it wrote before in the same order, where that order is no accident: that
-// has fewer bits than these.
-constexpr double kOrder = 3, kOrderBits = 20;
+// has fewer bits than the second. With 2 bits holes jump over others: kernels write a pattern's
+// holes by where they lie, which may still fit the adjacency.
+constexpr double kOrder = 1, kOrderBits = 20;
 constexpr double kStill = 0.5;       // of the fitted distance: standing still fits clearly better
 constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are equally near
 constexpr double kRests = 1e-6;      // of the diagonal, by which an entity at rest may be off
