@@ -22,9 +22,8 @@ namespace {
 
 // A name that stays with its face is worth eight times as good a fit.
 constexpr double kNameBits = 3;
-// Where exporters cut smooth curves, there is a corner: worth a fit four times as good. Where a
-// surface of revolution begins there hardly is one.
-constexpr double kJointBits = 2, kSeamBits = 1;
+// Where exporters cut smooth curves, there is a corner: worth a fit twice as good.
+constexpr double kJointBits = 1;
 // Of the diagonal, and radians: off a plane.
 constexpr double kInPlane = 1e-6;
 // Confidence of a pair of a flat and a round face below which it is none: another face is less than
@@ -230,6 +229,8 @@ std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& va
   if (joined) {
     joined->joins_edges = true;
     joined->cost.joints = kJointBits;
+    // There are fewer edges whose parameters may be others.
+    if (cut) joined->cost.parameters = std::max(joined->cost.parameters, cut->cost.parameters);
     if (stays(*joined) && !(cut && stays(*cut))) return joined;
   }
   return cheaper(std::move(cut), std::move(joined));
@@ -244,7 +245,7 @@ std::optional<MatchedModels> match_across_seams(const CadModel& base, const CadM
   if (!b || !v) return std::nullopt;
   auto merged = find_match(*b, *v, {});
   if (!merged) return std::nullopt;
-  merged->cost.joints += kSeamBits;
+  merged->cost.joints += kJointBits;
   if (cut && !stays(*merged) && merged->cost.sum() >= cut->cost.sum()) return std::nullopt;
   return MatchedModels{*b, *v, std::move(*merged)};
 }
