@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -217,6 +218,16 @@ std::optional<TopologyMatch> match_skeletons(const CadModel& base, const CadMode
   return best;
 }
 
+// A match without joints: what that costs, also its runner-up.
+void add_cost_of_joining(TopologyMatch& joined, double parameters) {
+  const auto add = [&](MatchCost& cost) {
+    cost.joints += kJointBits;
+    cost.parameters = std::max(cost.parameters, parameters);
+  };
+  add(joined.cost);
+  if (joined.runner_up) add(joined.runner_up->cost);
+}
+
 // Joints of smooth curves are corners while that makes sense. One exporter cuts a circle at its
 // seam, another at the old seam and at its own: then joints can't be matched, or move where nothing
 // else does. What is the same shape does not move, whatever its joints and parameters say.
@@ -228,9 +239,8 @@ std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& va
   auto joined = match_skeletons(joined_base, variant.with_joined_edges(), options);
   if (joined) {
     joined->joins_edges = true;
-    joined->cost.joints = kJointBits;
     // There are fewer edges whose parameters may be others.
-    if (cut) joined->cost.parameters = std::max(joined->cost.parameters, cut->cost.parameters);
+    add_cost_of_joining(*joined, cut ? cut->cost.parameters : 0);
     if (stays(*joined) && !(cut && stays(*cut))) return joined;
   }
   return cheaper(std::move(cut), std::move(joined));
@@ -245,12 +255,17 @@ std::optional<MatchedModels> match_across_seams(const CadModel& base, const CadM
   if (!b || !v) return std::nullopt;
   auto merged = find_match(*b, *v, {});
   if (!merged) return std::nullopt;
-  merged->cost.joints += kJointBits;
+  add_cost_of_joining(*merged, 0);
   if (cut && !stays(*merged) && merged->cost.sum() >= cut->cost.sum()) return std::nullopt;
   return MatchedModels{*b, *v, std::move(*merged)};
 }
 
 }  // namespace
+
+double lead(const TopologyMatch& match) {
+  return match.runner_up ? match.runner_up->cost.sum() - match.cost.sum()
+                         : std::numeric_limits<double>::infinity();
+}
 
 TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
                              const MatchOptions& options) {

@@ -61,6 +61,9 @@ struct TopologyMatch {
   std::optional<ConsideredMatch> runner_up;  ///< the one of least cost among those not taken
 };
 
+/// What the runner-up costs more than the match taken, in bits; infinity without one.
+double lead(const TopologyMatch& match);
+
 struct MatchOptions {
   /// Pairs given by the user: 1-based face numbers, base -> variant ("faces.csv": base,variant).
   std::vector<std::pair<int, int>> given_faces;

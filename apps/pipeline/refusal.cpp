@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <sstream>
 
 #include "apps/pipeline/nearest_face.h"
@@ -88,12 +87,6 @@ Index held_among(const std::vector<Index>& inverted, const BaseSide& base, const
   });
 }
 
-// What the cost of another match is above that of the one taken, in bits.
-double lead_of(const TopologyMatch& match) {
-  return match.runner_up ? match.runner_up->cost.sum() - match.cost.sum()
-                         : std::numeric_limits<double>::infinity();
-}
-
 std::vector<std::string> advice(const MorphResult& result) {
   const PipelineOptions& options = result.base->options;
   const PipelineReport& figures = result.report;
@@ -103,7 +96,7 @@ std::vector<std::string> advice(const MorphResult& result) {
   const Index made = found.bad_cells - found.bad_in_base;
   const bool are_many =
       static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.mesh.cells);
-  const bool is_unclear = made > 0 && lead_of(result.match) < kHardlyMore;
+  const bool is_unclear = made > 0 && lead(result.match) < kHardlyMore;
   if (is_inverted && (are_many || is_unclear))
     lines.push_back("look at the pairs of faces ('cadmorph match'): " +
                     std::string(is_unclear

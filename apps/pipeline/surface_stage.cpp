@@ -4,6 +4,8 @@
 #include <sstream>
 #include <utility>
 
+#include "core/remedies.h"
+
 namespace cadmorph {
 namespace {
 
@@ -30,6 +32,21 @@ void warn_of_merge(const CadModel& model, PipelineReport& figures) {
       "elsewhere");
 }
 
+// A match that costs as much may be the right one, though cells need not invert where it is.
+void warn_of_unclear_match(const CadModel& base, const CadModel& variant,
+                           const TopologyMatch& match, PipelineReport& figures) {
+  constexpr double kUnclear = 1;  // bit
+  if (lead(match) >= kUnclear) return;
+  std::ostringstream text;
+  text.precision(3);
+  text << "the faces of " << variant.file_name() << " are paired with those of " << base.file_name()
+       << " in one of two ways that fit alike (" << match.cost.sum() << " against "
+       << match.runner_up->cost.sum()
+       << " bits speak against them): look at the pairs ('cadmorph match'), set them by "
+       << words_for(Remedy::FaceMap) << " where they are wrong";
+  figures.run.warnings.push_back(text.str());
+}
+
 }  // namespace
 
 MorphResult begin_result(std::shared_ptr<const BaseSide> base, const CadModel& variant,
@@ -41,6 +58,7 @@ MorphResult begin_result(std::shared_ptr<const BaseSide> base, const CadModel& v
   check_unit(*base->cad, variant, figures);
   warn_of_merge(*base->cad, figures);
   warn_of_merge(variant, figures);
+  warn_of_unclear_match(*base->cad, variant, match, figures);
   figures.cad.matched_by = match.how;
   figures.cad.alignment = match.alignment;
   if (!match.face_confidence.empty())

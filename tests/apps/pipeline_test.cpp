@@ -4,6 +4,7 @@
 #include <set>
 
 #include "apps/pipeline/morph_files.h"
+#include "apps/pipeline/surface_stage.h"
 #include "cad/step_reader.h"
 #include "command_line.h"
 #include "core/mesh_file.h"
@@ -49,6 +50,22 @@ TEST_CASE("A variant that names another unit for the same numbers is remarked on
   CHECK(warnings("box_moved.step").empty());
   REQUIRE(warnings("metres.step").size() == 1);
   CHECK(warnings("metres.step")[0].find("names the wrong unit") != std::string::npos);
+}
+
+TEST_CASE("A match that fits hardly better than another one is remarked on", "[apps][pipeline]") {
+  const Workplace place;
+  const MorphJob job = box_job(place);
+  const std::shared_ptr<const BaseSide> base(std::shared_ptr<void>(), &job.base());
+  const CadModel variant = read_step(place.folder() / "box_moved.step");
+  TopologyMatch match = match_topology(*base->cad, variant);
+  const auto warnings = [&](double ahead) {
+    match.runner_up = ConsideredMatch{.how = "turned", .cost = match.cost};
+    match.runner_up->cost.turn += ahead;
+    return begin_result(base, variant, match).report.run.warnings;
+  };
+  REQUIRE(warnings(0.9).size() == 1);
+  CHECK_THAT(warnings(0.9)[0], Catch::Matchers::Contains("in one of two ways that fit alike"));
+  CHECK(warnings(1.1).empty());
 }
 
 TEST_CASE("Variants morphed together are to the last bit as if alone", "[apps][pipeline]") {
