@@ -37,9 +37,10 @@ constexpr double kKeptLittle = 0.75, kKeptEnough = 0.9;
 // differs by, below a change that costs quality.
 constexpr double kAffine = 1e-4;
 // Worst cells whose nodes move: at most this share of all, while their neighbours are no more than
-// that share; in a first attempt where little was lost, which mostly does, than the last one.
+// that share; than the second one where little was lost, at first, which mostly does, and while so
+// much is kept.
 constexpr double kMostSeeds = 0.05;
-constexpr double kMostNeighbours = 0.4, kMostNeighboursFirst = 0.1;
+constexpr double kMostNeighbours = 0.4, kMostNeighboursNear = 0.1, kNearlyKept = 0.96;
 // A cell that kept this share of its scaled Jacobian is left alone.
 constexpr double kKept = 0.99;
 // The work ends after so many passes over the mesh, and on small meshes evaluations of cells; where
@@ -443,7 +444,8 @@ class BestMesh {
 
   Patch patch(bool is_first) {
     std::vector<char> has_node(mesh_.node_count(), 0), has_cell(mesh_.cell_count(), 0);
-    const double share = is_first && !lost_much_ ? kMostNeighboursFirst : kMostNeighbours;
+    const bool is_near = !lost_much_ && (is_first || kept() >= kNearlyKept);
+    const double share = is_near ? kMostNeighboursNear : kMostNeighbours;
     const double most = share * double(result_.quality.cells);
     Patch result;
     Index cells = 0;
