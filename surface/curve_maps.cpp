@@ -20,9 +20,8 @@ using Eigen::Vector3d;
 constexpr std::array kAllStarts{Start::Parameters, Start::InPlace, Start::WithPart,
                                 Start::Predicted};
 // Bits. Other starts take the parameters for moved, once for all that a seam links, which is worth
-// four times as little turn; curves that are the same need none. In place explains more than with
-// the part, and that more than the prediction.
-constexpr double kInPlaceBits = 2, kWithPartBits = 2.5, kAsAroundBits = 3;
+// four times as little turn; curves that are the same need none. The prediction explains less.
+constexpr double kMovedSeamBits = 2, kAsAroundBits = 3;
 constexpr double kTie = 1e-3;  // bits
 
 bool runs_through(const CadModel& model, CurveId curve, VertexId vertex) {
@@ -99,11 +98,11 @@ double moved_seam(Start start, const std::vector<CurveId>& linked, const CurveMa
     case Start::Parameters:
       return 0;
     case Start::InPlace:
-      return kInPlaceBits;
+      return kMovedSeamBits;
     case Start::WithPart:
       return std::ranges::all_of(linked, [&](CurveId c) { return maps[c].is_same(); })
                  ? 0
-                 : kWithPartBits;
+                 : kMovedSeamBits;
     case Start::Predicted:
       break;
   }
