@@ -25,7 +25,7 @@ IdVector<VertexId, std::vector<EdgeEnd>> edge_ends(const CadModel& model) {
   return ends;
 }
 
-// Vertices where a seam ends: only there do exporters cut a curve for no reason of the design.
+// Vertices where a seam ends: there exporters cut a curve for no reason of the design.
 IdVector<VertexId, char> seam_vertices(const CadModel& model) {
   IdVector<VertexId, char> is_seam_end(model.vertices().size(), 0);
   for (const CadEdge& edge : model.edges())
@@ -49,9 +49,19 @@ Eigen::Vector3d inward_tangent(const CadModel& model, const EdgeEnd& end) {
   return (end.is_start ? 1.0 : -1.0) * d.normalized();
 }
 
+// Where two surfaces meet: these say where the curve runs, its ends lie where a kernel began to
+// trace it. Between plane faces it was drawn, joints and all.
+bool is_traced(const CadModel& model, EdgeId edge) {
+  const std::vector<FaceId> faces = adjacent_faces(model, edge);
+  return model.edges()[edge].is_free_form && faces.size() > 1 &&
+         std::ranges::any_of(
+             faces, [&](FaceId face) { return model.faces()[face].type != SurfaceType::Plane; });
+}
+
 bool is_corner(const CadModel& model, const std::vector<EdgeEnd>& ends, bool may_join) {
   if (ends.empty()) return false;
   if (ends.size() != 2) return true;
+  may_join |= is_traced(model, ends[0].edge) && is_traced(model, ends[1].edge);
   if (!may_join && ends[0].edge != ends[1].edge) return true;
   if (adjacent_faces(model, ends[0].edge) != adjacent_faces(model, ends[1].edge)) return true;
   return inward_tangent(model, ends[0]).dot(inward_tangent(model, ends[1])) > -kSmoothCosine;

@@ -6,7 +6,8 @@ namespace cadmorph {
 
 /// Which edges that meet smoothly between the same faces are one curve.
 enum class JoinEdges {
-  AtSeams,      ///< where a seam ends: a re-export cuts curves where its seam happens to lie
+  AtSeams,      ///< where a seam ends, which a re-export puts anywhere, and of intersections of
+                ///< surfaces
   WhereSmooth,  ///< wherever just two of them meet
 };
 
