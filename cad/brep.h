@@ -31,6 +31,7 @@ struct CadEdge {
   bool is_degenerate;  ///< a point: a pole or an apex
   bool is_seam;        ///< closes the parametrisation of its only face
   bool is_free_form;   ///< neither a line nor a conic: t is neither a length nor an angle
+  bool is_rational;    ///< a free form that may be a conic, as exporters of B-splines write it
   std::vector<CoedgeId> coedges;  ///< its uses in faces
   bool is_physical() const { return !is_degenerate && !is_seam; }
 };

@@ -101,7 +101,11 @@ class ModelBuilder {
     if (!e.is_degenerate) {
       e.first = first;
       e.last = last;
-      e.is_free_form = GeomAdaptor_Curve(curve).GetType() > GeomAbs_Parabola;
+      const GeomAdaptor_Curve shape(curve);
+      e.is_free_form = shape.GetType() > GeomAbs_Parabola;
+      e.is_rational =
+          (shape.GetType() == GeomAbs_BSplineCurve || shape.GetType() == GeomAbs_BezierCurve) &&
+          shape.IsRational();
       e.length = length(curve, first, last);
     }
     model_.edges.push_back(e);

@@ -53,7 +53,8 @@ Eigen::Vector3d inward_tangent(const CadModel& model, const EdgeEnd& end) {
 // trace it. Between plane faces it was drawn, joints and all.
 bool is_traced(const CadModel& model, EdgeId edge) {
   const std::vector<FaceId> faces = adjacent_faces(model, edge);
-  return model.edges()[edge].is_free_form && faces.size() > 1 &&
+  const CadEdge& curve = model.edges()[edge];
+  return curve.is_free_form && !curve.is_rational && faces.size() > 1 &&
          std::ranges::any_of(
              faces, [&](FaceId face) { return model.faces()[face].type != SurfaceType::Plane; });
 }

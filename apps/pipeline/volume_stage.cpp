@@ -423,13 +423,11 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   BestMeshOptions how;
   how.volumes = volumes;
   hold_nodes(base, result, how);
-  // Faces of finite volumes that are raised keep them by themselves.
-  if (!how.volumes)
-    for (const Index node :
-         nodes_of_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points)) {
-      is_fixed[node] = 1;
-      how.held.push_back(node);
-    }
+  for (const Index node :
+       nodes_of_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points)) {
+    is_fixed[node] = 1;
+    how.held.push_back(node);
+  }
   how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
   how.validity = &result.validity;
   how.sliding = [&] { return sliding.nodes(); };

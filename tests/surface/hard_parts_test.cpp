@@ -156,6 +156,27 @@ TopoDS_Shape blade(int start, double thickness) {
   return loft.Shape();
 }
 
+// A bent loft that tapers, with a hole across its middle, whose rims begin where a kernel began to
+// trace them.
+TopoDS_Shape stem(double length) {
+  constexpr int kPoints = 24;
+  BRepOffsetAPI_ThruSections loft(true);
+  for (const double part : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    const Handle(TColgp_HArray1OfPnt) points = new TColgp_HArray1OfPnt(1, kPoints);
+    for (int i = 0; i < kPoints; ++i) {
+      const double angle = 2 * pi * i / kPoints;
+      points->SetValue(i + 1, {14 * part * part + 12 * (1 - 0.5 * part) * std::cos(angle),
+                               9 * (1 - 0.3 * part) * std::sin(angle), part * length});
+    }
+    GeomAPI_Interpolate section(points, true, 1e-9);
+    section.Perform();
+    const TopoDS_Edge edge = BRepBuilderAPI_MakeEdge(section.Curve());
+    loft.AddWire(BRepBuilderAPI_MakeWire(edge));
+  }
+  const gp_Ax2 across(gp_Pnt(4, -30, 0.55 * length), gp::DY());
+  return BRepAlgoAPI_Cut(loft.Shape(), BRepPrimAPI_MakeCylinder(across, 3, 60).Shape());
+}
+
 }  // namespace
 
 TEST_CASE("facets are given to the face they came from", "[surface][association]") {
@@ -437,6 +458,31 @@ TEST_CASE("a blade keeps its leading edge where what cuts it moves along it", "[
     CHECK((result.positions.row(i) - before.row(i)).norm() < 0.35);
   }
   CHECK(at_nose > 6);
+}
+
+TEST_CASE("rims of a hole across a free form do not turn, wherever they begin", "[surface][seam]") {
+  constexpr double kBefore = 80;
+  const CadModel base = to_model(stem(kBefore));
+  const auto is_traced = [](const CadEdge& edge) { return edge.is_free_form && !edge.is_seam; };
+  REQUIRE(std::ranges::count_if(base.edges(), is_traced) == 6);  // two rims in two pieces each
+  CHECK(base.skeleton().corners.empty());
+  const MorphCase c = mesh_case(base, triangulate(stem(kBefore), 0.2));
+  for (const double length : {72.0, 84.0, 88.0, 92.0, 100.0}) {
+    const SurfaceMorphResult result = morph_surface(c, to_model(stem(length)));
+    double most = 0;
+    Index nodes = 0;
+    for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+      const Vector3d from = c.mesh.points.row(c.boundary.nodes[i]), to = result.positions.row(i);
+      const Eigen::Vector2d before(from.x() - 4, from.z() - 0.55 * kBefore),
+          after(to.x() - 4, to.z() - 0.55 * length);
+      if (std::abs(before.norm() - 3) > 1e-3) continue;
+      ++nodes;
+      most = std::max(most, std::acos(before.normalized().dot(after.normalized())));
+    }
+    CAPTURE(length, nodes);
+    CHECK(nodes > 30);
+    CHECK(most < 0.02);
+  }
 }
 
 TEST_CASE("a ball with one hole is not spun about it", "[surface][seam]") {
