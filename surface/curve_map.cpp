@@ -124,6 +124,8 @@ CurveMap::CurveMap(const ModelPair& pair, CurveId base_curve)
   }
   const Points moved = pair.prediction(at);
   for (int i = 0; i < kProbes; ++i) predicted_.push_back(moved.row(i));
+  rests_ = rests(at);
+  if (rests_) alignment_ = {};
   way_ = choose();
   pair_ = nullptr;
 }
@@ -368,6 +370,26 @@ bool CurveMap::is_same_under(const Similarity& motion) const {
   return std::all_of(probes_.begin(), probes_.end(), [&](const CurveLocation& l) {
     return variant_.nearest(motion(base_.model().evaluate_edge(l.edge, l.t).point)).distance <
            tolerance;
+  });
+}
+
+// Whether the curve lies where it lay, though the alignment of all that moves would carry it off: a
+// rim far from a small body. Without corners it may turn in itself, unless it would hardly do so.
+bool CurveMap::rests(const Points& at) const {
+  if (is_same_under(alignment_) || !is_same_under({})) return false;
+  if (!base_curve_->is_closed()) {
+    const auto stays = [&](CornerId corner) {
+      const auto point = [](const CadModel& model, CornerId c) {
+        return model.vertices()[model.skeleton().corners[c]].point;
+      };
+      return (point(pair_->base, corner) - point(pair_->variant, pair_->match.corners[corner]))
+                 .norm() < kDifferent * variant_.model().diagonal();
+    };
+    return stays(base_curve_->start) && stays(base_curve_->end);
+  }
+  return std::ranges::all_of(at.rowwise(), [&](const auto& point) {
+    const Vector3d x = point;
+    return (alignment_(x) - x).norm() < kNear * base_.length();
   });
 }
 
@@ -630,7 +652,8 @@ CurveMap::Way CurveMap::choose() {
   const Way nearest{Mode::Nearest, way.is_reversed, 0, 0};
   const double different =
       (pair_->match.is_congruent ? kRounding : kDifferent) * variant_.model().diagonal();
-  const bool is_better = deviation(nearest, predicted_) + different < deviation(way, predicted_);
+  const bool is_better =
+      rests_ || deviation(nearest, predicted_) + different < deviation(way, predicted_);
   return is_better ? nearest : way;
 }
 

@@ -116,6 +116,7 @@ class CurveMap {
   bool runs_backward() const;
   std::optional<bool> runs_backward_by_faces() const;
   bool is_same_under(const Similarity& motion) const;
+  bool rests(const Points& at) const;
 
   const ModelPair* pair_;  // while constructing
   Similarity alignment_;
@@ -130,7 +131,7 @@ class CurveMap {
   Way turned_;                                      // of a closed curve: any phase
   std::array<std::optional<Way>, kStarts> starts_;  // of a closed curve
   std::array<double, kStarts> costs_{};
-  bool is_same_ = false, is_free_form_ = false;
+  bool rests_ = false, is_same_ = false, is_free_form_ = false;
   std::vector<Stretch> stretches_;  // in order, from end to end; closed: from a joint round to it
 };
 

@@ -485,6 +485,31 @@ TEST_CASE("rims of a hole across a free form do not turn, wherever they begin", 
   }
 }
 
+TEST_CASE("a far field rests, written as B-splines beside a body that changes", "[surface][seam]") {
+  // A quarter of a ball about a block.
+  const auto flow = [](double height) {
+    const TopoDS_Shape far = BRepPrimAPI_MakeSphere(gp_Ax2(), 60, 0, pi / 2, pi / 2).Shape();
+    return BRepAlgoAPI_Cut(far, BRepPrimAPI_MakeBox(3, 4, height).Shape()).Shape();
+  };
+  const TopoDS_Shape before = flow(5);
+  const MorphCase c = mesh_case(to_model(before), triangulate(before, 0.5, 0.3));
+  for (const double height : {5.1, 12.0}) {
+    const CadModel variant = to_model(to_nurbs(flow(height)));
+    const SurfaceMorphResult result = morph_surface(c, variant);
+    Index nodes = 0;
+    double most = 0;
+    for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+      const Eigen::RowVector3d from = c.mesh.points.row(c.boundary.nodes[i]);
+      if (from.norm() < 60 - 1e-6) continue;
+      ++nodes;
+      most = std::max(most, (result.positions.row(i) - from).norm());
+    }
+    CAPTURE(height, nodes);
+    CHECK(nodes > 50);
+    CHECK(most < 1e-7 * c.diagonal);
+  }
+}
+
 TEST_CASE("a ball with one hole is not spun about it", "[surface][seam]") {
   const auto ball = [](double hole) {
     const TopoDS_Shape shell =
