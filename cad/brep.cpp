@@ -82,6 +82,7 @@ const IdVector<CoedgeId, CadCoedge>& CadModel::coedges() const { return impl_->c
 const CadSkeleton& CadModel::skeleton() const { return *skeleton_; }
 int CadModel::solid_count() const { return impl_->solids; }
 int CadModel::merged_face_count() const { return impl_->merged_faces; }
+int CadModel::edges_as_points() const { return impl_->edges_as_points; }
 const std::string& CadModel::file_name() const { return impl_->file_name; }
 const std::string& CadModel::file_unit() const { return impl_->file_unit; }
 const Vector3d& CadModel::lower() const { return impl_->lower; }

@@ -122,6 +122,13 @@ class CadModel {
   std::optional<CadModel> with_merged_faces(FaceMerge merge = FaceMerge::All) const;
   int merged_face_count() const;  ///< faces of the file that became part of another one
 
+  /// Edges with a corner at each end that are shorter than a thousandth of the diagonal, the
+  /// shortest first: slivers between fillets and cuts, which come and go with the dimensions.
+  std::vector<EdgeId> short_edges() const;
+  /// The same model with edges taken for points, where they start.
+  CadModel with_points_for(const std::vector<EdgeId>& edges) const;
+  int edges_as_points() const;  ///< edges of the file that are taken for points
+
   const IdVector<FaceId, CadFace>& faces() const;
   const IdVector<EdgeId, CadEdge>& edges() const;
   const IdVector<VertexId, CadVertex>& vertices() const;

@@ -21,7 +21,7 @@ struct CadModel::Impl {
   IdVector<VertexId, CadVertex> vertices;
   IdVector<CoedgeId, CadCoedge> coedges;
   int solids = 0;
-  int merged_faces = 0;
+  int merged_faces = 0, edges_as_points = 0;
   std::string file_name, file_unit;
   Eigen::Vector3d lower = Eigen::Vector3d::Constant(1e300),
                   upper = Eigen::Vector3d::Constant(-1e300);

@@ -30,6 +30,8 @@ constexpr double kInPlane = 1e-6;
 // Confidence of a pair of a flat and a round face below which it is none: another face is less than
 // four times as far. A chamfer in a fillet's place is nearer by far.
 constexpr double kOfOtherKind = 0.8;
+// Short edges that are looked through for slivers: 20 pairs of models to match at most.
+constexpr std::size_t kMostSlivers = 6;
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
 // Colours with the first `count` of the pairs given, or nothing where these can't be.
@@ -260,6 +262,29 @@ std::optional<MatchedModels> match_across_seams(const CadModel& base, const CadM
   return MatchedModels{*b, *v, std::move(*merged)};
 }
 
+// Slivers of the variant that the base does not have: its mesh has no nodes on them. Those of the
+// base have. Of the shortest edges, which the base may have, too, those that leave the best match.
+std::optional<MatchedModels> match_without_slivers(const CadModel& base, const CadModel& variant) {
+  const auto more = std::ssize(variant.skeleton().curves) - std::ssize(base.skeleton().curves);
+  std::vector<EdgeId> edges = variant.short_edges();
+  if (edges.size() > kMostSlivers) edges.resize(kMostSlivers);
+  if (more <= 0 || more > std::ssize(edges) || base.faces().size() != variant.faces().size())
+    return std::nullopt;
+  std::vector<char> is_point(edges.size(), 0);
+  std::fill_n(is_point.begin(), more, 1);
+  std::optional<MatchedModels> best;
+  do {
+    std::vector<EdgeId> points;
+    for (std::size_t i = 0; i < edges.size(); ++i)
+      if (is_point[i]) points.push_back(edges[i]);
+    const CadModel without = variant.with_points_for(points);
+    auto match = find_match(base, without, {});
+    if (match && (!best || match->cost.sum() < best->match.cost.sum()))
+      best = {base, without, std::move(*match)};
+  } while (std::ranges::prev_permutation(is_point).found);
+  return best;
+}
+
 }  // namespace
 
 double lead(const TopologyMatch& match) {
@@ -289,6 +314,7 @@ MatchedModels match_models(const CadModel& base, const CadModel& variant,
     if (merged_base && merged_variant) pairs.push_back({&*merged_base, &*merged_variant});
     for (const auto& [b, v] : pairs)
       if (auto found = find_match(*b, *v, options)) return {*b, *v, std::move(*found)};
+    if (auto found = match_without_slivers(base, variant)) return std::move(*found);
   }
   refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
 }

@@ -85,7 +85,8 @@ struct MatchedModels {
 /// As match_topology; where one exporter cut faces that the other did not, with those faces merged:
 /// in the variant, the base or both, the first of these that matches. Faces that seams of surfaces
 /// of revolution cut in both are merged where the match is better for it. None are merged where
-/// pairs are given, whose numbers are those of the files' faces.
+/// pairs are given, whose numbers are those of the files' faces. Where nothing of that matches,
+/// slivers that the variant alone has are taken for points.
 MatchedModels match_models(const CadModel& base, const CadModel& variant,
                            const MatchOptions& options = {});
 

@@ -32,6 +32,16 @@ void warn_of_merge(const CadModel& model, PipelineReport& figures) {
       "elsewhere");
 }
 
+void warn_of_slivers(const CadModel& variant, PipelineReport& figures) {
+  const int count = variant.edges_as_points();
+  if (count == 0) return;
+  const std::string what =
+      count == 1 ? " edge was taken for a point" : " edges were taken for points";
+  figures.run.warnings.push_back(variant.file_name() + ": " + std::to_string(count) + what +
+                                 ": slivers between fillets and cuts, shorter than a thousandth of "
+                                 "the part, which the base does not have");
+}
+
 // A match that costs as much may be the right one, though cells need not invert where it is.
 void warn_of_unclear_match(const CadModel& base, const CadModel& variant,
                            const TopologyMatch& match, PipelineReport& figures) {
@@ -58,6 +68,7 @@ MorphResult begin_result(std::shared_ptr<const BaseSide> base, const CadModel& v
   check_unit(*base->cad, variant, figures);
   warn_of_merge(*base->cad, figures);
   warn_of_merge(variant, figures);
+  warn_of_slivers(variant, figures);
   warn_of_unclear_match(*base->cad, variant, match, figures);
   figures.cad.matched_by = match.how;
   figures.cad.alignment = match.alignment;

@@ -6,6 +6,8 @@
 #include <BRepBuilderAPI_Copy.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakePolygon.hxx>
+#include <BRepBuilderAPI_MakeSolid.hxx>
+#include <BRepBuilderAPI_Sewing.hxx>
 #include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
@@ -643,4 +645,48 @@ TEST_CASE("bodies that stay are matched in place while others turn and change",
     }
     CHECK(of_coils == 2 * 6 * 8);
   }
+}
+
+TEST_CASE("a sliver that the variant alone has is taken for a point", "[cad][match][sliver]") {
+  // A roof with a ridge; without one, a pyramid.
+  const auto roof = [](double ridge) {
+    const gp_Pnt a(0, 0, 0), b(10, 0, 0), c(10, 8, 0), d(0, 8, 0), e(5, 4, 6), f(5 + ridge, 4, 6);
+    BRepBuilderAPI_Sewing sewing(1e-7);
+    const auto add = [&](const std::vector<gp_Pnt>& corners) {
+      BRepBuilderAPI_MakePolygon outline;
+      for (const gp_Pnt& corner : corners) outline.Add(corner);
+      outline.Close();
+      sewing.Add(BRepBuilderAPI_MakeFace(outline.Wire()).Shape());
+    };
+    add({d, c, b, a});
+    add({d, a, e});
+    add({b, c, f});
+    if (ridge == 0) {
+      add({a, b, e});
+      add({c, d, e});
+    } else {
+      add({a, b, f, e});
+      add({c, d, e, f});
+    }
+    sewing.Perform();
+    TopExp_Explorer shell(sewing.SewedShape(), TopAbs_SHELL);
+    return to_model(BRepBuilderAPI_MakeSolid(TopoDS::Shell(shell.Current())).Shape());
+  };
+  const CadModel pyramid = roof(0), sliver = roof(0.005);
+  const MatchedModels matched = match_models(pyramid, sliver);
+  CHECK(matched.base.edges_as_points() == 0);
+  CHECK(matched.variant.edges_as_points() == 1);
+  CHECK(sliver.skeleton().curves.size() == 9);
+  CHECK(matched.variant.skeleton().curves.size() == 8);
+  CHECK(matched.variant.skeleton().corners.size() == 5);
+  for (const FaceId face : matched.match.faces.ids()) {
+    const auto middle = [&](const CadModel& model, FaceId f) {
+      const CadFace& of = model.faces()[f];
+      return model.evaluate(f, (of.lower + of.upper) / 2).point;
+    };
+    const FaceId image = matched.match.faces[face];
+    CHECK((middle(pyramid, face) - middle(sliver, image)).norm() < 0.01);
+  }
+  CHECK_THROWS_AS(match_models(sliver, pyramid), TopologyError);  // a mesh has nodes on it
+  CHECK_THROWS_AS(match_models(pyramid, roof(0.1)), TopologyError);
 }
