@@ -28,7 +28,7 @@ struct CadEdge {
   VertexId start, end;  ///< vertices at first and last; -1 when missing
   double tolerance;
   double length;
-  bool is_degenerate;  ///< a point: a pole or an apex
+  bool is_degenerate;  ///< a point: a pole, an apex, or taken for one (with_points_for)
   bool is_seam;        ///< closes the parametrisation of its only face
   bool is_free_form;   ///< neither a line nor a conic: t is neither a length nor an angle
   bool is_rational;    ///< a free form that may be a conic, as exporters of B-splines write it
