@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 namespace cadmorph {
 namespace {
@@ -16,6 +18,7 @@ constexpr int kMaxIterations = 40;  // of Newton's method, which takes a few whe
 constexpr double kStepTolerance = 1e-14;  // of the model's diagonal
 constexpr double kDomainMargin = 0.1;     // of the trimmed domain, beyond it
 constexpr int kSeedGrid = 16;
+constexpr double kLengthMargin = 1.01;  // lengths come from a quadrature
 
 Vector2d clamp_to_domain(const CadFace& face, const Vector2d& uv) {
   Vector2d clamped = uv;
@@ -44,6 +47,18 @@ Vector2d descent(const SurfaceCurvature& s, const Vector3d& r) {
   // At a pole one derivative vanishes: keep the other direction, leave this one alone.
   for (int a = 0; a < 2; ++a) system(a, a) += 1e-30 + 1e-15 * system.trace();
   return -system.inverse() * gradient;
+}
+
+// No point of an edge is farther from its nearer end than half its length.
+double least_distance(const CadModel& model, EdgeId edge, const Vector3d& x) {
+  const CadEdge& e = model.edges()[edge];
+  double to_end = std::numeric_limits<double>::infinity();
+  for (const VertexId end : {e.start, e.end}) {
+    if (end < 0) return 0;
+    const CadVertex& vertex = model.vertices()[end];
+    to_end = std::min(to_end, (vertex.point - x).norm() - vertex.tolerance);
+  }
+  return std::max(0.0, to_end - kLengthMargin * e.length / 2);
 }
 
 EdgeFoot descend_on_edge(const CadModel& model, EdgeId edge, const Vector3d& x, double seed) {
@@ -134,19 +149,25 @@ FaceFoot project_globally(const CadModel& model, FaceId face, const Vector3d& x)
 double distance_to_trimmed(const CadModel& model, FaceId face, const Vector2d& uv) {
   if (model.is_inside(face, uv)) return 0;
   const Vector3d x = model.evaluate(face, uv).point;
-  double least = std::numeric_limits<double>::infinity();
+  std::vector<std::pair<double, EdgeId>> edges;  // with what they are away at least
   for (const auto& wire : model.faces()[face].wires)
     for (const CoedgeId c : wire) {
       const EdgeId edge = model.coedges()[c].edge;
-      const CadEdge& e = model.edges()[edge];
-      double nearest = std::numeric_limits<double>::infinity(), seed = e.first;
-      for (int i = 0; i <= kSeedGrid; ++i) {
-        const double t = e.first + (e.last - e.first) * i / kSeedGrid;
-        const double squared = (model.evaluate_edge(edge, t).point - x).squaredNorm();
-        if (squared < nearest) nearest = squared, seed = t;
-      }
-      least = std::min(least, project_on_edge(model, edge, x, seed).distance);
+      edges.emplace_back(least_distance(model, edge, x), edge);
     }
+  std::ranges::sort(edges);
+  double least = std::numeric_limits<double>::infinity();
+  for (const auto& [at_least, edge] : edges) {
+    if (at_least >= least) break;
+    const CadEdge& e = model.edges()[edge];
+    double nearest = std::numeric_limits<double>::infinity(), seed = e.first;
+    for (int i = 0; i <= kSeedGrid; ++i) {
+      const double t = e.first + (e.last - e.first) * i / kSeedGrid;
+      const double squared = (model.evaluate_edge(edge, t).point - x).squaredNorm();
+      if (squared < nearest) nearest = squared, seed = t;
+    }
+    least = std::min(least, project_on_edge(model, edge, x, seed).distance);
+  }
   return least;
 }
 

@@ -42,6 +42,7 @@
 
 #include "cad/brep_builder.h"
 #include "cad/fault_guard.h"
+#include "cad/healing.h"
 #include "cad/packed_model.h"
 #include "core/errors.h"
 
@@ -223,6 +224,7 @@ std::string pack_step(const StepSource& source) {
   Message::DefaultMessenger()->ChangePrinters().Clear();
   const std::string& name = source.name;
   const FaultGuard guard;
+  const QuickHealing healing;
   try {
     OCC_CATCH_SIGNALS
     auto reader = read_and_transfer(source, kFilesPcurves);
