@@ -412,6 +412,25 @@ bool costs_less(const TopologyMatch& a, const TopologyMatch& b) {
   return key(a) < key(b);
 }
 
+// Congruent shapes (`is_exact`) don't deform, though the sampled centroids of their faces may
+// differ; whether they turned is told by their parameters.
+MatchCost cost_of(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match,
+                  bool is_exact) {
+  const double agreement = is_exact ? parameter_agreement(base.model, variant.model, match) : 0;
+  const double others =
+      is_exact ? (1 - agreement) * base.graph.faces : other_forms(base, variant, match);
+  const double distance = is_exact ? 0 : distance_after(base, variant, match, match.alignment);
+  const double rough = is_exact ? 0 : roughness(base, variant, match);
+  const double turned = turned_by(base, variant, match.alignment);
+  const bool is_evidence = order_bits(base.graph, base.graph.entity_count()) >= kOrderBits;
+  return {.deformation = bits(distance, kChange) + distance / kDesign,
+          .neighbours = rough,
+          .lengths = is_exact ? 0 : bits(stretch(base, variant, match), kStretch),
+          .parameters = kParameterBits * bits(others, 1),
+          .turn = others == 0 && is_exact ? 0 : kTurnBits * bits(turned, kSmallTurn),
+          .order = is_evidence && !keeps_order(match.faces) ? kOrder : 0};
+}
+
 }  // namespace
 
 void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match) {
@@ -420,22 +439,14 @@ void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match)
   if (!match.is_congruent && distance_after(base, variant, match, {}) <
                                  kStill * distance_after(base, variant, match, match.alignment))
     match.alignment = {};
-  // Congruent shapes don't deform, though the sampled centroids of their faces may differ; whether
-  // they turned is told by their parameters.
-  const bool is_exact = match.is_congruent;
-  const double agreement = is_exact ? parameter_agreement(base.model, variant.model, match) : 0;
-  const double others =
-      is_exact ? (1 - agreement) * base.graph.faces : other_forms(base, variant, match);
-  const double distance = is_exact ? 0 : distance_after(base, variant, match, match.alignment);
-  const double rough = is_exact ? 0 : roughness(base, variant, match);
-  const double turned = turned_by(base, variant, match.alignment);
-  const bool is_evidence = order_bits(base.graph, base.graph.entity_count()) >= kOrderBits;
-  match.cost = {.deformation = bits(distance, kChange) + distance / kDesign,
-                .neighbours = rough,
-                .lengths = is_exact ? 0 : bits(stretch(base, variant, match), kStretch),
-                .parameters = kParameterBits * bits(others, 1),
-                .turn = others == 0 && is_exact ? 0 : kTurnBits * bits(turned, kSmallTurn),
-                .order = is_evidence && !keeps_order(match.faces) ? kOrder : 0};
+  match.cost = cost_of(base, variant, match, match.is_congruent);
+  // Where the parameters did not move with a congruent shape, the design may have: what turns in a
+  // ring of equals is the shape as before, turned.
+  if (!match.is_congruent || match.cost.parameters == 0) return;
+  TopologyMatch designed = match;
+  designed.alignment = {};
+  const MatchCost cost = cost_of(base, variant, designed, false);
+  if (cost.sum() < match.cost.sum()) match.cost = cost;
 }
 
 std::optional<TopologyMatch> cheaper(std::optional<TopologyMatch> a,

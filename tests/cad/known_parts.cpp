@@ -517,6 +517,25 @@ NamedShape row_of_rods(const Sizes& s) {
   return together(rods);
 }
 
+// Rollers between the rings of a bearing; they turn about its axis, the rings stay.
+NamedShape bearing(const Sizes& s) {
+  const gp_Ax2 at = upright(0, 0, 0, 0);
+  const double pitch = s("pitch"), radius = s("radius"), length = s("length");
+  const auto ring = [&](const std::string& name, double inner, double outer) {
+    return cut(rod(name, at, outer, length), {rod(name + "_hole", at, inner, length)});
+  };
+  std::vector<NamedShape> parts{ring("inner", pitch / 2, pitch - radius - 1),
+                                ring("outer", pitch + radius + 1, 1.5 * pitch)};
+  for (int i = 0; i < 9; ++i) {
+    const int n = (i + static_cast<int>(s("first"))) % 9;
+    const double angle = s("angle") + 2 * std::numbers::pi * n / 9;
+    parts.push_back(rod("roller" + std::to_string(n),
+                        upright(pitch * std::cos(angle), pitch * std::sin(angle), 0, angle), radius,
+                        length));
+  }
+  return together(parts);
+}
+
 NamedShape ball_in_box(const Sizes& s) {
   const gp_Ax2 at = upright(s("x"), s("y"), s("z"), s("seam"));
   return cut(block(s), {ball("ball", at, s("radius"))});
@@ -757,6 +776,9 @@ std::vector<KnownPart> make_parts() {
       {"rods",
        {{"pitch", 16}, {"radius", 6}, {"length", 30}, {"seam", 0}, {"first", 0}},
        row_of_rods},
+      {"bearing",
+       {{"pitch", 20}, {"radius", 4}, {"length", 12}, {"angle", 0}, {"first", 0}},
+       bearing},
       {"keyed_hub",
        {{"outer", 30}, {"bore", 12}, {"key", 6}, {"depth", 16}, {"height", 20}, {"seam", 0}},
        keyed_hub},
