@@ -108,7 +108,7 @@ double turned_by(const MatchSide& base, const MatchSide& variant, const Similari
     sum += (t.scale * (t.rotation * way - way)).squaredNorm();
   }
   // Points of a disk lie off its middle by the 2 pi-th part of its area, squares on the mean.
-  const double lengthening = (3 - t.rotation.trace()) / (2 * std::numbers::pi);
+  const double lengthening = std::max(0.0, 3 - t.rotation.trace()) / (2 * std::numbers::pi);
   for (int f = 0; f < base.graph.faces; ++f)
     sum += lengthening * std::pow(t.scale * base.features[f].size, 2);
   return std::sqrt(sum / static_cast<double>(base.features.size())) / variant.model.diagonal();

@@ -182,6 +182,16 @@ Vector3d ImagePair::place(const SurfaceMesh& surface, const Points& moved, std::
   return after(moved.row(from[i])) + after.linear * (before.linear.transpose() * off);
 }
 
+std::vector<RowId> nodes_of(const std::vector<ImagePair>& pairs) {
+  std::vector<RowId> result;
+  for (const ImagePair& pair : pairs)
+    for (const auto* nodes : {&pair.from, &pair.to})
+      result.insert(result.end(), nodes->begin(), nodes->end());
+  std::ranges::sort(result);
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
 std::vector<ImagePair> find_image_pairs(const SurfaceMesh& surface, const Points& moved,
                                         const std::vector<Sheet>& sheets, double tolerance) {
   std::vector<Shape> shapes;

@@ -43,6 +43,9 @@ struct ImagePair {
   Eigen::Vector3d place(const SurfaceMesh& surface, const Points& moved, std::size_t i) const;
 };
 
+/// The nodes of both sheets of all pairs, ascending.
+std::vector<RowId> nodes_of(const std::vector<ImagePair>& pairs);
+
 /// The pairs of sheets whose nodes are images of each other within `tolerance` (millimetres), at
 /// the surface's points, and whose borders are at `moved` within a thousandth of that, by the same
 /// isometry or, where the period changed, by another. Planes may be mirror images of each other;

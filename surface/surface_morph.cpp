@@ -120,16 +120,6 @@ void keep_still(const Points& start, Points& positions) {
       positions.row(n) = start.row(n);
 }
 
-std::vector<RowId> nodes_of(const std::vector<ImagePair>& pairs) {
-  std::vector<RowId> result;
-  for (const ImagePair& pair : pairs)
-    for (const auto* nodes : {&pair.from, &pair.to})
-      result.insert(result.end(), nodes->begin(), nodes->end());
-  std::ranges::sort(result);
-  result.erase(std::unique(result.begin(), result.end()), result.end());
-  return result;
-}
-
 // Where the warp puts a node, unless it has its place already.
 Vector2d place_on_face(const CadModel& variant, FaceId face, const Placement& placed, RowId row,
                        const Vector2d& warped) {
@@ -877,7 +867,7 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
     result.warnings.push_back(std::move(text));
   slid.insert(slid.end(), images.begin(), images.end());
   slid.insert(slid.end(), named.begin(), named.end());
-  result.paired = nodes_of(slid);
+  result.images = std::move(slid);
   result.jointed = self.joints.nodes;
   for (const Joints::Crossing& crossing : self.joints.crossings)
     result.crossing.push_back(crossing.node);

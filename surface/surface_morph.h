@@ -11,6 +11,7 @@
 #include "core/mesh.h"
 #include "surface/association.h"
 #include "surface/group_constraints.h"
+#include "surface/image_pairs.h"
 #include "surface/joints.h"
 #include "surface/patch_slide.h"
 
@@ -42,9 +43,10 @@ struct SurfaceMorphResult {
   Eigen::VectorXd distance;      ///< to its variant entity, millimetres; 0 where there is none
   Eigen::VectorXd beyond_wires;  ///< the part of it along a face's surface beyond the face's wires
   PartedJoints parted;
-  Index dragged_patches = 0;    ///< on no CAD face, that stay fixed though what moves touches them
-  std::vector<RowId> paired;    ///< nodes on sides that are images of each other, ascending
-  std::vector<RowId> periodic;  ///< those of them on sides named as periodic: no repair moves them
+  Index dragged_patches = 0;  ///< on no CAD face, that stay fixed though what moves touches them
+  std::vector<ImagePair> images;  ///< sides that are images of each other
+  std::vector<RowId>
+      periodic;  ///< nodes of those named as periodic, ascending: no repair moves them
   std::vector<RowId> crossing;  ///< nodes on CAD entities that cross without an imprint, ascending
   std::vector<RowId> jointed;   ///< all on entities that meet without one (Joints), ascending
   std::vector<std::string> folds;      ///< faces with folded facets: a line each

@@ -21,6 +21,7 @@ using Eigen::VectorXd;
 // A sample whose volume in the base mesh is below this share of its edges' product has no shape of
 // its own worth keeping.
 constexpr double kFlat = 1e-9;
+constexpr std::size_t kTypes = 256;
 
 // The base shape a sample is compared with: its own Jacobian, or a cube's where that is flat.
 Matrix3d reference_jacobian(const Matrix3d& base, int orientation) {
@@ -54,6 +55,7 @@ Distortion::Distortion(const Mesh& mesh, Points positions, FreeNodes free,
     : mesh_(mesh),
       positions_(std::move(positions)),
       free_(std::move(free)),
+      mid_nodes_(kTypes),
       slopes_(mesh, cells, free_) {
   for (const Index c : cells) add_samples(c, orientation);
 }
@@ -83,6 +85,12 @@ void Distortion::add_samples(Index id, const Orientation& orientation) {
   for (std::size_t n = 0; n < nodes.size(); ++n)
     base.row(n) = mesh_.points.row(nodes[n]) - mesh_.points.row(nodes[0]);
   cells_.push_back({id, static_cast<Index>(gradients_.size() / 3)});
+  if (free_.has_followers() &&
+      std::ranges::any_of(nodes, [&](Index node) { return free_.follows(node); })) {
+    auto& mid_nodes = mid_nodes_[static_cast<std::size_t>(mesh_.types[id])];
+    if (mid_nodes.empty()) mid_nodes = mid_nodes_of(mesh_.types[id]);
+    cells_.back().mid_nodes = &mid_nodes;
+  }
   const int sign = orientation[static_cast<std::size_t>(mesh_.types[id])];
   if (mesh_.types[id] == CellType::Polyhedron)
     add_polyhedron_samples(id, base, sign);
@@ -166,6 +174,25 @@ void Distortion::for_each_sample(Index i, double epsilon, Visit& visit) const {
   }
 }
 
+// Calls give(mid, corner, share) for the nodes of the i-th cell that follow, and each of their
+// corners.
+template <class Give>
+void Distortion::for_each_follower(Index i, Give&& give) const {
+  if (!cells_[i].mid_nodes) return;
+  const auto nodes = mesh_.cell(cells_[i].id);
+  for (const LocalMidNode& mid : *cells_[i].mid_nodes)
+    if (free_.follows(nodes[std::size_t(mid.node)]))
+      for (const int corner : mid.corners) give(mid.node, corner, 1 / double(mid.corners.size()));
+}
+
+template <class Slopes>
+void Distortion::give_to_corners(Index i, Slopes&& slope) const {
+  const auto nodes = mesh_.cell(cells_[i].id);
+  for_each_follower(i, [&](int mid, int corner, double share) {
+    slope.row(corner) += share * free_.by_corners(nodes[std::size_t(mid)], slope.row(mid));
+  });
+}
+
 void Distortion::evaluate(Index i, double epsilon, double& energy, double& least) {
   const double weight = 1.0 / static_cast<double>(cells_[i].samples);
   auto slope = slopes_.of(i);
@@ -180,6 +207,7 @@ void Distortion::evaluate(Index i, double epsilon, double& energy, double& least
     slope += gradient.lazyProduct(by_f);
     least = std::min(least, s.det);
   });
+  give_to_corners(i, slope);
 }
 
 // The second derivatives by F alone and by the determinant alone.
@@ -199,6 +227,11 @@ void Distortion::stiffen(Index i, double epsilon) {
       slope += weight * std::sqrt(by_det) * gradient.lazyProduct(s.cofactor.transpose());
     for (Index n = 0; n < gradient.rows(); ++n)
       stiffness(n, 0) += float(2 * weight * s.power * gradient.row(n).squaredNorm());
+  });
+  give_to_corners(i, slope);
+  // The square of a mean is at most the mean of the squares.
+  for_each_follower(i, [&](int mid, int corner, double share) {
+    stiffness(corner, 0) += float(share) * stiffness(mid, 0);
   });
 }
 

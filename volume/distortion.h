@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/cell_topology.h"
 #include "core/lbfgs.h"
 #include "core/quality.h"
 #include "volume/cell_slopes.h"
@@ -39,6 +40,8 @@ class Distortion {
   struct Cell {
     Index id;
     Index first = 0, samples = 0;  ///< in gradients_: a row for each node of each sample
+    /// Null: none of its nodes follows others.
+    const std::vector<LocalMidNode>* mid_nodes = nullptr;
   };
 
   void add_samples(Index id, const Orientation& orientation);
@@ -51,10 +54,15 @@ class Distortion {
   void for_each_sample(Index i, double epsilon, Visit& visit) const;
   void evaluate(Index i, double epsilon, double& energy, double& least);
   void stiffen(Index i, double epsilon);
+  template <class Slopes>
+  void give_to_corners(Index i, Slopes&& slope) const;
+  template <class Give>
+  void for_each_follower(Index i, Give&& give) const;
 
   const Mesh& mesh_;
   Points positions_;
   FreeNodes free_;
+  std::vector<std::vector<LocalMidNode>> mid_nodes_;  ///< by type, of those with nodes that follow
   std::vector<Cell> cells_;
   std::vector<double> gradients_;  ///< three a row
   CellSlopes slopes_;

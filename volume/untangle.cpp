@@ -11,6 +11,7 @@
 #include "core/stopwatch.h"
 #include "volume/distortion.h"
 #include "volume/held_cells.h"
+#include "volume/mid_nodes.h"
 #include "volume/node_cells.h"
 #include "volume/sound_volumes.h"
 
@@ -37,6 +38,9 @@ constexpr double kSmallWork = 1e8;
 // After this share of its work a repair ends at whose pace so many times all work would not do.
 // Of wrecked meshes a hundredth of the inverted cells is repaired by then.
 constexpr double kWorkToJudge = 0.25, kTimesAll = 4;
+constexpr double kStraight = 1e-4;  // of an edge: what straight ones may be off
+// Of the work, what a repair with straight edges takes: it succeeds within, or mostly not at all.
+constexpr double kStraightWork = 0.25;
 
 // The cells within some rings of the seeds, and the nodes that may move.
 struct Neighbourhood {
@@ -81,18 +85,23 @@ struct Cost {
 // Evaluations that were done, of those that a repair may take.
 class Work {
  public:
+  /// `most`: as a share of what any repair may take.
+  explicit Work(double most) : most_(most) {}
+
   void add(const Cost& one) {
     done_.nodes += one.nodes;
     done_.passes += one.passes;
   }
   // 1: all of them.
-  double share() const { return std::min(done_.nodes / kSmallWork, done_.passes / kMostPasses); }
+  double share() const {
+    return std::min(done_.nodes / kSmallWork, done_.passes / kMostPasses) / most_;
+  }
   bool is_over() const { return fell_short_ || share() >= 1; }
   bool fell_short() const { return fell_short_; }
   // How many evaluations of `one` are left.
   int left(const Cost& one) const {
-    const double by_nodes = (kSmallWork - done_.nodes) / one.nodes;
-    const double by_passes = (kMostPasses - done_.passes) / one.passes;
+    const double by_nodes = (most_ * kSmallWork - done_.nodes) / one.nodes;
+    const double by_passes = (most_ * kMostPasses - done_.passes) / one.passes;
     return int(std::clamp(std::max(by_nodes, by_passes), 1.0, 1e6));
   }
   // Ends the repair where kTimesAll times all work would not repair what remains inverted, at the
@@ -103,6 +112,7 @@ class Work {
   }
 
  private:
+  double most_;
   Cost done_;
   bool fell_short_ = false;
 };
@@ -154,17 +164,50 @@ void check_sizes(const Mesh& mesh, const Points& positions, const std::vector<ch
                             std::to_string(mesh.node_count()) + " nodes");
 }
 
+// Puts nodes amid edges that are straight in the base mesh amid the corners where these have come.
+void straighten(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<char>& is_fixed,
+                Points& positions) {
+  for (Index i = 0; i < mid_nodes.count(); ++i) {
+    const Index node = mid_nodes.node(i);
+    const auto corners = mid_nodes.corners(i);
+    const auto mean = [&](const Points& points) {
+      Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+      for (const Index corner : corners) sum += points.row(corner);
+      return Eigen::RowVector3d(sum / double(corners.size()));
+    };
+    const double size = (mesh.points.row(corners[0]) - mesh.points.row(corners[1])).norm();
+    if (!is_fixed[node] && (mesh.points.row(node) - mean(mesh.points)).norm() <= kStraight * size)
+      positions.row(node) = mean(positions);
+  }
+}
+
+// Marks the nodes of cells that only bent edges could make valid: `is_free` tells of no corner.
+void mark_bent(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<Index>& cells,
+               const std::function<bool(Index node)>& is_free, std::vector<char>& is_bent) {
+  for (const Index c : cells) {
+    const auto nodes = mesh.cell(c);
+    if (std::ranges::any_of(nodes,
+                            [&](Index node) { return !mid_nodes.contains(node) && is_free(node); }))
+      continue;
+    for (const Index node : nodes) is_bent[node] = 1;
+  }
+}
+
 // A mesh under repair: tries ever larger neighbourhoods of the cells to repair.
 class Repair {
  public:
   Repair(const Mesh& mesh, const Points& positions, std::vector<char> is_fixed,
-         const Orientation& orientation, const UntangleOptions& options)
+         const Orientation& orientation, const UntangleOptions& options, MidNodes mid_nodes,
+         std::vector<char> is_bent)
       : mesh_(mesh),
         orientation_(orientation),
         options_(options),
         incidence_(mesh),
         is_fixed_(std::move(is_fixed)),
-        positions_(positions) {
+        positions_(positions),
+        mid_nodes_(std::move(mid_nodes)),
+        is_bent_(std::move(is_bent)),
+        work_(mid_nodes_.count() > 0 ? kStraightWork : 1) {
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
     slides_ = options.sliding->slides;
@@ -207,11 +250,13 @@ class Repair {
   // once more. Returns whether any node is free.
   bool try_once(const std::vector<Index>& seeds, int rings, UntangleReport& report) {
     for (int trial = 0; trial < kTrials; ++trial) {
-      const Neighbourhood around = grow(mesh_, incidence_, seeds, rings, is_fixed_);
+      Neighbourhood around = grow(mesh_, incidence_, seeds, rings, is_fixed_);
+      std::erase_if(around.nodes, [&](Index node) { return follows(node); });
       if (around.nodes.empty()) return false;
       report.rings = rings;
       report.moved_nodes = static_cast<Index>(around.nodes.size());
       FreeNodes free(mesh_.node_count(), around.nodes, options_.sliding);
+      free.let_follow(mid_nodes_, followers(around.nodes));
       const VectorXd start = free.start(positions_, slides_);
       // Cells held inverted have no say: their energy would outweigh all others.
       Distortion distortion(mesh_, positions_, std::move(free), movable(around.cells),
@@ -235,16 +280,33 @@ class Repair {
     return true;
   }
 
+  bool follows(Index node) const { return mid_nodes_.contains(node) && !is_bent_[node]; }
+
+  // Those that go with corners that are free.
+  std::vector<Index> followers(const std::vector<Index>& nodes) const {
+    std::vector<Index> result;
+    for (Index i = 0; i < mid_nodes_.count(); ++i)
+      if (!is_fixed_[mid_nodes_.node(i)] && follows(mid_nodes_.node(i)) &&
+          std::ranges::any_of(mid_nodes_.corners(i), [&](Index corner) {
+            return std::ranges::binary_search(nodes, corner);
+          }))
+        result.push_back(i);
+    return result;
+  }
+
   // Fixes the nodes that slid beyond their surfaces; returns their number.
   Index hold_nodes_off_surface(const RowMatrix& slides) {
-    Index count = 0;
+    std::vector<Index> off;  // ascending
     for (Index i = 0; i < slides.rows(); ++i)
       if (slides.row(i) != slides_.row(i) &&
           !options_.sliding->is_within(i, slides.row(i).transpose())) {
         is_fixed_[options_.sliding->nodes[i]] = 1;
-        ++count;
+        off.push_back(options_.sliding->nodes[i]);
       }
-    return count;
+    for (Index i = 0; !off.empty() && i < mid_nodes_.count(); ++i)
+      if (std::ranges::binary_search(off, mid_nodes_.node(i)))
+        for (const Index corner : mid_nodes_.corners(i)) is_fixed_[corner] = 1;
+    return std::ssize(off);
   }
 
   const Mesh& mesh_;
@@ -253,7 +315,9 @@ class Repair {
   NodeCells incidence_;
   std::vector<char> is_fixed_;
   Points positions_;
-  RowMatrix slides_;  ///< of SlidingNodes::nodes
+  MidNodes mid_nodes_;
+  std::vector<char> is_bent_;  ///< those that don't follow their corners
+  RowMatrix slides_;           ///< of SlidingNodes::nodes
   Work work_;
 };
 
@@ -275,13 +339,35 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     const auto moves = (result.positions - positions).rowwise().squaredNorm().array() > 0;
     report.moved_nodes = moves.count();
   }
-  if (report.validity.invalid > 0 || !options.poor_cells.empty()) {
-    const Points start = result.positions;
-    Repair repair(mesh, start, is_fixed, orientation, options);
+  const auto repair_from = [&](const Points& start, MidNodes mid_nodes, std::vector<char> is_bent) {
+    Repair repair(mesh, start, is_fixed, orientation, options, std::move(mid_nodes),
+                  std::move(is_bent));
     repair.run(report);
     result.positions = repair.positions();
     result.slides = repair.slides();
+  };
+  // Cells of second order with straight edges are valid by their corners, too, and have an eighth
+  // of the unknowns. Edges bend where these don't do.
+  const Points start = result.positions;
+  const UntangleReport plain = report;
+  if (const MidNodes mid_nodes = report.before > 0 ? MidNodes(mesh, start) : MidNodes();
+      mid_nodes.count() > 0) {
+    const auto is_free = [&](Index node) {
+      return !is_fixed[node] ||
+             (options.sliding && std::ranges::binary_search(options.sliding->nodes, node));
+    };
+    std::vector<char> is_bent(mesh.node_count(), 0);
+    Points straight = start;
+    straighten(mesh, mid_nodes, is_fixed, straight);
+    report.validity = check_validity(mesh, straight, orientation);
+    mark_bent(mesh, mid_nodes, report.validity.invalid_cells, is_free, is_bent);
+    for (Index node = 0; node < mesh.node_count(); ++node)
+      if (is_bent[node]) straight.row(node) = start.row(node);
+    report.validity = check_validity(mesh, straight, orientation);
+    repair_from(straight, MidNodes(mesh, straight), is_bent);
+    if (report.validity.invalid > 0) report = plain;
   }
+  if (report.validity.invalid > 0 || !options.poor_cells.empty()) repair_from(start, {}, {});
   report.after = report.validity.invalid;
   report.max_move = (result.positions - positions).rowwise().norm().maxCoeff();
   report.seconds = watch.seconds();

@@ -9,6 +9,7 @@
 #include "apps/pipeline/refusal.h"
 #include "core/cell_topology.h"
 #include "core/plane_mesh.h"
+#include "surface/image_slides.h"
 #include "surface/node_slide.h"
 #include "volume/follow_slides.h"
 #include "volume/loose_nodes.h"
@@ -26,6 +27,7 @@ constexpr int kMostFirstRings = 4;
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
+constexpr double kSamePlace = 1e-9;  // of the diagonal: images after a slide
 // What follows is repaired where no more than so many times the cells are inverted that were
 // without: up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or took
 // ten morphs.
@@ -201,10 +203,10 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
 // where what is far from a body is not to move.
 void hold_nodes(const BaseSide& base, const MorphResult& result, BestMeshOptions& how) {
   const SurfaceMorphResult& surface = result.surface;
+  const std::vector<RowId> paired = nodes_of(surface.images);
   for (const RowId row : surface.entity.ids()) {
     const Index node = base.boundary.nodes[row];
-    if (std::ranges::binary_search(surface.paired, row) ||
-        std::ranges::binary_search(surface.jointed, row))
+    if (std::ranges::binary_search(paired, row) || std::ranges::binary_search(surface.jointed, row))
       how.held.push_back(node);
     else if (result.positions.row(node) == base.mesh().points.row(node))
       (how.volumes ? how.held : how.resting).push_back(node);
@@ -350,6 +352,7 @@ bool is_worth_following(const BaseSide& base, const QualityReport& now,
 // The slides by which nodes at rest follow what moves beside them.
 struct WayToFollow {
   RowMatrix start, steps;
+  ImageSlides images;
   Index nodes = 0;            // that slide
   bool is_promising = false;  // by the estimate of where the volume's nodes then are
 };
@@ -366,11 +369,14 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   std::vector<Index> suffering;
   for (Index c = 0; c < mesh.cell_count(); ++c)
     if (result.quality.values[c] < kKeptHalf * base.quality.values[c]) suffering.push_back(c);
-  BestMeshOptions held;
-  hold_nodes(base, result, held);
+  const SurfaceMorphResult& surface = result.surface;
   std::vector<char> is_fixed = base.fixed_nodes();
-  for (const Index node : nodes.nodes)
-    if (std::ranges::binary_search(held.resting, node)) is_fixed[node] = 0;
+  for (const RowId row : surface.entity.ids())
+    if (const Index node = base.boundary.nodes[row];
+        std::ranges::binary_search(nodes.nodes, node) &&
+        !std::ranges::binary_search(surface.jointed, row) &&
+        result.positions.row(node) == mesh.points.row(node))
+      is_fixed[node] = 0;
   for (const Index node : nodes_of_layers(mesh, base.neighbours, on_cad(base), mesh.points))
     is_fixed[node] = 1;
   Points moved = result.positions;
@@ -378,7 +384,10 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
   const FollowingNodes found =
       follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
-  WayToFollow way{.start = nodes.slides, .steps = found.slides - nodes.slides};
+  WayToFollow way{.start = nodes.slides,
+                  .steps = found.slides - nodes.slides,
+                  .images = ImageSlides(surface.images, base.boundary, nodes)};
+  way.images.average(way.steps);
   way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
   if (way.nodes == 0) return std::nullopt;
   const QualityReport estimate = measure_quality(mesh, found.positions, base.orientation);
@@ -393,11 +402,14 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
 bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
                         PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();
+  const double same_place =
+      kSamePlace * result.variant->diagonal() / base.association().mesh_unit_mm;
   for (const double share : kSharesToFollow) {
     Undo undo(sliding, result);
     RowMatrix slides = way.start + share * way.steps;
     for (Index i = 0; i < slides.rows(); ++i)
       if (!nodes.is_within(i, slides.row(i).transpose())) slides.row(i) = way.start.row(i);
+    way.images.hold_unlike(way.start, same_place, slides);
     morph_with_slides(base, sliding, slides, clock, result);
     const bool is_better = is_worth_following(base, result.quality, undo.kept().quality);
     if (is_better && result.validity.invalid <= undo.kept().validity.invalid &&

@@ -105,6 +105,7 @@ struct Apart {
 Apart apart(const Passage& base, const Passage& variant, const MorphCase& c, const Morphed& m) {
   const Mesh& mesh = c.mesh;
   const Points& moved = m.points;
+  const std::vector<RowId> paired = nodes_of(m.surface.images);
   Apart result;
   for (Index i = 0; i < mesh.node_count(); ++i) {
     Index image = -1;
@@ -116,7 +117,7 @@ Apart apart(const Passage& base, const Passage& variant, const MorphCase& c, con
     ++result.pairs;
     for (const Index node : {i, image}) {
       const RowId row = row_of(c.boundary, node);
-      result.unpaired += !std::ranges::binary_search(m.surface.paired, row);
+      result.unpaired += !std::ranges::binary_search(paired, row);
     }
     result.most =
         std::max(result.most,
