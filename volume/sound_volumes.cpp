@@ -17,6 +17,9 @@ using Eigen::Vector3d;
 constexpr int kRounds = 10;             // over the cells: few are, and a node has few neighbours
 constexpr double kFirstStep = 0.5;      // of the distance to the cell's nodes
 constexpr double kLastStep = 1.0 / 64;  // of the first
+// It ends after so many evaluations of a cell as passes over all, or so many on a small mesh: what
+// takes more is wrecked.
+constexpr double kMostPasses = 50, kSmallWork = 3e6;
 // Cells that are this sound are sound enough; a cube is at 1/6.
 constexpr double kEnough = 0.02;
 
@@ -33,11 +36,11 @@ class Mender {
   // Returns the cells that stay unsound, of those and of those round them.
   Index run(const std::vector<Index>& unsound) {
     std::set<Index> left(unsound.begin(), unsound.end());
-    for (int round = 0; round < kRounds && !left.empty(); ++round) {
+    for (int round = 0; round < kRounds && !left.empty() && !is_over(); ++round) {
       std::set<Index> touched;
       for (const Index c : left)
         for (const Index node : mesh_.cell(c))
-          if (!is_fixed_[node] && improve(node, c))
+          if (!is_fixed_[node] && !is_over() && improve(node, c))
             for (const Index other : incidence_.cells(node)) touched.insert(other);
       if (touched.empty()) break;
       for (const Index c : touched)
@@ -52,7 +55,12 @@ class Mender {
   Points take() { return std::move(positions_); }
 
  private:
-  double soundness(Index c, const Points& points) const {
+  bool is_over() const {
+    return double(evaluations_) > std::max(kMostPasses * double(mesh_.cell_count()), kSmallWork);
+  }
+
+  double soundness(Index c, const Points& points) {
+    ++evaluations_;
     if (!finite_volume::is_volume(mesh_, mesh_.types[c])) return kEnough;
     return finite_volume::soundness(mesh_, points, c,
                                     orientation_[static_cast<std::size_t>(mesh_.types[c])]);
@@ -77,7 +85,7 @@ class Mender {
     for (const Index other : mesh_.cell(c))
       size += (positions_.row(other) - start.transpose()).norm();
     const double first = kFirstStep * size / static_cast<double>(mesh_.cell(c).size());
-    for (double step = first; step >= kLastStep * first && best < 0;) {
+    for (double step = first; step >= kLastStep * first && best < 0 && !is_over();) {
       const Vector3d from = positions_.row(node);
       Vector3d to = from;
       for (const Vector3d& way : directions()) {
@@ -113,6 +121,7 @@ class Mender {
   const std::vector<char>& is_fixed_;
   const Orientation& orientation_;
   NodeCells incidence_;
+  Index evaluations_ = 0;  ///< of soundness
 };
 
 }  // namespace

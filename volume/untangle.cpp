@@ -193,6 +193,17 @@ void mark_bent(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<In
   }
 }
 
+// Those that were not in the base mesh.
+std::vector<Index> cells_turned_over(const Mesh& mesh, const Points& positions,
+                                     const Orientation& orientation) {
+  const QualityReport before = measure_quality(mesh, mesh.points, orientation),
+                      now = measure_quality(mesh, positions, orientation);
+  std::vector<Index> result;
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (now.values[c] <= 0 && before.values[c] > 0) result.push_back(c);
+  return result;
+}
+
 // A mesh under repair: tries ever larger neighbourhoods of the cells to repair.
 class Repair {
  public:
@@ -213,9 +224,13 @@ class Repair {
     slides_ = options.sliding->slides;
   }
 
+  /// Valid cells that the first neighbourhood is to hold, too.
+  void add_seeds(std::vector<Index> cells) { others_ = std::move(cells); }
+
   void run(UntangleReport& report) {
     std::vector<Index> seeds = report.validity.invalid_cells;
     seeds.insert(seeds.end(), options_.poor_cells.begin(), options_.poor_cells.end());
+    seeds.insert(seeds.end(), others_.begin(), others_.end());
     seeds = movable(seeds);
     int idle = 0;
     for (int attempt = 0;
@@ -317,7 +332,8 @@ class Repair {
   Points positions_;
   MidNodes mid_nodes_;
   std::vector<char> is_bent_;  ///< those that don't follow their corners
-  RowMatrix slides_;           ///< of SlidingNodes::nodes
+  std::vector<Index> others_;
+  RowMatrix slides_;  ///< of SlidingNodes::nodes
   Work work_;
 };
 
@@ -332,13 +348,6 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   UntangleReport& report = result.report;
   report.validity = check_validity(mesh, positions, orientation);
   report.before = report.validity.invalid;
-  if (mesh.is_of_finite_volumes && report.before > 0) {
-    result.positions =
-        mend_volumes(mesh, positions, is_fixed, orientation, report.validity.invalid_cells);
-    report.validity = check_validity(mesh, result.positions, orientation);
-    const auto moves = (result.positions - positions).rowwise().squaredNorm().array() > 0;
-    report.moved_nodes = moves.count();
-  }
   const auto repair_from = [&](const Points& start, MidNodes mid_nodes, std::vector<char> is_bent) {
     Repair repair(mesh, start, is_fixed, orientation, options, std::move(mid_nodes),
                   std::move(is_bent));
@@ -346,6 +355,24 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     result.positions = repair.positions();
     result.slides = repair.slides();
   };
+  // What gives cells their shapes back gives them sound volumes, too; where it does not, those
+  // alone are asked for.
+  if (mesh.is_of_finite_volumes && report.before > 0) {
+    const UntangleReport first = report;
+    Repair repair(mesh, positions, is_fixed, orientation, options, {}, {});
+    repair.add_seeds(cells_turned_over(mesh, positions, orientation));
+    repair.run(report);
+    result.positions = repair.positions();
+    result.slides = repair.slides();
+    if (report.validity.invalid > 0) {
+      report = first;
+      result.positions =
+          mend_volumes(mesh, positions, is_fixed, orientation, report.validity.invalid_cells);
+      report.validity = check_validity(mesh, result.positions, orientation);
+      const auto moves = (result.positions - positions).rowwise().squaredNorm().array() > 0;
+      report.moved_nodes = moves.count();
+    }
+  }
   // Cells of second order with straight edges are valid by their corners, too, and have an eighth
   // of the unknowns. Edges bend where these don't do.
   const Points start = result.positions;

@@ -50,7 +50,8 @@ TEST_CASE("Nodes of unsound volumes move to where these are sound", "[volume][fi
     CHECK(repaired.report.before == std::ssize(unsound));
     CHECK(repaired.report.after == 0);
     CHECK(repaired.report.moved_nodes > 0);
-    CHECK(repaired.positions == mended);
+    // The cells get their shapes back, too.
+    CHECK(measure_quality(mesh, repaired.positions, orientation).min > 0);
   }
 }
 
