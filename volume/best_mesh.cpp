@@ -580,7 +580,7 @@ class BestMesh {
   void take_back_far(const Patch& around, State& state) const {
     bool has_any = false;
     for (const Index n : around.nodes)
-      if (!is_slider(n) && moved(state.positions, n) > reach_) has_any |= take_back(n, state, 0);
+      if (moved(state.positions, n) > reach_) has_any |= take_back(n, state, 0);
     if (has_any) carry_followers(around, state);
   }
 

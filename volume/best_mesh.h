@@ -89,7 +89,7 @@ struct BestMeshResult {
 /// motion leaves, all those that slide, too. A motion that is an affine map is left as it is. An
 /// attempt is taken when neither figure is below that of `moved` (of rows, by more than a
 /// thousandth) and their sum, each as a share of the reference's, is the largest so far; no more
-/// cells are invalid then. Cells that are not valid in `moved` stay as they are. No inner node
+/// cells are invalid then. Cells that are not valid in `moved` stay as they are. No node
 /// moves farther from the reference than kMostOvershoot times the farthest fixed one, or than the
 /// farthest of those that came. At most 20 passes over the mesh's cells, 80 where less than three
 /// quarters were kept (more where the mesh is small): a count, no time, so that the result is the

@@ -39,8 +39,9 @@ constexpr double kSmallWork = 1e8;
 // Of wrecked meshes a hundredth of the inverted cells is repaired by then.
 constexpr double kWorkToJudge = 0.25, kTimesAll = 4;
 constexpr double kStraight = 1e-4;  // of an edge: what straight ones may be off
-// Of the work, what a repair with straight edges takes: it succeeds within, or mostly not at all.
-constexpr double kStraightWork = 0.25;
+// Of the work, what a repair with straight edges takes, or of shapes that need not be: it succeeds
+// within, or mostly not at all.
+constexpr double kAttemptWork = 0.25;
 
 // The cells within some rings of the seeds, and the nodes that may move.
 struct Neighbourhood {
@@ -209,7 +210,7 @@ class Repair {
  public:
   Repair(const Mesh& mesh, const Points& positions, std::vector<char> is_fixed,
          const Orientation& orientation, const UntangleOptions& options, MidNodes mid_nodes,
-         std::vector<char> is_bent)
+         std::vector<char> is_bent, std::vector<Index> others, bool is_attempt)
       : mesh_(mesh),
         orientation_(orientation),
         options_(options),
@@ -218,14 +219,12 @@ class Repair {
         positions_(positions),
         mid_nodes_(std::move(mid_nodes)),
         is_bent_(std::move(is_bent)),
-        work_(mid_nodes_.count() > 0 ? kStraightWork : 1) {
+        others_(std::move(others)),
+        work_(is_attempt ? kAttemptWork : 1) {
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
     slides_ = options.sliding->slides;
   }
-
-  /// Valid cells that the first neighbourhood is to hold, too.
-  void add_seeds(std::vector<Index> cells) { others_ = std::move(cells); }
 
   void run(UntangleReport& report) {
     std::vector<Index> seeds = report.validity.invalid_cells;
@@ -348,36 +347,37 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   UntangleReport& report = result.report;
   report.validity = check_validity(mesh, positions, orientation);
   report.before = report.validity.invalid;
-  const auto repair_from = [&](const Points& start, MidNodes mid_nodes, std::vector<char> is_bent) {
+  // `others`: valid cells that the first neighbourhood is to hold, too.
+  const auto repair_from = [&](const Points& start, MidNodes mid_nodes = {},
+                               std::vector<char> is_bent = {}, std::vector<Index> others = {}) {
+    const bool is_attempt = mid_nodes.count() > 0 || !others.empty();
     Repair repair(mesh, start, is_fixed, orientation, options, std::move(mid_nodes),
-                  std::move(is_bent));
+                  std::move(is_bent), std::move(others), is_attempt);
     repair.run(report);
     result.positions = repair.positions();
     result.slides = repair.slides();
   };
-  // What gives cells their shapes back gives them sound volumes, too; where it does not, those
-  // alone are asked for.
   if (mesh.is_of_finite_volumes && report.before > 0) {
     const UntangleReport first = report;
-    Repair repair(mesh, positions, is_fixed, orientation, options, {}, {});
-    repair.add_seeds(cells_turned_over(mesh, positions, orientation));
-    repair.run(report);
-    result.positions = repair.positions();
-    result.slides = repair.slides();
-    if (report.validity.invalid > 0) {
+    result.positions =
+        mend_volumes(mesh, positions, is_fixed, orientation, report.validity.invalid_cells);
+    report.validity = check_validity(mesh, result.positions, orientation);
+    const auto moves = (result.positions - positions).rowwise().squaredNorm().array() > 0;
+    report.moved_nodes = moves.count();
+    // Sound volumes may be turned over: what gives cells their shapes back makes them sound, too.
+    if (std::vector<Index> turned = cells_turned_over(mesh, positions, orientation);
+        !turned.empty()) {
+      UntangleResult mended = result;
       report = first;
-      result.positions =
-          mend_volumes(mesh, positions, is_fixed, orientation, report.validity.invalid_cells);
-      report.validity = check_validity(mesh, result.positions, orientation);
-      const auto moves = (result.positions - positions).rowwise().squaredNorm().array() > 0;
-      report.moved_nodes = moves.count();
+      repair_from(positions, {}, {}, std::move(turned));
+      if (report.validity.invalid > 0) result = std::move(mended);
     }
   }
   // Cells of second order with straight edges are valid by their corners, too, and have an eighth
   // of the unknowns. Edges bend where these don't do.
   const Points start = result.positions;
   const UntangleReport plain = report;
-  if (const MidNodes mid_nodes = report.before > 0 ? MidNodes(mesh, start) : MidNodes();
+  if (const MidNodes mid_nodes = report.validity.invalid > 0 ? MidNodes(mesh, start) : MidNodes();
       mid_nodes.count() > 0) {
     const auto is_free = [&](Index node) {
       return !is_fixed[node] ||
@@ -394,7 +394,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     repair_from(straight, MidNodes(mesh, straight), is_bent);
     if (report.validity.invalid > 0) report = plain;
   }
-  if (report.validity.invalid > 0 || !options.poor_cells.empty()) repair_from(start, {}, {});
+  if (report.validity.invalid > 0 || !options.poor_cells.empty()) repair_from(start);
   report.after = report.validity.invalid;
   report.max_move = (result.positions - positions).rowwise().norm().maxCoeff();
   report.seconds = watch.seconds();
