@@ -1,6 +1,7 @@
 #include "core/formats/child_process.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -13,9 +14,7 @@
 namespace cadmorph {
 namespace {
 
-void limit_child(std::uint64_t file_size) {
-  constexpr rlim_t kSeconds = 20, kBytesASecond = 1 << 22;
-  const rlim_t seconds = kSeconds + file_size / kBytesASecond;
+void limit_child(rlim_t seconds) {
   const rlimit no_core{0, 0}, time{seconds, seconds};
   setrlimit(RLIMIT_CORE, &no_core);
   setrlimit(RLIMIT_CPU, &time);
@@ -50,14 +49,18 @@ bool Socket::receive(void* bytes, std::size_t size) const {
   return true;
 }
 
-ChildProcess::ChildProcess(std::uint64_t file_size,
-                           const std::function<void(const Socket&)>& work) {
+bool Socket::waits(int seconds) const {
+  pollfd ready{descriptor_, POLLIN, 0};
+  return poll(&ready, 1, 1000 * seconds) != 0;
+}
+
+ChildProcess::ChildProcess(std::uint64_t seconds, const std::function<void(const Socket&)>& work) {
   int ends[2] = {-1, -1};
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return;
   id_ = fork();
   if (id_ == 0) {
     close(ends[0]);
-    limit_child(file_size);
+    limit_child(seconds);
     try {
       work(Socket(ends[1]));
     } catch (...) {  // nothing of this process's may run on in the copy

@@ -83,7 +83,7 @@ class Hdf5Copier : public MeshCopier {
     replace_coordinates({bytes.data(), bytes.size()}, places_, before, after);
     TemporaryFile file(target);
     file.write(bytes.data(), bytes.size(), 0);
-    const ChildProcess process(bytes.size(), [&](const Socket& socket) {
+    const ChildProcess process(seconds_to_read(bytes.size()), [&](const Socket& socket) {
       {
         const Hdf5Library library(file.path(), Hdf5Library::Mode::Write);
         for (const Change& change : changes)

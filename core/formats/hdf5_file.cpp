@@ -142,8 +142,8 @@ struct Hdf5File::Impl {
     std::error_code error;
     const std::uint64_t size = fs::file_size(path, error);
     if (error) fail_reading(path, error.message());
-    process =
-        std::make_unique<ChildProcess>(size, [&](const Socket& socket) { serve(path, socket); });
+    process = std::make_unique<ChildProcess>(seconds_to_read(size),
+                                             [&](const Socket& socket) { serve(path, socket); });
     receive_header();
   }
 

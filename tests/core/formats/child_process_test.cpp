@@ -9,7 +9,7 @@ namespace cadmorph {
 namespace {
 
 TEST_CASE("A child process answers until it is no longer needed", "[core][formats]") {
-  const ChildProcess child(0, [](const Socket& socket) {
+  const ChildProcess child(60, [](const Socket& socket) {
     for (int number = 0; socket.receive(&number, sizeof number);) {
       number *= 2;
       socket.send(&number, sizeof number);
@@ -25,7 +25,7 @@ TEST_CASE("A child process answers until it is no longer needed", "[core][format
 
 TEST_CASE("A child process that fails is noticed", "[core][formats]") {
   const auto gets_answer = [](const std::function<void()>& work) {
-    const ChildProcess child(0, [&](const Socket& socket) {
+    const ChildProcess child(60, [&](const Socket& socket) {
       work();
       socket.send("a", 1);
     });
@@ -37,8 +37,20 @@ TEST_CASE("A child process that fails is noticed", "[core][formats]") {
   CHECK_FALSE(gets_answer([] { throw std::runtime_error("no memory"); }));
 }
 
+TEST_CASE("One may wait for a child process", "[core][formats]") {
+  const ChildProcess answers(60, [](const Socket& socket) { socket.send("a", 1); });
+  CHECK(answers.has_started());
+  CHECK(answers.socket().waits(60));
+  const ChildProcess ends(60, [](const Socket&) {});
+  CHECK(ends.socket().waits(60));
+  const ChildProcess is_silent(60, [](const Socket&) {
+    for (;;) std::raise(SIGSTOP);
+  });
+  CHECK_FALSE(is_silent.socket().waits(0));
+}
+
 TEST_CASE("A child process at work is ended", "[core][formats]") {
-  const ChildProcess child(0, [](const Socket&) {
+  const ChildProcess child(60, [](const Socket&) {
     for (;;) std::raise(SIGSTOP);
   });
 }

@@ -74,7 +74,7 @@ TEST_CASE("An HDF5 file is read while another thread registers functions for the
   const FormatFolder folder;
   const auto path = folder / "points.h5";
   {  // In a copy: once it has begun, the library registers nothing more.
-    const ChildProcess writer(0, [&](const Socket& socket) {
+    const ChildProcess writer(60, [&](const Socket& socket) {
       Hdf5Writer(path).numbers("/points", values(5));
       constexpr char kDone = 1;
       socket.send(&kDone, 1);
