@@ -205,22 +205,26 @@ std::vector<Index> cells_turned_over(const Mesh& mesh, const Points& positions,
   return result;
 }
 
+struct RepairPlan {
+  MidNodes mid_nodes = {};         ///< go with their corners
+  std::vector<char> is_bent = {};  ///< of all nodes: but for these
+  std::vector<Index> others = {};  ///< valid cells for the first neighbourhood to hold, too
+  double most_work = 1;
+};
+
 // A mesh under repair: tries ever larger neighbourhoods of the cells to repair.
 class Repair {
  public:
   Repair(const Mesh& mesh, const Points& positions, std::vector<char> is_fixed,
-         const Orientation& orientation, const UntangleOptions& options, MidNodes mid_nodes,
-         std::vector<char> is_bent, std::vector<Index> others, bool is_attempt)
+         const Orientation& orientation, const UntangleOptions& options, RepairPlan plan)
       : mesh_(mesh),
         orientation_(orientation),
         options_(options),
         incidence_(mesh),
         is_fixed_(std::move(is_fixed)),
         positions_(positions),
-        mid_nodes_(std::move(mid_nodes)),
-        is_bent_(std::move(is_bent)),
-        others_(std::move(others)),
-        work_(is_attempt ? kAttemptWork : 1) {
+        plan_(std::move(plan)),
+        work_(plan_.most_work) {
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
     slides_ = options.sliding->slides;
@@ -229,7 +233,7 @@ class Repair {
   void run(UntangleReport& report) {
     std::vector<Index> seeds = report.validity.invalid_cells;
     seeds.insert(seeds.end(), options_.poor_cells.begin(), options_.poor_cells.end());
-    seeds.insert(seeds.end(), others_.begin(), others_.end());
+    seeds.insert(seeds.end(), plan_.others.begin(), plan_.others.end());
     seeds = movable(seeds);
     int idle = 0;
     for (int attempt = 0;
@@ -270,7 +274,7 @@ class Repair {
       report.rings = rings;
       report.moved_nodes = static_cast<Index>(around.nodes.size());
       FreeNodes free(mesh_.node_count(), around.nodes, options_.sliding);
-      free.let_follow(mid_nodes_, followers(around.nodes));
+      free.let_follow(plan_.mid_nodes, followers(around.nodes));
       const VectorXd start = free.start(positions_, slides_);
       // Cells held inverted have no say: their energy would outweigh all others.
       Distortion distortion(mesh_, positions_, std::move(free), movable(around.cells),
@@ -294,14 +298,14 @@ class Repair {
     return true;
   }
 
-  bool follows(Index node) const { return mid_nodes_.contains(node) && !is_bent_[node]; }
+  bool follows(Index node) const { return plan_.mid_nodes.contains(node) && !plan_.is_bent[node]; }
 
   // Those that go with corners that are free.
   std::vector<Index> followers(const std::vector<Index>& nodes) const {
     std::vector<Index> result;
-    for (Index i = 0; i < mid_nodes_.count(); ++i)
-      if (!is_fixed_[mid_nodes_.node(i)] && follows(mid_nodes_.node(i)) &&
-          std::ranges::any_of(mid_nodes_.corners(i), [&](Index corner) {
+    for (Index i = 0; i < plan_.mid_nodes.count(); ++i)
+      if (!is_fixed_[plan_.mid_nodes.node(i)] && follows(plan_.mid_nodes.node(i)) &&
+          std::ranges::any_of(plan_.mid_nodes.corners(i), [&](Index corner) {
             return std::ranges::binary_search(nodes, corner);
           }))
         result.push_back(i);
@@ -317,9 +321,9 @@ class Repair {
         is_fixed_[options_.sliding->nodes[i]] = 1;
         off.push_back(options_.sliding->nodes[i]);
       }
-    for (Index i = 0; !off.empty() && i < mid_nodes_.count(); ++i)
-      if (std::ranges::binary_search(off, mid_nodes_.node(i)))
-        for (const Index corner : mid_nodes_.corners(i)) is_fixed_[corner] = 1;
+    for (Index i = 0; !off.empty() && i < plan_.mid_nodes.count(); ++i)
+      if (std::ranges::binary_search(off, plan_.mid_nodes.node(i)))
+        for (const Index corner : plan_.mid_nodes.corners(i)) is_fixed_[corner] = 1;
     return std::ssize(off);
   }
 
@@ -329,10 +333,8 @@ class Repair {
   NodeCells incidence_;
   std::vector<char> is_fixed_;
   Points positions_;
-  MidNodes mid_nodes_;
-  std::vector<char> is_bent_;  ///< those that don't follow their corners
-  std::vector<Index> others_;
   RowMatrix slides_;  ///< of SlidingNodes::nodes
+  RepairPlan plan_;
   Work work_;
 };
 
@@ -347,12 +349,8 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   UntangleReport& report = result.report;
   report.validity = check_validity(mesh, positions, orientation);
   report.before = report.validity.invalid;
-  // `others`: valid cells that the first neighbourhood is to hold, too.
-  const auto repair_from = [&](const Points& start, MidNodes mid_nodes = {},
-                               std::vector<char> is_bent = {}, std::vector<Index> others = {}) {
-    const bool is_attempt = mid_nodes.count() > 0 || !others.empty();
-    Repair repair(mesh, start, is_fixed, orientation, options, std::move(mid_nodes),
-                  std::move(is_bent), std::move(others), is_attempt);
+  const auto repair_from = [&](const Points& start, RepairPlan plan = {}) {
+    Repair repair(mesh, start, is_fixed, orientation, options, std::move(plan));
     repair.run(report);
     result.positions = repair.positions();
     result.slides = repair.slides();
@@ -369,7 +367,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
         !turned.empty()) {
       UntangleResult mended = result;
       report = first;
-      repair_from(positions, {}, {}, std::move(turned));
+      repair_from(positions, {.others = std::move(turned), .most_work = kAttemptWork});
       if (report.validity.invalid > 0) result = std::move(mended);
     }
   }
@@ -391,7 +389,9 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     for (Index node = 0; node < mesh.node_count(); ++node)
       if (is_bent[node]) straight.row(node) = start.row(node);
     report.validity = check_validity(mesh, straight, orientation);
-    repair_from(straight, MidNodes(mesh, straight), is_bent);
+    repair_from(straight, {.mid_nodes = MidNodes(mesh, straight),
+                           .is_bent = std::move(is_bent),
+                           .most_work = kAttemptWork});
     if (report.validity.invalid > 0) report = plain;
   }
   if (report.validity.invalid > 0 || !options.poor_cells.empty()) repair_from(start);
