@@ -45,8 +45,7 @@ struct SurfaceMorphResult {
   PartedJoints parted;
   Index dragged_patches = 0;  ///< on no CAD face, that stay fixed though what moves touches them
   std::vector<ImagePair> images;  ///< sides that are images of each other
-  std::vector<RowId>
-      periodic;  ///< nodes of those named as periodic, ascending: no repair moves them
+  std::vector<RowId> periodic;  ///< nodes of those that are named, ascending: no repair moves them
   std::vector<RowId> crossing;  ///< nodes on CAD entities that cross without an imprint, ascending
   std::vector<RowId> jointed;   ///< all on entities that meet without one (Joints), ascending
   std::vector<std::string> folds;      ///< faces with folded facets: a line each

@@ -8,16 +8,6 @@
 #include "core/cell_topology.h"
 
 namespace cadmorph {
-namespace {
-
-Eigen::RowVector3d mean(const Points& positions, std::span<const Index> nodes) {
-  Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
-  for (const Index node : nodes) sum += positions.row(node);
-  return sum / double(nodes.size());
-}
-
-}  // namespace
-
 MidNodes::MidNodes(const Mesh& mesh, const Points& start) {
   std::array<std::optional<std::vector<LocalMidNode>>, 256> of_type;
   for (Index c = 0; c < mesh.cell_count(); ++c) {
@@ -35,8 +25,15 @@ MidNodes::MidNodes(const Mesh& mesh, const Points& start) {
   }
   for (Index i = 0; i < count(); ++i) {
     start_.emplace_back(start.row(nodes_[i]));
-    corner_start_.push_back(mean(start, corners(i)));
+    corner_start_.push_back(middle(i, start));
   }
+}
+
+Eigen::RowVector3d MidNodes::middle(Index i, const Points& positions) const {
+  const auto nodes = corners(i);
+  Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+  for (const Index node : nodes) sum += positions.row(node);
+  return sum / double(nodes.size());
 }
 
 MidNodes::Follower MidNodes::follower(Index i, const SlidingNodes* sliding) const {
@@ -53,7 +50,7 @@ MidNodes::Follower MidNodes::follower(Index i, const SlidingNodes* sliding) cons
 Eigen::Matrix3d MidNodes::follow(const Follower& follower, const SlidingNodes* sliding,
                                  Points& positions, RowMatrix& slides) const {
   const Index i = follower.mid;
-  const Eigen::RowVector3d way = mean(positions, corners(i)) - corner_start_[i];
+  const Eigen::RowVector3d way = middle(i, positions) - corner_start_[i];
   if (follower.slide < 0) {
     positions.row(nodes_[i]) = start_[i] + way;
     return Eigen::Matrix3d::Identity();

@@ -25,6 +25,8 @@ class MidNodes {
     return std::span(corners_).subspan(std::size_t(first_[i]),
                                        std::size_t(first_[i + 1] - first_[i]));
   }
+  /// Mean of the positions (N x 3) of its corners.
+  Eigen::RowVector3d middle(Index i, const Points& positions) const;
 
   /// How node i follows.
   struct Follower {

@@ -171,14 +171,10 @@ void straighten(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<c
   for (Index i = 0; i < mid_nodes.count(); ++i) {
     const Index node = mid_nodes.node(i);
     const auto corners = mid_nodes.corners(i);
-    const auto mean = [&](const Points& points) {
-      Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
-      for (const Index corner : corners) sum += points.row(corner);
-      return Eigen::RowVector3d(sum / double(corners.size()));
-    };
     const double size = (mesh.points.row(corners[0]) - mesh.points.row(corners[1])).norm();
-    if (!is_fixed[node] && (mesh.points.row(node) - mean(mesh.points)).norm() <= kStraight * size)
-      positions.row(node) = mean(positions);
+    if (!is_fixed[node] &&
+        (mesh.points.row(node) - mid_nodes.middle(i, mesh.points)).norm() <= kStraight * size)
+      positions.row(node) = mid_nodes.middle(i, positions);
   }
 }
 
@@ -205,11 +201,12 @@ std::vector<Index> cells_turned_over(const Mesh& mesh, const Points& positions,
   return result;
 }
 
+// What a repair does otherwise than the plain one.
 struct RepairPlan {
   MidNodes mid_nodes = {};         ///< go with their corners
   std::vector<char> is_bent = {};  ///< of all nodes: but for these
   std::vector<Index> others = {};  ///< valid cells for the first neighbourhood to hold, too
-  double most_work = 1;
+  double most_work = 1;            ///< see Work
 };
 
 // A mesh under repair: tries ever larger neighbourhoods of the cells to repair.
