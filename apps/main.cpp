@@ -69,6 +69,7 @@ void name_remedies() {
        {Remedy::FaceMap, "--map"},
        {Remedy::Via, "--via"},
        {Remedy::Improve, "--improve"},
+       {Remedy::InvertedInput, "--accept-inverted-input"},
        {Remedy::AutomaticUntangling, "--untangle auto"},
        {Remedy::AutomaticSteps, "--steps auto"},
        {Remedy::Cache, "--cache"},

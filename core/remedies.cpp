@@ -20,6 +20,7 @@ auto& all_words() {
       "a face map",
       "in a series of morphs",
       "improve below",
+      "accepting what is inverted in the input",
       "automatic repair",
       "automatic steps",
       "another cache file",

@@ -46,6 +46,8 @@ struct PipelineOptions {
   std::optional<double> improve_below;
   /// The result is refused when any cell's scaled Jacobian is below.
   std::optional<double> min_scaled_jacobian;
+  /// Elements that are inverted in the input may stay so.
+  bool accept_inverted_input = false;
   /// False: the result is to be a function of the position, as a field is. Repair by optimisation,
   /// which moves single nodes, is then not advised.
   bool can_repair = true;

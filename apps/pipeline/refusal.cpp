@@ -44,6 +44,10 @@ bool is_turned_over(const MorphResult& result) {
   return !normal.isZero(0) && plane_normal(mesh, result.positions) == -normal;
 }
 
+std::vector<Index> inverted_in_base(const BaseSide& base) {
+  return sorted_union(base.validity.invalid_cells, base.quality.inverted_cells);
+}
+
 // Shell cells that the surface folds: what inverts a cell between solids.
 std::vector<Index> folded_shells(const MorphResult& result) {
   const BaseSide& base = *result.base;
@@ -62,9 +66,22 @@ std::vector<Index> folded_shells(const MorphResult& result) {
 
 // Cells the result is refused for: invalid ones, and those whose corners inverted on the way.
 std::vector<Index> inverted_cells(const MorphResult& result) {
+  const BaseSide& base = *result.base;
   const auto corners =
-      sorted_difference(result.quality.inverted_cells, result.base->quality.inverted_cells);
-  return sorted_union(sorted_union(result.validity.invalid_cells, corners), folded_shells(result));
+      sorted_difference(result.quality.inverted_cells, base.quality.inverted_cells);
+  const auto invalid = base.options.accept_inverted_input
+                           ? sorted_difference(result.validity.invalid_cells, inverted_in_base(base))
+                           : result.validity.invalid_cells;
+  return sorted_union(sorted_union(invalid, corners), folded_shells(result));
+}
+
+// What an accepted result has of inverted elements.
+void tell_of_inverted(MorphResult& result) {
+  const Index count = std::ssize(result.validity.invalid_cells);
+  if (count == 0) return;
+  result.report.run.warnings.push_back(
+      std::to_string(count) + (count == 1 ? " element is" : " elements are") +
+      " inverted, as in the input mesh (" + words_for(Remedy::InvertedInput) + ")");
 }
 
 std::vector<Index> poor_cells(const MorphResult& result) {
@@ -111,7 +128,9 @@ std::vector<std::string> advice(const MorphResult& result) {
   if (found.bad_in_base > found.misordered)
     lines.push_back(
         "repair the input mesh: " + std::to_string(found.bad_in_base - found.misordered) +
-        " of these cells are inverted in it already");
+        " of these cells are inverted in it already" +
+        (made == 0 ? ", and no others here: accept them by " + words_for(Remedy::InvertedInput)
+                   : ""));
   if (!is_inverted && found.poor_in_base > 0)
     lines.push_back(
         "ask for less, or better the input mesh: " + std::to_string(found.poor_in_base) +
@@ -167,6 +186,7 @@ void judge(MorphResult& result) {
   const auto inverted = inverted_cells(result);
   const auto poor = poor_cells(result);
   const auto bad = sorted_union(inverted, poor);
+  if (inverted.empty()) tell_of_inverted(result);
   if (bad.empty()) return;
   PipelineReport& figures = result.report;
   figures.min_asked = base.options.min_scaled_jacobian.value_or(0);

@@ -449,7 +449,8 @@ std::unique_ptr<Morpher> make_morpher(
     std::optional<double> kernel_shape, const std::string& solver, double solver_tolerance,
     double memory_limit_bytes, int steps, int max_steps, const std::string& untangle,
     const std::string& quality, const std::string& solver_family,
-    std::optional<double> improve_below, std::optional<double> min_scaled_jacobian) {
+    std::optional<double> improve_below, std::optional<double> min_scaled_jacobian,
+    bool accept_inverted_input) {
   const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
                              .association_tolerance = association_tolerance,
                              .snap = snap,
@@ -472,7 +473,8 @@ std::unique_ptr<Morpher> make_morpher(
                              .quality = quality_of(quality),
                              .solver_family = solver_family_of(solver_family),
                              .improve_below = improve_below,
-                             .min_scaled_jacobian = min_scaled_jacobian};
+                             .min_scaled_jacobian = min_scaled_jacobian,
+                             .accept_inverted_input = accept_inverted_input};
   return run_unlocked(progress, [&](const Progress& tell) {
     return std::make_unique<Morpher>(base, mesh, options, tell);
   });
@@ -512,7 +514,7 @@ void add_morpher(py::module_& module) {
           "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
           "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "quality"_a = "best",
           "solver_family"_a = "auto", "improve_below"_a = py::none(),
-          "min_scaled_jacobian"_a = py::none(),
+          "min_scaled_jacobian"_a = py::none(), "accept_inverted_input"_a = false,
           R"(Finds the CAD entity of each surface node, measures the mesh and sets up the volume morph.
 
 progress: called with the phase's name and the fraction of it done; returns False to cancel.
@@ -538,6 +540,7 @@ solver_family: what 'best' goes by: 'fe', finite elements: the scaled Jacobian; 
     non-orthogonality and skewness of faces; 'auto': by the format of the mesh's file.
 improve_below: raises elements with a scaled Jacobian below, by optimisation.
 min_scaled_jacobian: refuses a result with an element below.
+accept_inverted_input: elements that are inverted in the input may stay so.
 
 Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")
       .def(

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "apps/pipeline/morph_files.h"
+#include "apps/pipeline/refusal.h"
 #include "apps/pipeline/surface_stage.h"
 #include "cad/step_reader.h"
 #include "command_line.h"
@@ -120,6 +121,39 @@ TEST_CASE("A refused result names its worst cell and the face beside it", "[apps
   const CadFace& face = base.faces()[diagnosis.face];
   const auto at = base.evaluate(diagnosis.face, (face.lower + face.upper) / 2).point;
   CHECK(at[0] == Approx(0).margin(1e-9));
+}
+
+TEST_CASE("Elements inverted in the input are accepted where that is asked for, no others",
+          "[apps][pipeline]") {
+  const Workplace place;
+  Mesh mesh = box_mesh(3);
+  const auto at = [&](double z) {  // on the vertical edge at the origin
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      if ((mesh.points.row(n) - Eigen::RowVector3d(0, 0, z)).norm() < 1e-9) return n;
+    return Index(-1);
+  };
+  const Index low = at(10.0 / 3);
+  REQUIRE(low >= 0);
+  mesh.points(low, 2) = 8;  // past the next node of the edge
+  write_mesh(place.folder() / "folded.vtu", mesh);
+  const std::string command = "box.step box_moved.step folded.vtu -o out.vtu";
+  const RunResult refused = place.run(command);
+  CHECK(refused.exit_code == 5);
+  CHECK_THAT(refused.err, Catch::Matchers::Contains("accept them by --accept-inverted-input"));
+  const RunResult accepted = place.run(command + " --accept-inverted-input");
+  CHECK(accepted.exit_code == 0);
+  CHECK_THAT(accepted.err, Catch::Matchers::Contains("inverted, as in the input mesh"));
+
+  write_mesh(place.folder() / "box.vtu", mesh);
+  PipelineOptions options;
+  options.accept_inverted_input = true;
+  const MorphJob job = box_job(place, options);
+  MorphResult result = job.morph(read_step(place.folder() / "box_moved.step"));
+  REQUIRE(!result.validity.invalid_cells.empty());
+  CHECK(bad_cells(result).empty());
+  const Index other = mesh.cell_count() - 1;
+  result.validity.invalid_cells.push_back(other);
+  CHECK(bad_cells(result) == std::vector<Index>{other});
 }
 
 TEST_CASE("The progress of the whole trip is told", "[apps][pipeline]") {
