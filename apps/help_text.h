@@ -1,10 +1,16 @@
 #pragma once
 
+#include <array>
 #include <string_view>
 
 namespace cadmorph {
 
-/// docs/troubleshooting.md, put into the program by the build.
-extern const std::string_view kTroubleshooting;
+/// A page of docs, put into the program by the build.
+struct HelpTopic {
+  std::string_view name, text;
+};
+
+/// The first tells of the exit codes.
+extern const std::array<HelpTopic, 4> kHelpTopics;
 
 }  // namespace cadmorph

@@ -40,12 +40,11 @@ constexpr const char* kDescription =
     "  cadmorph velocity BASE.step PLUS.step MINUS.step MESH --step H -o OUT.vtu [options]\n"
     "  cadmorph gradient BASE.step MESH PARAMETERS.csv --sensitivity FILE [options]\n"
     "  cadmorph compare REFERENCE MESH [options]\n"
-    "  cadmorph help exit-codes [CODE]\n"
-    "  cadmorph help COMMAND\n"
+    "  cadmorph help exit-codes [CODE] | formats | choosing | limits | COMMAND\n"
     "\n"
     "Both STEP files must have the same topology; MESH is the mesh of the first, in the format it\n"
-    "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: docs/formats.md), and so is OUT. The\n"
-    "result has the same elements, each surface node on the new CAD.";
+    "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: cadmorph help formats), and so is OUT.\n"
+    "The result has the same elements, each surface node on the new CAD.";
 
 // Large arrays come and go: what one leaves serves the next, without the kernel clearing its pages
 // again: a third of all page faults, and some percent of the time.

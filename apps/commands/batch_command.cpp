@@ -60,7 +60,7 @@ void take_interrupts() {
 
 void add_options(CLI::App& app, BatchCommand& command) {
   app.add_option("BASE", command.base, "STEP file the mesh was made for");
-  app.add_option("MESH", command.mesh, "mesh of BASE, of any format in docs/formats.md");
+  app.add_option("MESH", command.mesh, "mesh of BASE, of any format of 'cadmorph help formats'");
   app.add_option("VARIANT", command.steps, "STEP files to move the mesh onto");
   app.add_option("-o,--output", command.folder, "folder of the meshes and results")
       ->type_name("DIR");

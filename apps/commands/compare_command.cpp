@@ -140,9 +140,11 @@ void add_compare_command(CLI::App& app, Action& action) {
   parser->footer(help_end({"compare nightly/part_b.vtu part_b.vtu --tolerance 1e-9",
                            "compare wing.vtu wing_thick.vtu --difference moved.vtu"},
                           {0, 1, 2, 6, 7}));
-  parser->add_option("REFERENCE", command->reference, "mesh of any format in docs/formats.md")
+  parser
+      ->add_option("REFERENCE", command->reference, "mesh of any format of 'cadmorph help formats'")
       ->required();
-  parser->add_option("MESH", command->mesh, "mesh of any format in docs/formats.md")->required();
+  parser->add_option("MESH", command->mesh, "mesh of any format of 'cadmorph help formats'")
+      ->required();
   auto* tolerance =
       parser
           ->add_option("--tolerance", command->options.tolerance,

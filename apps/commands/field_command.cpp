@@ -85,7 +85,9 @@ void add_field_command(CLI::App& app, Action& action) {
       ->required();
   parser->add_option("VARIANT", command->files.variant_cad, "STEP file to move the mesh onto")
       ->required();
-  parser->add_option("MESH", command->files.mesh, "mesh of BASE, of any format in docs/formats.md")
+  parser
+      ->add_option("MESH", command->files.mesh,
+                   "mesh of BASE, of any format of 'cadmorph help formats'")
       ->required();
   parser->add_option("-o,--output", command->files.output, "field file")
       ->type_name("FIELD.cmf")

@@ -51,7 +51,8 @@ void add_gradient_command(CLI::App& app, Action& action) {
                 "gradient part.step part.vtu table.csv --sensitivity adjoint.vtu --array dJdX"},
                {0, 1, 2, 3, 4, 6}));
   parser->add_option("BASE", command->base, "STEP file the mesh was made for")->required();
-  parser->add_option("MESH", command->mesh, "mesh of BASE, of any format in docs/formats.md")
+  parser
+      ->add_option("MESH", command->mesh, "mesh of BASE, of any format of 'cadmorph help formats'")
       ->required();
   parser
       ->add_option("PARAMETERS", command->parameters,

@@ -39,7 +39,7 @@ void add_options(CLI::App& app, MorphCommand& command) {
   app.add_option("BASE", command.files.base_cad, "STEP file the mesh was made for");
   app.add_option("VARIANT", command.files.variant_cad, "STEP file to move the mesh onto");
   app.add_option("MESH", command.files.mesh,
-                 "mesh of BASE: a file or folder of any format in docs/formats.md");
+                 "mesh of BASE: a file or folder of any format of 'cadmorph help formats'");
   app.add_option("-o,--output", command.output, "morphed mesh (default: <stem>.morphed.<ext>)")
       ->type_name("OUT");
   app.add_option("--via", command.files.via,

@@ -71,7 +71,8 @@ void add_quality_command(CLI::App& app, Action& action) {
   parser->footer(help_end(
       {"quality wing.vtu", "quality wing.vtu --min-scaled-jacobian 0.1 --picture wing.png"},
       {0, 1, 2, 5, 6}));
-  parser->add_option("MESH", command->mesh, "mesh of any format in docs/formats.md")->required();
+  parser->add_option("MESH", command->mesh, "mesh of any format of 'cadmorph help formats'")
+      ->required();
   parser
       ->add_option("--min-scaled-jacobian", command->min_scaled_jacobian,
                    "exit 5 when an element is below")

@@ -54,7 +54,7 @@ void add_velocity_command(CLI::App& app, Action& action) {
       ->required();
   parser->add_option("MINUS", files.minus, "STEP file with the parameter smaller by the step")
       ->required();
-  parser->add_option("MESH", files.mesh, "mesh of BASE, of any format in docs/formats.md")
+  parser->add_option("MESH", files.mesh, "mesh of BASE, of any format of 'cadmorph help formats'")
       ->required();
   parser->add_option("--step", files.step, "by which the parameter differs, in its own unit")
       ->check(positive_number())

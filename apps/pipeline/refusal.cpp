@@ -69,9 +69,10 @@ std::vector<Index> inverted_cells(const MorphResult& result) {
   const BaseSide& base = *result.base;
   const auto corners =
       sorted_difference(result.quality.inverted_cells, base.quality.inverted_cells);
-  const auto invalid = base.options.accept_inverted_input
-                           ? sorted_difference(result.validity.invalid_cells, inverted_in_base(base))
-                           : result.validity.invalid_cells;
+  const auto invalid =
+      base.options.accept_inverted_input
+          ? sorted_difference(result.validity.invalid_cells, inverted_in_base(base))
+          : result.validity.invalid_cells;
   return sorted_union(sorted_union(invalid, corners), folded_shells(result));
 }
 

@@ -102,6 +102,10 @@ TEST_CASE("What an exit code means is told without a file to look for", "[apps][
   CHECK_THAT(place.run("help exit-codes").out, Catch::Contains("## Exit code 8"));
   CHECK_THAT(place.run("help exit-code").err, Catch::Contains("did you mean 'exit-codes'"));
   CHECK(place.run("help exit-codes 99").exit_code == 1);
+  CHECK_THAT(place.run("help formats").out, Catch::StartsWith("# Mesh formats"));
+  CHECK_THAT(place.run("help choosing").out, Catch::StartsWith("# Choosing"));
+  CHECK_THAT(place.run("help limits").out, Catch::StartsWith("# Limits"));
+  CHECK(place.run("help formats 2").exit_code == 1);
   CHECK(place.run("help quality").out == place.run("quality --help").out);
   CHECK(place.run("help").out == place.run("help --help").out);
   CHECK(place.run("help qualities").exit_code == 1);
