@@ -62,7 +62,7 @@ std::span<const MeshFormat> mesh_formats() {
       abaqus_format(),      ansys_format(),   cgns_format(),    exodus_format(),   fluent_format(),
       fluent_hdf5_format(), gmsh_format(),    ls_dyna_format(), med_format(),      medit_format(),
       mfem_format(),        nastran_format(), netgen_format(),  openfoam_format(), su2_format(),
-      ugrid_format(),       vtk_format(),     vtkhdf_format(),  xdmf_format(),
+      ugrid_format(),       unv_format(),     vtk_format(),     vtkhdf_format(),   xdmf_format(),
   };
   return formats;
 }

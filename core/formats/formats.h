@@ -21,6 +21,7 @@ const MeshFormat& netgen_format();
 const MeshFormat& openfoam_format();
 const MeshFormat& su2_format();
 const MeshFormat& ugrid_format();
+const MeshFormat& unv_format();
 const MeshFormat& vtk_format();
 const MeshFormat& vtkhdf_format();
 const MeshFormat& xdmf_format();
