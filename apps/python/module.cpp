@@ -439,6 +439,25 @@ void add_derivative(py::module_& module) {
       });
 }
 
+// Options of no such name, with the one that was meant, in place of pybind11's list of all types.
+void refuse_options(const py::kwargs& others) {
+  if (others.empty()) return;
+  const py::str name(others.begin()->first);
+  const py::object signature =
+      py::type::of<Morpher>().attr("__init__").attr("__doc__").attr("splitlines")()[py::int_(0)];
+  const py::list names = py::module_::import("re").attr("findall")(R"((\w+): )", signature);
+  // The program's names are parts of these: improve_below, kernel_shape.
+  py::list near;
+  for (const py::handle known : names)
+    if (known.contains(name)) near.append(known);
+  if (near.empty())
+    near = py::module_::import("difflib").attr("get_close_matches")(name, names, 1, 0.5);
+  const std::string meant =
+      near.empty() ? "" : "did you mean '" + std::string(py::str(near[0])) + "'? ";
+  throw py::type_error("Morpher has no option '" + std::string(name) + "': " + meant +
+                       "help(cadmorph.Morpher) lists them");
+}
+
 std::unique_ptr<Morpher> make_morpher(
     const CadModel& base, const Mesh& mesh, const py::object& progress,
     std::optional<double> mesh_unit_mm, double association_tolerance, bool snap,
@@ -450,7 +469,8 @@ std::unique_ptr<Morpher> make_morpher(
     double memory_limit_bytes, int steps, int max_steps, const std::string& untangle,
     const std::string& quality, const std::string& solver_family,
     std::optional<double> improve_below, std::optional<double> min_scaled_jacobian,
-    bool accept_inverted_input) {
+    bool accept_inverted_input, const py::kwargs& others) {
+  refuse_options(others);
   const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
                              .association_tolerance = association_tolerance,
                              .snap = snap,

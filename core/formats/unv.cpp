@@ -363,8 +363,8 @@ class Reader {
     mesh_.records.push_back(std::move(records));
   }
 
-  /// Number, kind, property, ..., and at `count_at` the number of nodes; for beams a line that tells
-  /// their orientation; the nodes, eight a line.
+  /// Number, kind, property, ..., and at `count_at` the number of nodes; for beams a line that
+  /// tells their orientation; the nodes, eight a line.
   void read_elements(std::size_t count_at) {
     const auto goes_on = [&](std::string_view line) {
       std::vector<Index> numbers;
@@ -373,10 +373,9 @@ class Reader {
       } catch (const Error&) {
         return false;
       }
-      return trimmed(line) != "-1" &&
-             (numbers.size() != count_at + 1 || numbers[count_at] < 1 ||
-              numbers[count_at] > Index(kMostElementNodes) ||
-              (!kind_of(numbers[1]) && !is_left_out(numbers[1])));
+      return trimmed(line) != "-1" && (numbers.size() != count_at + 1 || numbers[count_at] < 1 ||
+                                       numbers[count_at] > Index(kMostElementNodes) ||
+                                       (!kind_of(numbers[1]) && !is_left_out(numbers[1])));
     };
     const auto read = [&](std::size_t& at, Block& block) {
       return read_element(at, count_at, block);

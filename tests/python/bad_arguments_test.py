@@ -183,6 +183,14 @@ class BadMorphs(unittest.TestCase):
         with self.assertRaises(TypeError):
             models.box_morpher().morph(None)
 
+    def test_options_of_no_such_name(self):
+        base, mesh = models.cad("bore/base"), models.mesh("bore/hex")
+        for name, meant in {"improve": "'improve_below'", "tolerance": "tolerance'", "shape": "'kernel_shape'"}.items():
+            with self.subTest(name), self.assertRaisesRegex(TypeError, f"no option '{name}': did you mean '.*{meant[1:]}"):
+                cadmorph.Morpher(base, mesh, **{name: 0.1})
+        with self.assertRaisesRegex(TypeError, r"no option 'xyzzy': help\(cadmorph.Morpher\)"):
+            cadmorph.Morpher(base, mesh, xyzzy=1)
+
     def test_what_does_not_belong_together(self):
         with self.assertRaises(cadmorph.TopologyError) as caught:
             models.box_morpher().morph(models.cad("shapes/cylinder"))

@@ -57,8 +57,9 @@ std::string cube_nodes() {
 }
 
 std::string cube(const std::string& groups = {}) {
-  return dataset(164, "         1  SI: Meters (newton)         2\n"
-                      "    1.0000000000000000E+00    1.0000000000000000E+00\n") +
+  return dataset(164,
+                 "         1  SI: Meters (newton)         2\n"
+                 "    1.0000000000000000E+00    1.0000000000000000E+00\n") +
          dataset(2411, cube_nodes()) +
          dataset(2412, element(7, 115, 3, {11, 12, 13, 14, 15, 16, 17, 18}) +
                            element(8, 312, 4, {15, 16, 17, 18, 25}) +
@@ -79,8 +80,8 @@ TEST_CASE("A universal file gives its cells, properties and groups", "[core][for
   const Mesh& mesh = file.mesh();
   CHECK(file.format() == "UNV");
   REQUIRE(mesh.types == std::vector{Hexahedron, Pyramid, Quad, Line});
-  CHECK(mesh.connectivity == std::vector<Index>{0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 0, 1, 2, 3,
-                                                4, 8});
+  CHECK(mesh.connectivity ==
+        std::vector<Index>{0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 0, 1, 2, 3, 4, 8});
   CHECK(mesh.points.row(2) == Eigen::RowVector3d(1, 1, 0));
   CHECK(mesh.points.row(8) == Eigen::RowVector3d(0.5, 0.5, 2));
   CHECK(mesh.regions == std::vector<int>{3, 4, 5, 6});
@@ -109,8 +110,8 @@ TEST_CASE("Second-order elements of universal files have VTK's nodes", "[core][f
       numbers.push_back(int(i / 3) + 1);
       nodes += node(numbers.back(), digits[i] - '0', digits[i + 1] - '0', digits[i + 2] - '0');
     }
-    const MeshFile file(folder.put(
-        "one.unv", dataset(2411, nodes) + dataset(2412, element(1, kind, 1, numbers))));
+    const MeshFile file(
+        folder.put("one.unv", dataset(2411, nodes) + dataset(2412, element(1, kind, 1, numbers))));
     REQUIRE(file.mesh().types == std::vector{type});
     require_middles(file.mesh(), 0);
   };
@@ -128,13 +129,13 @@ TEST_CASE("Older datasets of universal files are read", "[core][formats]") {
   for (const auto& [number, x, y, z] :
        {std::tuple{1, 0., 0., 0.}, {2, 1., 0., 0.}, {3, 0., 1., 0.}, {4, 0., 0., 0.25}}) {
     char line[100];
-    std::snprintf(line, sizeof line, "%10d%10d%10d%10d%13.5E%13.5E%13.5E\n", number, 1, 1, 11, x,
-                  y, z);
+    std::snprintf(line, sizeof line, "%10d%10d%10d%10d%13.5E%13.5E%13.5E\n", number, 1, 1, 11, x, y,
+                  z);
     nodes += line;
   }
   const auto path = folder.put(
-      "old.unv", dataset(15, nodes) + dataset(780, integers({1, 111, 1, 2, 1, 1, 7, 4}) +
-                                                       integers({1, 2, 3, 4})));
+      "old.unv", dataset(15, nodes) +
+                     dataset(780, integers({1, 111, 1, 2, 1, 1, 7, 4}) + integers({1, 2, 3, 4})));
   const MeshFile file(path);
   REQUIRE(file.mesh().types == std::vector{Tetra});
   CHECK(file.mesh().points(3, 2) == 0.25);
@@ -156,10 +157,12 @@ TEST_CASE("Moved coordinates keep the columns of a universal file", "[core][form
   moved(1, 0) = -1.0 / 3;
   moved(1, 2) = 1.5e-30;
   CHECK(file.write(folder / "out.unv", moved).largest == 0);
-  const std::string old_line = "   1.0000000000000000D+00   0.0000000000000000D+00"
-                               "   0.0000000000000000D+00\n";
-  const std::string new_line = "      -0.3333333333333333   0.0000000000000000D+00"
-                               "                  1.5D-30\n";
+  const std::string old_line =
+      "   1.0000000000000000D+00   0.0000000000000000D+00"
+      "   0.0000000000000000D+00\n";
+  const std::string new_line =
+      "      -0.3333333333333333   0.0000000000000000D+00"
+      "                  1.5D-30\n";
   REQUIRE(old_line.size() == new_line.size());
   const std::size_t place = text.find(old_line);
   REQUIRE(place != text.npos);
@@ -199,9 +202,8 @@ TEST_CASE("Bad universal files are refused by line", "[core][formats]") {
 
 TEST_CASE("Damaged universal files never crash the reader", "[core][formats]") {
   const FormatFolder folder;
-  require_robust(folder.put("cube.unv", cube(dataset(
-                                            2477, integers({1, 0, 0, 0, 0, 0, 0, 1}) + "top\n" +
-                                                      integers({8, 8, 0, 0})))),
+  require_robust(folder.put("cube.unv", cube(dataset(2477, integers({1, 0, 0, 0, 0, 0, 0, 1}) +
+                                                               "top\n" + integers({8, 8, 0, 0})))),
                  folder);
 }
 
