@@ -3,7 +3,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <numbers>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -15,6 +18,7 @@ namespace {
 
 using Eigen::Vector3d;
 
+constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kKept = 0.01;  // of its height, by which a cell may change that keeps it
 // Of its floor's shortest edge: a cell that is higher is none of a layer.
 constexpr double kFlat = 1.5;
@@ -51,6 +55,12 @@ struct Storey {
 
   double height(const Points& points) const {
     return std::abs((middle(ceiling, points) - middle(floor, points)).dot(normal(floor, points)));
+  }
+  // Between the normal of the floor and the way from its middle to the ceiling's, degrees.
+  double lean(const Points& points) const {
+    const Vector3d way = middle(ceiling, points) - middle(floor, points);
+    const Vector3d up = normal(floor, points);
+    return kDegrees * std::atan2(way.cross(up).norm(), std::abs(way.dot(up)));
   }
 };
 
@@ -119,11 +129,20 @@ Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index ce
   return found;
 }
 
+// Of the largest twentieth, one value at least.
+double mean_of_largest(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto count = std::max<std::ptrdiff_t>(1, std::ssize(values) / 20);
+  std::ranges::nth_element(values, values.begin() + count - 1, std::greater{});
+  return std::accumulate(values.begin(), values.begin() + count, 0.0) / static_cast<double>(count);
+}
+
 LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                                   const std::vector<char>& is_surface, const Points& before,
                                   const Points& after) {
   LayerFigures result;
   Index kept = 0, stacked = 0;
+  std::vector<double> leans_before, leans_after;
   for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
     if (!can_stand(mesh.types[cell])) continue;
     const Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
@@ -134,6 +153,8 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
     if (!std::isfinite(ratio)) continue;
     result.least = result.cells == 0 ? ratio : std::min(result.least, ratio);
     result.most = result.cells == 0 ? ratio : std::max(result.most, ratio);
+    leans_before.push_back(first.lean(before));
+    leans_after.push_back(first.lean(after));
     ++result.cells;
     kept += std::abs(ratio - 1) <= kKept;
     const Storey second = next(mesh, neighbours, first);
@@ -144,6 +165,8 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   }
   if (result.cells > 0)
     result.share_kept = static_cast<double>(kept) / static_cast<double>(result.cells);
+  result.lean_before = mean_of_largest(std::move(leans_before));
+  result.lean_after = mean_of_largest(std::move(leans_after));
   if (stacked > 0) {
     result.growth_before /= static_cast<double>(stacked);
     result.growth_after /= static_cast<double>(stacked);

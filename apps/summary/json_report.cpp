@@ -106,6 +106,8 @@ Json to_json(const LayerFigures& layers) {
           {"share_within_1_percent", json_number(layers.share_kept)},
           {"least_height_ratio", json_number(layers.least)},
           {"most_height_ratio", json_number(layers.most)},
+          {"lean_of_worst_twentieth_before_deg", json_number(layers.lean_before)},
+          {"lean_of_worst_twentieth_after_deg", json_number(layers.lean_after)},
           {"mean_growth_before", json_number(layers.growth_before)},
           {"mean_growth_after", json_number(layers.growth_after)}};
 }

@@ -353,6 +353,8 @@ std::vector<Row> layer_rows(const LayerFigures& layers) {
        format("%.1f %%", 100 * layers.share_kept)},
       {"First cells on what moved, height times", "1",
        format("%.3g to %.3g", layers.least, layers.most)}};
+  rows.push_back({"Lean of first cells off the normal, worst 5 % (deg)",
+                  format("%.1f", layers.lean_before), format("%.1f", layers.lean_after)});
   if (layers.growth_after > 0)
     rows.push_back({"Growth from first to second cell, mean", format("%.3f", layers.growth_before),
                     format("%.3f", layers.growth_after)});

@@ -66,6 +66,13 @@ TEST_CASE("Heights and growth of layers are compared", "[volume][layers]") {
   CHECK(high.least == Approx(1.5));
   CHECK(high.most == Approx(1.5));
   CHECK(high.growth_after == Approx(high.growth_before));
+  CHECK(high.lean_before == Approx(0).margin(1e-9));
+  CHECK(high.lean_after == Approx(0).margin(1e-9));
+  const LayerFigures sheared = measured([](const Vector3d& x) -> Vector3d {
+    return {x[0] + x[2] + 1, x[1], x[2]};
+  });
+  CHECK(sheared.share_kept == 1);
+  CHECK(sheared.lean_after == Approx(45));
   // Six layers from 1e-3 to 1, each 1000^(1/5) times as high, from the floor, as the one before.
   const double factor = std::pow(1000, 0.2);
   CHECK(high.growth_before == Approx(factor - 1));
