@@ -19,6 +19,7 @@
 
 #include "cad/brep_builder.h"
 #include "cad/brep_impl.h"
+#include "cad/cut_seams.h"
 #include "core/formats/child_process.h"
 
 namespace cadmorph {
@@ -77,7 +78,11 @@ struct KeptEdges {
   bool has_seams = false;
 };
 
-KeptEdges all_but_seams(const TopoDS_Shape& shape) {
+// Those of `changed`, whose edges have the same order, by their places on the shape.
+KeptEdges all_but_seams(const TopoDS_Shape& shape, const TopoDS_Shape& changed) {
+  TopTools_IndexedMapOfShape edges, changed_edges;
+  TopExp::MapShapes(shape, TopAbs_EDGE, edges);
+  TopExp::MapShapes(changed, TopAbs_EDGE, changed_edges);
   TopTools_IndexedDataMapOfShapeListOfShape faces_of;
   TopExp::MapShapesAndAncestors(shape, TopAbs_EDGE, TopAbs_FACE, faces_of);
   KeptEdges kept;
@@ -90,7 +95,7 @@ KeptEdges all_but_seams(const TopoDS_Shape& shape) {
     if (is_seam)
       kept.has_seams = true;
     else
-      kept.edges.Add(edge);
+      kept.edges.Add(changed_edges(edges.FindIndex(edge)));
   }
   return kept;
 }
@@ -98,8 +103,10 @@ KeptEdges all_but_seams(const TopoDS_Shape& shape) {
 // Names of the faces of a merged shape: that of the only face it came from; else none.
 class MergedNames {
  public:
-  MergedNames(const CadModel::Impl& model, const Handle(BRepTools_History) & history) {
-    const TopTools_IndexedMapOfShape faces = usable_faces(model.shape);
+  // `shape`: the model's, its faces in the same order.
+  MergedNames(const CadModel::Impl& model, const TopoDS_Shape& shape,
+              const Handle(BRepTools_History) & history) {
+    const TopTools_IndexedMapOfShape faces = usable_faces(shape);
     for (int i = 1; i <= faces.Extent(); ++i) {
       const std::string& name = model.faces[FaceId(i - 1)].name;
       const TopTools_ListOfShape& images = history->Modified(faces(i));
@@ -141,14 +148,16 @@ bool comes_to_an_end(int faces, const std::function<void()>& merge) {
 
 std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
   try {
+    const double tolerance = kSameDistance * diagonal();
+    const TopoDS_Shape shape = with_seams_in_gaps(impl_->shape, tolerance);
     KeptEdges kept;
     if (merge == FaceMerge::AcrossSeams) {
-      kept = all_but_seams(impl_->shape);
+      kept = all_but_seams(impl_->shape, shape);
       if (!kept.has_seams) return std::nullopt;
     }
     constexpr bool edges_too = false, faces_too = true, concatenates = false;
-    ShapeUpgrade_UnifySameDomain merger(impl_->shape, edges_too, faces_too, concatenates);
-    merger.SetLinearTolerance(kSameDistance * diagonal());
+    ShapeUpgrade_UnifySameDomain merger(shape, edges_too, faces_too, concatenates);
+    merger.SetLinearTolerance(tolerance);
     merger.SetAngularTolerance(kSameAngle);
     merger.KeepShapes(kept.edges);
     if (!comes_to_an_end(int(faces().size()), [&] { merger.Build(); })) return std::nullopt;
@@ -159,8 +168,8 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
     if (gone <= 0) return std::nullopt;
     const double before = area(impl_->shape);
     if (!(std::abs(area(merged) - before) < kSameArea * before)) return std::nullopt;
-    return build_model(merged,
-                       {file_name(), file_unit(), MergedNames(*impl_, merger.History()), gone});
+    return build_model(
+        merged, {file_name(), file_unit(), MergedNames(*impl_, shape, merger.History()), gone});
   } catch (const Standard_Failure&) {
     return std::nullopt;  // OCCT fails on pieces of a torus, for one
   }
