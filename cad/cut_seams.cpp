@@ -9,6 +9,7 @@
 #include <Geom2d_Curve.hxx>
 #include <Geom_ElementarySurface.hxx>
 #include <Geom_SurfaceOfRevolution.hxx>
+#include <ShapeAnalysis_Surface.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_IndexedDataMapOfShapeListOfShape.hxx>
@@ -19,11 +20,11 @@
 #include <TopoDS_Face.hxx>
 #include <TopoDS_Iterator.hxx>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -31,7 +32,6 @@ namespace cadmorph {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kAtSeam = 1e-6;       // of a turn: an edge this near to it is the seam's
 constexpr double kSmallestGap = 1e-4;  // radians
 
 // A face in the frame that its surface is in, the way its surface looks.
@@ -48,17 +48,6 @@ bool is_of_revolution(const TopoDS_Face& face) {
           surface->IsKind(STANDARD_TYPE(Geom_SurfaceOfRevolution)));
 }
 
-// Whether the edge runs where the face's angles begin.
-bool is_at_seam(const TopoDS_Edge& edge, const TopoDS_Face& face) {
-  double first = 0, last = 0;
-  const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(edge, face, first, last);
-  if (curve.IsNull()) return false;
-  return std::ranges::all_of(std::array{first, (first + last) / 2, last}, [&](double t) {
-    const double turns = curve->Value(t).X() / kTurn;
-    return std::abs(turns - std::round(turns)) < kAtSeam;
-  });
-}
-
 struct Bounds {
   explicit Bounds(const TopoDS_Face& face) {
     BRepTools::UVBounds(face, u_first, u_last, v_first, v_last);
@@ -66,20 +55,37 @@ struct Bounds {
   double u_first = 0, u_last = 0, v_first = 0, v_last = 0;
 };
 
-// Whether the surface of one face has the parameters of another's.
-bool has_parameters_of(const TopoDS_Face& face, const TopoDS_Face& other, double tolerance) {
-  const Handle(Geom_Surface) a = surface_of(face), b = surface_of(other);
-  if (a == b) return true;
-  const Bounds at(other);
-  for (const double u : {at.u_first, (at.u_first + at.u_last) / 2, at.u_last})
-    for (const double v : {at.v_first, at.v_last})
-      if (a->Value(u, v).Distance(b->Value(u, v)) > tolerance) return false;
-  return true;
+// What to add to the parameters of a face to have those of another's surface, where both are one
+// surface whose parameters run the same way.
+std::optional<gp_Vec2d> shift_between(const TopoDS_Face& from, const TopoDS_Face& to,
+                                      double tolerance) {
+  const Handle(Geom_Surface) source = surface_of(from), target = surface_of(to);
+  if (source == target) return gp_Vec2d(0, 0);
+  if (source->DynamicType() != target->DynamicType()) return std::nullopt;
+  const Bounds at(from);
+  ShapeAnalysis_Surface finder(target);
+  std::optional<gp_Vec2d> shift;
+  for (const double u : {at.u_first, (2 * at.u_first + at.u_last) / 3, at.u_last})
+    for (const double v : {at.v_first, at.v_last}) {
+      const gp_Pnt point = source->Value(u, v);
+      if (!shift) {
+        const gp_Pnt2d found = finder.ValueOfUV(point, tolerance);
+        shift = gp_Vec2d(found.X() - u, found.Y() - v);
+      }
+      if (target->Value(u + shift->X(), v + shift->Y()).Distance(point) > tolerance)
+        return std::nullopt;
+    }
+  return shift;
 }
 
-// Faces of one surface that touch at its seam.
-std::vector<std::vector<TopoDS_Face>> faces_cut_by_seams(const TopoDS_Shape& shape,
-                                                         double tolerance) {
+// A face, and what to add to its parameters to have those of the first one's surface.
+struct Piece {
+  TopoDS_Face face;
+  gp_Vec2d shift;
+};
+
+// Faces of one surface that touch.
+std::vector<std::vector<Piece>> pieces_of_surfaces(const TopoDS_Shape& shape, double tolerance) {
   TopTools_IndexedMapOfShape faces;
   TopExp::MapShapes(shape, TopAbs_FACE, faces);
   TopTools_IndexedDataMapOfShapeListOfShape faces_of;
@@ -96,17 +102,21 @@ std::vector<std::vector<TopoDS_Face>> faces_cut_by_seams(const TopoDS_Shape& sha
         two.First().Location() != two.Last().Location())
       continue;
     const TopoDS_Face a = plain(two.First()), b = plain(two.Last());
-    const TopoDS_Edge edge = TopoDS::Edge(faces_of.FindKey(i).Located(
-        two.First().Location().Inverted() * faces_of.FindKey(i).Location()));
-    if (is_of_revolution(a) && is_of_revolution(b) && is_at_seam(edge, a) && is_at_seam(edge, b) &&
-        has_parameters_of(a, b, tolerance))
+    if (is_of_revolution(a) && is_of_revolution(b) && shift_between(b, a, tolerance))
       group[root(faces.FindIndex(two.First()))] = root(faces.FindIndex(two.Last()));
   }
-  std::map<int, std::vector<TopoDS_Face>> members;
-  for (int i = 1; i <= faces.Extent(); ++i) members[root(i)].push_back(plain(faces(i)));
-  std::vector<std::vector<TopoDS_Face>> result;
-  for (auto& [first, group_faces] : members)
-    if (group_faces.size() > 1) result.push_back(std::move(group_faces));
+  std::map<int, std::vector<Piece>> members;
+  for (int i = 1; i <= faces.Extent(); ++i) {
+    std::vector<Piece>& pieces = members[root(i)];
+    const TopoDS_Face face = plain(faces(i));
+    if (pieces.empty())
+      pieces.push_back({face, gp_Vec2d(0, 0)});
+    else if (const auto shift = shift_between(face, pieces.front().face, tolerance))
+      pieces.push_back({face, *shift});
+  }
+  std::vector<std::vector<Piece>> result;
+  for (auto& [first, pieces] : members)
+    if (pieces.size() > 1) result.push_back(std::move(pieces));
   return result;
 }
 
@@ -115,24 +125,21 @@ struct Gap {
   double width = 0, middle = 0;
 };
 
-Gap widest_gap(const std::vector<TopoDS_Face>& faces) {
+Gap widest_gap(const std::vector<Piece>& pieces) {
   std::vector<std::pair<double, double>> ranges;
-  for (const TopoDS_Face& face : faces) {
-    const Bounds at(face);
-    const double turns = kTurn * std::floor(at.u_first / kTurn + kAtSeam);
-    ranges.emplace_back(at.u_first - turns, at.u_last - turns);
+  for (const Piece& piece : pieces) {
+    const Bounds at(piece.face);
+    const double first = at.u_first + piece.shift.X();
+    const double begin = first - kTurn * std::floor(first / kTurn);
+    ranges.emplace_back(begin, begin + at.u_last - at.u_first);
   }
   std::ranges::sort(ranges);
   Gap widest;
-  double end = ranges.front().second;
-  const auto look = [&](double begin) {
-    if (begin - end > widest.width) widest = {begin - end, (begin + end) / 2};
-  };
+  double end = std::ranges::max(ranges, {}, &std::pair<double, double>::second).second - kTurn;
   for (const auto& [begin, last] : ranges) {
-    look(begin);
+    if (begin - end > widest.width) widest = {begin - end, (begin + end) / 2};
     end = std::max(end, last);
   }
-  look(ranges.front().first + kTurn);
   return widest;
 }
 
@@ -150,13 +157,15 @@ Handle(Geom_Surface) turned(const Handle(Geom_Surface) & surface, double angle) 
 }
 
 // The face on the turned surface, by the same wires.
-TopoDS_Face on_turned(const TopoDS_Face& face, const Handle(Geom_Surface) & surface, double angle) {
+TopoDS_Face on_turned(const Piece& piece, const Handle(Geom_Surface) & surface, double angle) {
+  const TopoDS_Face& face = piece.face;
   BRep_Builder builder;
   TopoDS_Face result;
   builder.MakeFace(result, surface, BRep_Tool::Tolerance(face));
   const Bounds at(face);
-  const double middle = (at.u_first + at.u_last) / 2 - angle;
-  const gp_Vec2d shift(-angle - kTurn * std::floor(middle / kTurn), 0);
+  const double turn = piece.shift.X() - angle;
+  const double middle = (at.u_first + at.u_last) / 2 + turn;
+  const gp_Vec2d shift(turn - kTurn * std::floor(middle / kTurn), piece.shift.Y());
   for (TopExp_Explorer each(face, TopAbs_EDGE); each.More(); each.Next()) {
     const TopoDS_Edge edge = TopoDS::Edge(each.Current());
     double first = 0, last = 0;
@@ -173,18 +182,18 @@ TopoDS_Face on_turned(const TopoDS_Face& face, const Handle(Geom_Surface) & surf
 }  // namespace
 
 TopoDS_Shape with_seams_in_gaps(const TopoDS_Shape& shape, double tolerance) {
-  if (faces_cut_by_seams(shape, tolerance).empty()) return shape;
+  if (pieces_of_surfaces(shape, tolerance).empty()) return shape;
   constexpr bool copies_geometry = false;
   const TopoDS_Shape copy = BRepBuilderAPI_Copy(shape, copies_geometry).Shape();
   const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;
-  for (const std::vector<TopoDS_Face>& faces : faces_cut_by_seams(copy, tolerance)) {
-    const Gap gap = widest_gap(faces);
+  for (const std::vector<Piece>& pieces : pieces_of_surfaces(copy, tolerance)) {
+    const Gap gap = widest_gap(pieces);
     if (gap.width < kSmallestGap) continue;
-    const Handle(Geom_Surface) surface = turned(surface_of(faces.front()), gap.middle);
+    const Handle(Geom_Surface) surface = turned(surface_of(pieces.front().face), gap.middle);
     std::vector<TopoDS_Face> moved;
-    for (const TopoDS_Face& face : faces) moved.push_back(on_turned(face, surface, gap.middle));
+    for (const Piece& piece : pieces) moved.push_back(on_turned(piece, surface, gap.middle));
     if (std::ranges::any_of(moved, &TopoDS_Face::IsNull)) continue;
-    for (std::size_t i = 0; i < faces.size(); ++i) changes->Replace(faces[i], moved[i]);
+    for (std::size_t i = 0; i < pieces.size(); ++i) changes->Replace(pieces[i].face, moved[i]);
   }
   return changes->Apply(copy);
 }

@@ -28,7 +28,7 @@ namespace {
 // Surfaces within these of each other are one: far above the rounding of a file, far below a step.
 constexpr double kSameDistance = 1e-7;  // diagonals
 constexpr double kSameAngle = 1e-6;
-constexpr double kSameArea = 1e-5;  // of the area: what a sound merge keeps
+constexpr double kSameArea = 1e-4;  // of the area: what a sound merge keeps, as OCCT integrates it
 
 // Of half the period: an edge this near to it lies where a surface's parameters begin.
 constexpr double kAtSeam = 1e-5;

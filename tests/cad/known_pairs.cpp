@@ -131,19 +131,41 @@ KnownModel saved(NamedShape part, const std::string& how, unsigned seed) {
           part.names};
 }
 
-/// The names of faces that lie where those of another model do, which has them by number.
+/// Faces of one name as the one face that they may be merged to.
+EntityFeature whole_of(const std::vector<EntityFeature>& pieces) {
+  EntityFeature whole{Vector3d::Zero(), 0};
+  double area = 0;
+  for (const EntityFeature& piece : pieces) {
+    const double more = piece.size * piece.size;
+    whole.centre += more * piece.centre;
+    area += more;
+  }
+  whole.centre /= area;
+  whole.size = std::sqrt(area);
+  return whole;
+}
+
+/// The names of faces that lie where those of another model do, which has them by number, or where
+/// all that have one name do.
 std::vector<std::string> names_by_place(const CadModel& model, const CadModel& known,
                                         const std::vector<std::string>& names) {
-  const auto to = entity_features(known);
+  const auto features = entity_features(known);
+  std::map<std::string, std::vector<EntityFeature>> pieces;
+  std::vector<std::pair<EntityFeature, std::string>> places;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    places.emplace_back(features[i], names[i]);
+    pieces[names[i]].push_back(features[i]);
+  }
+  for (const auto& [name, of_name] : pieces)
+    if (of_name.size() > 1) places.emplace_back(whole_of(of_name), name);
   const auto from = entity_features(model);
   std::vector<std::string> found;
   for (const FaceId f : model.faces().ids()) {
-    const auto distance = [&](const EntityFeature& other) {
-      return (from[f].centre - other.centre).norm() + std::abs(from[f].size - other.size);
+    const auto distance = [&](const auto& place) {
+      return (from[f].centre - place.first.centre).norm() +
+             std::abs(from[f].size - place.first.size);
     };
-    const auto nearest = std::ranges::min_element(
-        to.begin(), to.begin() + static_cast<int>(names.size()), {}, distance);
-    found.push_back(names[static_cast<std::size_t>(nearest - to.begin())]);
+    found.push_back(std::ranges::min_element(places, {}, distance)->second);
   }
   return found;
 }

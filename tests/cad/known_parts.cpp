@@ -343,6 +343,15 @@ NamedShape keyed_hub(const Sizes& s) {
               box("slot", gp_Pnt(-half, 0, -1), gp_Pnt(half, s("depth"), s("height") + 1))});
 }
 
+/// A slot opens both cylinders, which their seams cut in two.
+NamedShape split_ring(const Sizes& s) {
+  const double half = 0.5 * s("slot");
+  return cut(rod("ring", upright(0, 0, 0, s("seam")), s("outer"), s("height")),
+             {rod("bore", upright(0, 0, -1, s("seam")), s("bore"), s("height") + 2),
+              box("slot", gp_Pnt(-s("outer") - 1, -half, -1), gp_Pnt(0, half, s("height") + 1)),
+              rod("pin", axes(gp_Pnt(0, 0, 0.5 * s("height")), gp::DY()), s("pin"), 50)});
+}
+
 NamedShape pierced_shaft(const Sizes& s) {
   return cut(rod("shaft", upright(0, 0, 0, s("seam")), s("radius"), s("length")),
              {rod("hole", axes(gp_Pnt(-40, 0, s("at")), gp::DX()), s("hole"), 80)});
@@ -782,6 +791,9 @@ std::vector<KnownPart> make_parts() {
       {"keyed_hub",
        {{"outer", 30}, {"bore", 12}, {"key", 6}, {"depth", 16}, {"height", 20}, {"seam", 0}},
        keyed_hub},
+      {"split_ring",
+       {{"outer", 18}, {"bore", 14}, {"slot", 4}, {"height", 12}, {"pin", 2}, {"seam", 0}},
+       split_ring},
       {"ball_in_box",
        {{"length", 30},
         {"width", 30},
