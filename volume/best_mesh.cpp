@@ -46,6 +46,8 @@ constexpr double kKept = 0.99;
 // The work ends after so many passes over the mesh, and on small meshes evaluations of cells; where
 // little was kept, the second number of passes.
 constexpr double kMostPasses = 20, kMostPassesLost = 80;
+// It goes on to so many times as much while each attempt has the figures rise by that factor.
+constexpr double kMoreWork = 4, kRising = 1.05;
 constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
 // An evaluation of a cell with its faces takes so many times as long as without.
 constexpr double kFacesWork = 6;
@@ -407,9 +409,9 @@ class BestMesh {
 
   double work_left() const {
     const double cells = double(result_.quality.cells);
-    return (lost_much_ ? std::max(kMostPassesLost * cells, kSmallWorkLost)
-                       : std::max(kMostPasses * cells, kSmallWork)) -
-           work_;
+    const double most = lost_much_ ? std::max(kMostPassesLost * cells, kSmallWorkLost)
+                                   : std::max(kMostPasses * cells, kSmallWork);
+    return (is_rising_ ? kMoreWork : 1) * most - work_;
   }
 
   // Nodes of solid cells without a shape to start from, that no move here is to make worse.
@@ -541,6 +543,7 @@ class BestMesh {
   // The next attempt starts where this one ended, unless that is no mesh to hand out.
   void judge(State next, const Patch& around, int doublings, RaiseAttempt& attempt) {
     BestMeshReport& report = result_.report;
+    is_rising_ = false;
     take_back_far(around, next);
     next.quality = measure_after(std::move(at_.quality), next.positions, around.cells);
     if (!take_back_bad(around, next) ||
@@ -565,6 +568,7 @@ class BestMesh {
         (is_of_rows ? sum < kept * before : sum <= worth))
       return;
     attempt.is_taken = is_at_result_ = true;
+    is_rising_ = lost_much_ && sum > kRising * before;
     report.best = now;
     result_.positions = at_.positions;
     result_.quality = at_.quality;
@@ -650,6 +654,7 @@ class BestMesh {
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole
   State at_;                ///< where the last attempt ended
   bool is_at_result_ = true;
+  bool is_rising_ = false;  ///< by the last attempt, and by much
   std::optional<std::pair<RaiseBy, int>> spoilt_;  ///< what came to nothing from the result
   RowMatrix slides_;                               ///< of the result
   double work_ = 0, reach_ = 0;
