@@ -68,6 +68,7 @@ void name_remedies() {
        {Remedy::FaceMap, "--map"},
        {Remedy::Via, "--via"},
        {Remedy::Improve, "--improve"},
+       {Remedy::MoreSteps, "--steps 4"},
        {Remedy::InvertedInput, "--accept-inverted-input"},
        {Remedy::AutomaticUntangling, "--untangle auto"},
        {Remedy::AutomaticSteps, "--steps auto"},

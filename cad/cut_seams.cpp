@@ -66,7 +66,7 @@ std::optional<gp_Vec2d> shift_between(const TopoDS_Face& from, const TopoDS_Face
   ShapeAnalysis_Surface finder(target);
   std::optional<gp_Vec2d> shift;
   for (const double u : {at.u_first, (2 * at.u_first + at.u_last) / 3, at.u_last})
-    for (const double v : {at.v_first, at.v_last}) {
+    for (const double v : {(2 * at.v_first + at.v_last) / 3, at.v_last}) {  // not at a pole first
       const gp_Pnt point = source->Value(u, v);
       if (!shift) {
         const gp_Pnt2d found = finder.ValueOfUV(point, tolerance);
@@ -186,6 +186,7 @@ TopoDS_Shape with_seams_in_gaps(const TopoDS_Shape& shape, double tolerance) {
   constexpr bool copies_geometry = false;
   const TopoDS_Shape copy = BRepBuilderAPI_Copy(shape, copies_geometry).Shape();
   const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;
+  bool has_any = false;
   for (const std::vector<Piece>& pieces : pieces_of_surfaces(copy, tolerance)) {
     const Gap gap = widest_gap(pieces);
     if (gap.width < kSmallestGap) continue;
@@ -194,8 +195,9 @@ TopoDS_Shape with_seams_in_gaps(const TopoDS_Shape& shape, double tolerance) {
     for (const Piece& piece : pieces) moved.push_back(on_turned(piece, surface, gap.middle));
     if (std::ranges::any_of(moved, &TopoDS_Face::IsNull)) continue;
     for (std::size_t i = 0; i < pieces.size(); ++i) changes->Replace(pieces[i].face, moved[i]);
+    has_any = true;
   }
-  return changes->Apply(copy);
+  return has_any ? changes->Apply(copy) : shape;
 }
 
 }  // namespace cadmorph

@@ -20,6 +20,7 @@ auto& all_words() {
       "a face map",
       "in a series of morphs",
       "improve below",
+      "several steps",
       "accepting what is inverted in the input",
       "automatic repair",
       "automatic steps",

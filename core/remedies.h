@@ -22,6 +22,7 @@ enum class Remedy {
   FaceMap,               ///< give the pairs of faces
   Via,                   ///< go there by CAD models between
   Improve,               ///< raise elements below a quality
+  MoreSteps,             ///< go in several steps
   InvertedInput,         ///< accept elements that are inverted in the input already
   AutomaticUntangling,   ///< let inverted elements be repaired
   AutomaticSteps,        ///< let the number of steps grow

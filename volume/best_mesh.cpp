@@ -654,7 +654,7 @@ class BestMesh {
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole
   State at_;                ///< where the last attempt ended
   bool is_at_result_ = true;
-  bool is_rising_ = false;  ///< by the last attempt, and by much
+  bool is_rising_ = false;                         ///< by the last attempt, and by much
   std::optional<std::pair<RaiseBy, int>> spoilt_;  ///< what came to nothing from the result
   RowMatrix slides_;                               ///< of the result
   double work_ = 0, reach_ = 0;

@@ -72,10 +72,17 @@ std::string joined(const std::vector<std::string>& lines) {
 }
 
 ResultFigures figures_of(const PipelineReport& report) {
+  const auto height = [&](double ratio) {
+    return report.layers.are_growing() ? std::optional(ratio) : std::nullopt;
+  };
   return {.min_scaled_jacobian_before = report.before.min_scaled_jacobian,
           .min_scaled_jacobian_after = report.after.min_scaled_jacobian,
           .mean_scaled_jacobian_before = report.before.mean_scaled_jacobian,
           .mean_scaled_jacobian_after = report.after.mean_scaled_jacobian,
+          .worst_twentieth_before = report.before.worst_twentieth,
+          .worst_twentieth_after = report.after.worst_twentieth,
+          .least_layer_height = height(report.layers.least),
+          .most_layer_height = height(report.layers.most),
           .inverted = report.after.invalid,
           .cad_deviation_mm = report.after.max_distance};
 }
@@ -329,7 +336,9 @@ class BatchRun {
     report.run.rounding = staged.rounding;
     row.figures = figures_of(report);
     if (options_.on_result) options_.on_result(*work.read.variant, *work.result);
-    row.message = joined(report.run.warnings);
+    std::vector<std::string> remarks = report.run.warnings;
+    if (const std::string hint = quality_hint(report); !hint.empty()) remarks.push_back(hint);
+    row.message = joined(remarks);
     if (is_done) return;
     row.exit_code = static_cast<int>(ExitCode::Quality);
     row.message = refusal_text(report);

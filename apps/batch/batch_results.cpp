@@ -42,6 +42,13 @@ Json to_json(const ResultRow& row) {
   json["min_scaled_jacobian_after"] = known(figures.min_scaled_jacobian_after);
   json["mean_scaled_jacobian_before"] = known(figures.mean_scaled_jacobian_before);
   json["mean_scaled_jacobian_after"] = known(figures.mean_scaled_jacobian_after);
+  json["worst_twentieth_before"] = known(figures.worst_twentieth_before);
+  json["worst_twentieth_after"] = known(figures.worst_twentieth_after);
+  const auto height = [](const std::optional<double>& value) {
+    return value ? Json(*value) : Json(nullptr);
+  };
+  json["least_layer_height_ratio"] = height(figures.least_layer_height);
+  json["most_layer_height_ratio"] = height(figures.most_layer_height);
   json["inverted"] = known(figures.inverted);
   json["cad_deviation_mm"] = known(figures.cad_deviation_mm);
   json["seconds"] = row.seconds;
@@ -64,10 +71,19 @@ ResultRow row_of(const Json& json) {
   row.out_bytes = json.at("out_bytes");
   row.revision = json.value("revision", 0);
   if (json.at("inverted").is_null()) return row;
+  const auto height = [&](const char* name) -> std::optional<double> {
+    const auto found = json.find(name);
+    if (found == json.end() || found->is_null()) return std::nullopt;
+    return found->get<double>();
+  };
   row.figures = {.min_scaled_jacobian_before = json.at("min_scaled_jacobian_before"),
                  .min_scaled_jacobian_after = json.at("min_scaled_jacobian_after"),
                  .mean_scaled_jacobian_before = json.at("mean_scaled_jacobian_before"),
                  .mean_scaled_jacobian_after = json.at("mean_scaled_jacobian_after"),
+                 .worst_twentieth_before = json.value("worst_twentieth_before", 0.0),
+                 .worst_twentieth_after = json.value("worst_twentieth_after", 0.0),
+                 .least_layer_height = height("least_layer_height_ratio"),
+                 .most_layer_height = height("most_layer_height_ratio"),
                  .inverted = json.at("inverted"),
                  .cad_deviation_mm = json.at("cad_deviation_mm")};
   return row;

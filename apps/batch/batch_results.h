@@ -17,6 +17,9 @@ namespace cadmorph {
 struct ResultFigures {
   double min_scaled_jacobian_before = 0, min_scaled_jacobian_after = 0;
   double mean_scaled_jacobian_before = 0, mean_scaled_jacobian_after = 0;
+  double worst_twentieth_before = 0, worst_twentieth_after = 0;  ///< means of the worst 5 %
+  /// Of the first cells of layers on what moved, new height over old one; none without layers.
+  std::optional<double> least_layer_height, most_layer_height;
   Index inverted = 0;           ///< cells that fail the exact validity test
   double cad_deviation_mm = 0;  ///< largest distance of a surface node to the variant CAD
 };
@@ -29,7 +32,7 @@ struct ResultRow {
   int exit_code = 0;          ///< as a command of its own would give
   std::optional<ResultFigures> figures;
   double seconds = 0;
-  std::string message;           ///< the error, or the warnings
+  std::string message;           ///< the error, or warnings and hint
   std::string step_hash;         ///< of the STEP file; empty when unknown
   std::uintmax_t out_bytes = 0;  ///< size of `out`
   int revision = 1;              ///< higher than that of earlier rows of the same variant

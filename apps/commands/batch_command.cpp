@@ -167,6 +167,8 @@ class BatchDisplay {
       text += "cadmorph: error: " + with_commas(count.failed) + " of " + with_commas(count.total) +
               " variants failed; results.csv in " + command.folder.string() + " tells why\n";
       for (const ResultRow& row : failed_) text += line_of(row);
+      if (const Index more = count.failed - std::ssize(failed_); more > 0 && !failed_.empty())
+        text += "  and " + with_commas(more) + " more\n";
     }
     if (count.is_stopped)
       text += "cadmorph: error: interrupted with " + with_commas(missing) +

@@ -21,6 +21,7 @@ const bool kHasWords = [] {
                     {Remedy::FaceMap, "face_map"},
                     {Remedy::Via, "Mesh::at"},
                     {Remedy::Improve, "improve_below"},
+                    {Remedy::MoreSteps, "steps=4"},
                     {Remedy::InvertedInput, "accept_inverted_input"},
                     {Remedy::AutomaticUntangling, "untangle auto"},
                     {Remedy::AutomaticSteps, "steps 0"},

@@ -35,17 +35,18 @@ void add_figures(const std::optional<ResultRow>& row, list& cells) {
     cells.push_back(number("%.4f", figures.min_scaled_jacobian_before));
     cells.push_back(number("%.4f", figures.min_scaled_jacobian_after));
     cells.push_back(number("%.4f", figures.mean_scaled_jacobian_after));
+    cells.push_back(number("%.4f", figures.worst_twentieth_after));
     cells.push_back(cell(with_commas(figures.inverted), std::to_string(figures.inverted)));
     cells.push_back(number("%.2g", figures.cad_deviation_mm));
   } else {
-    for (int i = 0; i < 5; ++i) cells.push_back(none());
+    for (int i = 0; i < 6; ++i) cells.push_back(none());
   }
   cells.push_back(row ? number("%.2f", row->seconds) : none());
 }
 
 list figure_columns() {
   list result;
-  for (const char* name : {"least scaled Jacobian before", "after", "mean after",
+  for (const char* name : {"least scaled Jacobian before", "after", "mean after", "worst 5 % after",
                            "inverted elements", "deviation from CAD, mm", "seconds"})
     result.push_back(cell(name, ""));
   return result;

@@ -16,9 +16,6 @@ constexpr int kLabelWidth = 14;
 // base's, or the base's is poor, too; and when the mean of its worst elements is below that part.
 constexpr double kLoss = 0.5;
 
-// First cells on what moved, whose neighbours are so much higher on the mean, are layers of a flow.
-constexpr double kGrowing = 1.1;
-
 std::string cad_line(const CadFigures& cad) {
   return cad.file.string() + format(" (%s faces, %s edges, %s vertices; unit %s; diagonal %.4g mm)",
                                     with_commas(cad.faces).c_str(), with_commas(cad.edges).c_str(),
@@ -64,7 +61,7 @@ std::string before_after_table(const PipelineReport& report) {
   std::vector<Row> rows = {{"", "before", "after"}};
   for (Row& row : distance_rows(report)) rows.push_back(std::move(row));
   for (Row& row : quality_rows(report.before, report.after)) rows.push_back(std::move(row));
-  if (report.layers.growth_before >= kGrowing)
+  if (report.layers.are_growing())
     for (Row& row : layer_rows(report.layers)) rows.push_back(std::move(row));
   return align(rows);
 }
@@ -172,7 +169,8 @@ std::string leg_text(const LegReport& leg) {
                 with_commas(leg.after.invalid).c_str(), leg.seconds);
 }
 
-// What would raise the worst element where it is poor; empty where it is not.
+}  // namespace
+
 std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
@@ -192,9 +190,10 @@ std::string quality_hint(const PipelineReport& report) {
                                                                    : format("%.4f", before));
   if (report.improving)
     return worst + of_input + ": improving could not raise it further; " +
-           (before < kPoor
-                ? "the input mesh is poor there already: mesh anew with other sizes"
-                : "go by CAD models between (" + words_for(Remedy::Via) + "), or mesh finer there");
+           (has_lost ? "go in several steps (" + words_for(Remedy::MoreSteps) +
+                           ") or by CAD models between (" + words_for(Remedy::Via) +
+                           "), or mesh finer there"
+                     : "the input mesh is poor there already: mesh anew with other sizes");
   // Improving is for solid elements.
   if (!is_poor || !report.mesh.has_solids)
     return worst + of_input + ": mesh the variant anew where that is too little for the solver";
@@ -202,6 +201,8 @@ std::string quality_hint(const PipelineReport& report) {
          (has_lost || before >= kPoor ? ": " : ", which is poor there already: ") +
          format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }
+
+namespace {
 
 // The physical edges and vertices, numbered from 1.
 std::string edge_table(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
