@@ -219,10 +219,16 @@ class BestMesh {
   }
 
   void raise_while_worthwhile() {
-    for (double before = 0; kept() > kWorthwhile * before;) {
-      before = kept();
-      raise(RaiseBy::SlidingNodes, 5);
-    }
+    constexpr int kForMean = 2, kForSmallest = 5;
+    const auto raise_by = [&](int doublings) {
+      for (double before = 0; kept() > kWorthwhile * before;) {
+        before = kept();
+        raise(RaiseBy::SlidingNodes, doublings);
+      }
+    };
+    raise_by(kForSmallest);
+    const WorstCells &best = result_.report.best, &base = result_.report.base;
+    if (best.min * base.worst_twentieth > best.worst_twentieth * base.min) raise_by(kForMean);
   }
 
   bool is_on_edge(Index slider) const {

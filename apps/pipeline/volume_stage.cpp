@@ -526,24 +526,18 @@ void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
 }
 
 // Moves nodes near poor cells, the inner ones or those on CAD edges and faces, too. Returns whether
-// that lifts the worst cell, or leaves fewer poor ones and the worst no worse; all stays as it was
-// where it does not.
+// that lifts the worst cell; all stays as it was where it does not.
 bool raise(const BaseSide& base, Sliding* sliding, MorphResult& result) {
   UntangleOptions how;
   how.progress = base.options.progress;
   how.attempts = 1;
   if (sliding) how.sliding = sliding->nodes();
   how.poor_cells = cells_below(*base.options.improve_below, result.quality);
-  const auto poor_before = std::ssize(how.poor_cells);
   UntangleResult improved =
       untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
-  const double factor = sliding ? kWorthSliding : 1;
-  const auto poor_now = std::ssize(cells_below(*base.options.improve_below, now));
-  const bool is_worst_lifted = now.min > factor * result.quality.min;
-  const bool are_fewer = now.min >= result.quality.min &&
-                         factor * static_cast<double>(poor_now) < static_cast<double>(poor_before);
-  if (improved.report.after > 0 || !(is_worst_lifted || are_fewer)) return false;
+  const double least = result.quality.min * (sliding ? kWorthSliding : 1);
+  if (improved.report.after > 0 || now.min <= least) return false;
   if (sliding && sliding->is_folded(improved.positions, improved.slides)) return false;
   result.positions = std::move(improved.positions);
   result.quality = std::move(now);

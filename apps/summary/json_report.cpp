@@ -285,7 +285,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   for (const LegReport& leg : report.legs) json["legs"].push_back(to_json(leg));
   if (report.run.cache.use != CacheUse::None) json["cache"] = to_json(report.run.cache);
   json["warnings"] = report.run.warnings;
-  if (const std::string hint = quality_hint(report); !hint.empty()) json["hint"] = hint;
+  json["hints"] = hints(report);
   json["notes"] = report.run.notes;
   json["seconds"] = to_json(report.run.phases);
   json["seconds"]["total"] = report.run.seconds;

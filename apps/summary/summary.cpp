@@ -16,6 +16,9 @@ constexpr int kLabelWidth = 14;
 // base's, or the base's is poor, too; and when the mean of its worst elements is below that part.
 constexpr double kLoss = 0.5;
 
+// First cells of layers that keep a smaller share of their heights, or grow as much, are told of.
+constexpr double kLayerLoss = 0.5;
+
 std::string cad_line(const CadFigures& cad) {
   return cad.file.string() + format(" (%s faces, %s edges, %s vertices; unit %s; diagonal %.4g mm)",
                                     with_commas(cad.faces).c_str(), with_commas(cad.edges).c_str(),
@@ -169,8 +172,20 @@ std::string leg_text(const LegReport& leg) {
                 with_commas(leg.after.invalid).c_str(), leg.seconds);
 }
 
-}  // namespace
+// What a flow's wall treatment feels.
+std::string layer_hint(const PipelineReport& report) {
+  const LayerFigures& layers = report.layers;
+  if (report.outcome != Outcome::Done || !layers.are_growing() ||
+      (layers.least > kLayerLoss && layers.most < 1 / kLayerLoss))
+    return "";
+  return format(
+      "first cells of layers are %.3g to %.3g times as high as in the input, and y+ with them: "
+      "mesh "
+      "the variant anew where that is too much for the wall treatment",
+      layers.least, layers.most);
+}
 
+// What would raise the worst element where it is poor; empty where it is not.
 std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
@@ -200,6 +215,14 @@ std::string quality_hint(const PipelineReport& report) {
   return worst + of_input +
          (has_lost || before >= kPoor ? ": " : ", which is poor there already: ") +
          format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
+}
+
+}  // namespace
+
+std::vector<std::string> hints(const PipelineReport& report) {
+  std::vector<std::string> result = {quality_hint(report), layer_hint(report)};
+  std::erase(result, "");
+  return result;
 }
 
 namespace {
@@ -385,7 +408,7 @@ std::string summary_text(const PipelineReport& report) {
   text += labelled("Largest move", millimetres(report.max_displacement));
   text.append("\n").append(before_after_table(report)).append("\n");
   if (!report.mesh.groups.empty()) text.append(group_table(report.mesh.groups)).append("\n");
-  if (const std::string hint = quality_hint(report); !hint.empty()) text += labelled("Hint", hint);
+  for (const std::string& hint : hints(report)) text += labelled("Hint", hint);
   if (report.run.cache.use != CacheUse::None)
     text += labelled("Base set-up", cache_text(report.run.cache));
   text += labelled("Time", time_line(report.run));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "apps/pipeline/morph_report.h"
 
@@ -24,8 +25,8 @@ std::string rounding_text(const CoordinateRounding& rounding);
 /// What came of the file to keep the base side in, in a few words.
 std::string cache_text(const CacheReport& cache);
 
-/// What would raise the worst elements of a result where they are poor; empty where they are not.
-std::string quality_hint(const PipelineReport& report);
+/// What to do where elements became poor, or layers lower or higher, a line each.
+std::vector<std::string> hints(const PipelineReport& report);
 
 /// Why a result was refused and where its mesh is, in one line.
 std::string refusal_text(const PipelineReport& report);

@@ -134,6 +134,10 @@ TEST_CASE("The summary hints at --improve where the morph made elements poor", "
   const auto hints = Catch::Matchers::Contains("Hint ");
   const std::string fast = "-o out.vtu --quality fast ";
   CHECK_THAT(place.run(morph + "tet.vtu " + fast).out, hints);  // from 0.149 to 0.046
+  CHECK_THAT(Json::parse(place.run(morph + "tet.vtu --json - " + fast).out)["hints"]
+                 .at(0)
+                 .get<std::string>(),
+             Catch::Matchers::Contains("try --improve 0.1"));
   CHECK_THAT(place.run(morph + "tet.vtu --improve 0.1 " + fast).out,
              Catch::Matchers::Contains("improving could not raise it further"));
   CHECK_THAT(place.run(morph + "hex.vtu " + fast).out,  // from 0.658 to 0.200
