@@ -102,6 +102,18 @@ TEST_CASE("A bad variant fails alone, with the single command's exit code", "[ap
   CHECK(rows.at("good")["min_scaled_jacobian_before"].get<double>() == Approx(1));
   CHECK(rows.at("good")["cad_deviation_mm"].get<double>() < 1e-7);
   CHECK(rows.at("good")["inverted"] == 0);
+  CHECK(rows.at("good")["worst_twentieth_after"].get<double>() == Approx(1));
+  CHECK(rows.at("good")["least_layer_height_ratio"].is_null());
+}
+
+TEST_CASE("A batch tells the hints of the single command", "[apps][batch]") {
+  const Workplace place;
+  const std::string bore = source_file("models/bore/");
+  const RunResult batch = place.run("batch " + bore + "base.step " + bore + "tet.vtu " + bore +
+                                    "step20.step --quality fast -o out");
+  REQUIRE(batch.exit_code == 0);
+  CHECK_THAT(rows_of(place, "out").at("step20")["message"].get<std::string>(),
+             Contains("try --improve 0.1"));
 }
 
 TEST_CASE("A batch has a page of all its variants", "[apps][batch]") {
