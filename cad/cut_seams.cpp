@@ -1,6 +1,5 @@
 #include "cad/cut_seams.h"
 
-#include <BRepAdaptor_Surface.hxx>
 #include <BRepBuilderAPI_Copy.hxx>
 #include <BRepTools.hxx>
 #include <BRepTools_ReShape.hxx>
@@ -15,6 +14,7 @@
 #include <TopTools_IndexedDataMapOfShapeListOfShape.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
 #include <TopTools_ListOfShape.hxx>
+#include <TopTools_MapOfShape.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Edge.hxx>
 #include <TopoDS_Face.hxx>
@@ -156,6 +156,14 @@ Handle(Geom_Surface) turned(const Handle(Geom_Surface) & surface, double angle) 
   return result;
 }
 
+// Edges that the face has on both sides: those of a torus, which is closed the other way, too.
+TopTools_MapOfShape seams_within(const TopoDS_Face& face) {
+  TopTools_MapOfShape seen, result;
+  for (TopExp_Explorer each(face, TopAbs_EDGE); each.More(); each.Next())
+    if (!seen.Add(each.Current())) result.Add(each.Current());
+  return result;
+}
+
 // The face on the turned surface, by the same wires.
 TopoDS_Face on_turned(const Piece& piece, const Handle(Geom_Surface) & surface, double angle) {
   const TopoDS_Face& face = piece.face;
@@ -166,14 +174,26 @@ TopoDS_Face on_turned(const Piece& piece, const Handle(Geom_Surface) & surface, 
   const double turn = piece.shift.X() - angle;
   const double middle = (at.u_first + at.u_last) / 2 + turn;
   const gp_Vec2d shift(turn - kTurn * std::floor(middle / kTurn), piece.shift.Y());
+  double first = 0, last = 0;
+  const auto moved = [&](const TopoDS_Shape& edge) -> Handle(Geom2d_Curve) {
+    const Handle(Geom2d_Curve) curve =
+        BRep_Tool::CurveOnSurface(TopoDS::Edge(edge), face, first, last);
+    if (curve.IsNull()) return {};
+    return Handle(Geom2d_Curve)::DownCast(curve->Translated(shift));
+  };
+  const TopLoc_Location none;
+  const TopTools_MapOfShape own_seams = seams_within(face);
   for (TopExp_Explorer each(face, TopAbs_EDGE); each.More(); each.Next()) {
     const TopoDS_Edge edge = TopoDS::Edge(each.Current());
-    double first = 0, last = 0;
-    const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(edge, face, first, last);
+    const Handle(Geom2d_Curve) curve = moved(edge);
     if (curve.IsNull()) return {};
-    builder.UpdateEdge(edge, Handle(Geom2d_Curve)::DownCast(curve->Translated(shift)), surface,
-                       TopLoc_Location(), BRep_Tool::Tolerance(edge));
-    builder.Range(edge, surface, TopLoc_Location(), first, last);
+    const double tolerance = BRep_Tool::Tolerance(edge);
+    if (own_seams.Contains(edge))
+      builder.UpdateEdge(edge, moved(edge.Oriented(TopAbs_FORWARD)),
+                         moved(edge.Oriented(TopAbs_REVERSED)), surface, none, tolerance);
+    else
+      builder.UpdateEdge(edge, curve, surface, none, tolerance);
+    builder.Range(edge, surface, none, first, last);
   }
   for (TopoDS_Iterator wire(face); wire.More(); wire.Next()) builder.Add(result, wire.Value());
   return result;

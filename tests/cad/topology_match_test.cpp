@@ -12,6 +12,7 @@
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakePrism.hxx>
+#include <BRepPrimAPI_MakeTorus.hxx>
 #include <BRep_Builder.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_ListOfShape.hxx>
@@ -34,6 +35,7 @@
 #include "cad/step_reader.h"
 #include "cad_variants.h"
 #include "core/errors.h"
+#include "known_parts.h"
 
 using namespace cadmorph;
 using namespace cadmorph::testing;
@@ -540,6 +542,39 @@ TEST_CASE("faces that both exporters cut are merged with those that one of them 
   CHECK(merged.base.merged_face_count() == 4);
   CHECK(merged.variant.merged_face_count() == 5);
   CHECK(merged.match.faces == match_topology(merged.base, merged.variant).faces);
+}
+
+TEST_CASE("pieces of an opened cylinder are merged wherever its seam lies", "[cad][match]") {
+  const KnownPart& part = known_part("split_ring");
+  Sizes sizes = part.sizes;
+  for (const double seam : {0.0, 0.8, 2.8, 4.4}) {
+    CAPTURE(seam);
+    sizes["seam"] = seam;
+    const TopoDS_Shape ring = part.make(sizes).shape;
+    for (const CadModel& model : {to_model(ring), through_step(ring)}) {
+      REQUIRE(model.faces().size() == 9);
+      const auto merged = model.with_merged_faces(FaceMerge::AcrossSeams);
+      REQUIRE(merged);
+      CHECK(merged->faces().size() == 7);
+      CHECK((merged->lower() - model.lower()).norm() < 0.05);
+      CHECK((merged->upper() - model.upper()).norm() < 0.05);
+      CHECK(merged->solid_count() == 1);
+    }
+  }
+}
+
+TEST_CASE("pieces of a bend, closed the other way, are merged", "[cad][match]") {
+  const auto bend = [](double start) {
+    gp_Ax2 axes(gp_Pnt(), gp::DZ());
+    axes.Rotate(gp::OZ(), start);
+    return BRepPrimAPI_MakeTorus(axes, 30, 8, 0.8).Solid();
+  };
+  const CadModel model = to_model(BRepAlgoAPI_Fuse(bend(0), bend(0.8)).Shape());
+  REQUIRE(model.faces().size() == 4);
+  const auto merged = model.with_merged_faces();
+  REQUIRE(merged);
+  CHECK(merged->faces().size() == 3);
+  CHECK((merged->upper() - model.upper()).norm() < 1e-3);
 }
 
 TEST_CASE("merged faces leave the names of the others", "[cad][match]") {
