@@ -1,21 +1,27 @@
 #include <BRepAdaptor_Surface.hxx>
+#include <BRepBuilderAPI_Transform.hxx>
 #include <BRepGProp.hxx>
 #include <BRepTools_History.hxx>
+#include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <GProp_GProps.hxx>
 #include <Geom2d_Curve.hxx>
 #include <NCollection_DataMap.hxx>
 #include <ShapeUpgrade_UnifySameDomain.hxx>
 #include <TopExp.hxx>
+#include <TopLoc_Location.hxx>
 #include <TopTools_IndexedDataMapOfShapeListOfShape.hxx>
 #include <TopTools_ListOfShape.hxx>
 #include <TopTools_MapOfShape.hxx>
 #include <TopTools_ShapeMapHasher.hxx>
 #include <TopoDS.hxx>
+#include <TopoDS_Compound.hxx>
 #include <TopoDS_Edge.hxx>
 #include <TopoDS_Face.hxx>
+#include <TopoDS_Iterator.hxx>
 #include <cmath>
 #include <functional>
+#include <vector>
 
 #include "cad/brep_builder.h"
 #include "cad/brep_impl.h"
@@ -72,32 +78,58 @@ bool is_at_seam(const TopoDS_Edge& edge, const TopoDS_Face& face) {
   return false;
 }
 
-// Edges that faces are not to be merged across, and whether others are left.
+// Edges that faces are not to be merged across, by their places in the shape, and whether others
+// are left.
 struct KeptEdges {
-  TopTools_MapOfShape edges;
+  std::vector<int> edges;
   bool has_seams = false;
 };
 
-// Those of `changed`, whose edges have the same order, by their places on the shape.
-KeptEdges all_but_seams(const TopoDS_Shape& shape, const TopoDS_Shape& changed) {
-  TopTools_IndexedMapOfShape edges, changed_edges;
+KeptEdges all_but_seams(const TopoDS_Shape& shape) {
+  TopTools_IndexedMapOfShape edges;
   TopExp::MapShapes(shape, TopAbs_EDGE, edges);
-  TopExp::MapShapes(changed, TopAbs_EDGE, changed_edges);
   TopTools_IndexedDataMapOfShapeListOfShape faces_of;
   TopExp::MapShapesAndAncestors(shape, TopAbs_EDGE, TopAbs_FACE, faces_of);
   KeptEdges kept;
-  for (int i = 1; i <= faces_of.Extent(); ++i) {
-    const TopoDS_Edge& edge = TopoDS::Edge(faces_of.FindKey(i));
-    const TopTools_ListOfShape& faces = faces_of(i);
+  for (int i = 1; i <= edges.Extent(); ++i) {
+    const TopoDS_Edge& edge = TopoDS::Edge(edges(i));
+    const TopTools_ListOfShape& faces = faces_of.FindFromKey(edge);
     const bool is_seam = faces.Extent() == 2 && !faces.First().IsSame(faces.Last()) &&
                          is_at_seam(edge, TopoDS::Face(faces.First())) &&
                          is_at_seam(edge, TopoDS::Face(faces.Last()));
     if (is_seam)
       kept.has_seams = true;
     else
-      kept.edges.Add(changed_edges(edges.FindIndex(edge)));
+      kept.edges.push_back(i);
   }
   return kept;
+}
+
+bool has_location(const TopoDS_Shape& shape) {
+  if (!shape.Location().IsIdentity()) return true;
+  for (TopoDS_Iterator part(shape); part.More(); part.Next())
+    if (has_location(part.Value())) return true;
+  return false;
+}
+
+// The shape with its geometry where it is placed: OCCT merges no faces of a placed part. Faces and
+// edges keep their order.
+TopoDS_Shape without_locations(const TopoDS_Shape& shape) {
+  constexpr bool with_location = false, with_orientation = false;
+  const TopoDS_Shape plain = shape.Located(TopLoc_Location());
+  TopoDS_Shape result = plain;
+  if (plain.ShapeType() == TopAbs_COMPOUND && has_location(plain)) {
+    TopoDS_Compound parts;
+    BRep_Builder builder;
+    builder.MakeCompound(parts);
+    for (TopoDS_Iterator part(plain, with_orientation, with_location); part.More(); part.Next())
+      builder.Add(parts, without_locations(part.Value()));
+    result = parts.Oriented(plain.Orientation());
+  }
+  if (shape.Location().IsIdentity()) return result;
+  constexpr bool copies_geometry = true;
+  return BRepBuilderAPI_Transform(result, shape.Location().Transformation(), copies_geometry)
+      .Shape();
 }
 
 // Names of the faces of a merged shape: that of the only face it came from; else none.
@@ -148,18 +180,23 @@ bool comes_to_an_end(int faces, const std::function<void()>& merge) {
 
 std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
   try {
-    const double tolerance = kSameDistance * diagonal();
-    const TopoDS_Shape shape = with_seams_in_gaps(impl_->shape, tolerance);
     KeptEdges kept;
     if (merge == FaceMerge::AcrossSeams) {
-      kept = all_but_seams(impl_->shape, shape);
+      kept = all_but_seams(impl_->shape);
       if (!kept.has_seams) return std::nullopt;
     }
+    const double tolerance = kSameDistance * diagonal();
+    const TopoDS_Shape shape = with_seams_in_gaps(
+        has_location(impl_->shape) ? without_locations(impl_->shape) : impl_->shape, tolerance);
+    TopTools_IndexedMapOfShape edges;
+    TopExp::MapShapes(shape, TopAbs_EDGE, edges);
+    TopTools_MapOfShape kept_edges;
+    for (const int edge : kept.edges) kept_edges.Add(edges(edge));
     constexpr bool edges_too = false, faces_too = true, concatenates = false;
     ShapeUpgrade_UnifySameDomain merger(shape, edges_too, faces_too, concatenates);
     merger.SetLinearTolerance(tolerance);
     merger.SetAngularTolerance(kSameAngle);
-    merger.KeepShapes(kept.edges);
+    merger.KeepShapes(kept_edges);
     if (!comes_to_an_end(int(faces().size()), [&] { merger.Build(); })) return std::nullopt;
     merger.Build();
     const TopoDS_Shape merged = merger.Shape();

@@ -563,6 +563,26 @@ TEST_CASE("pieces of an opened cylinder are merged wherever its seam lies", "[ca
   }
 }
 
+TEST_CASE("faces of the parts of an assembly are merged where these are placed", "[cad][match]") {
+  const KnownPart& part = known_part("split_ring");
+  const TopoDS_Shape ring = part.make(part.sizes).shape;
+  const gp_Trsf place = similarity(0.7, 1, gp_Vec(100, 20, 30));
+  TopoDS_Compound both;
+  BRep_Builder builder;
+  builder.MakeCompound(both);
+  builder.Add(both, ring);
+  builder.Add(both, ring.Moved(TopLoc_Location(place)));
+  for (const CadModel& model : {to_model(both), through_step(both)}) {
+    REQUIRE(model.faces().size() == 18);
+    const auto merged = model.with_merged_faces(FaceMerge::AcrossSeams);
+    REQUIRE(merged);
+    CHECK(merged->faces().size() == 14);
+    CHECK(merged->solid_count() == 2);
+    CHECK((merged->lower() - model.lower()).norm() < 0.05);
+    CHECK((merged->upper() - model.upper()).norm() < 0.05);
+  }
+}
+
 TEST_CASE("pieces of a bend, closed the other way, are merged", "[cad][match]") {
   const auto bend = [](double start) {
     gp_Ax2 axes(gp_Pnt(), gp::DZ());
