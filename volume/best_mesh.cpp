@@ -47,7 +47,7 @@ constexpr double kKept = 0.99;
 // little was kept, the second number of passes.
 constexpr double kMostPasses = 20, kMostPassesLost = 80;
 // It goes on to so many times as much while each attempt has the figures rise by that factor.
-constexpr double kMoreWork = 4, kRising = 1.05;
+constexpr double kMoreWork = 4, kRising = 1.02;
 constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
 // An evaluation of a cell with its faces takes so many times as long as without.
 constexpr double kFacesWork = 6;
@@ -226,9 +226,12 @@ class BestMesh {
         raise(RaiseBy::SlidingNodes, doublings);
       }
     };
-    raise_by(kForSmallest);
     const WorstCells &best = result_.report.best, &base = result_.report.base;
-    if (best.min * base.worst_twentieth > best.worst_twentieth * base.min) raise_by(kForMean);
+    for (double before = 0; sum_of_shares(best, base) > kWorthwhile * before;) {
+      before = sum_of_shares(best, base);
+      raise_by(kForSmallest);
+      if (best.min * base.worst_twentieth > best.worst_twentieth * base.min) raise_by(kForMean);
+    }
   }
 
   bool is_on_edge(Index slider) const {
