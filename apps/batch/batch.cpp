@@ -337,7 +337,7 @@ class BatchRun {
     row.figures = figures_of(report);
     if (options_.on_result) options_.on_result(*work.read.variant, *work.result);
     std::vector<std::string> remarks = report.run.warnings;
-    for (std::string& hint : hints(report)) remarks.push_back(std::move(hint));
+    for (std::string& hint : hints(report, HintsOn::Losses)) remarks.push_back(std::move(hint));
     row.message = joined(remarks);
     if (is_done) return;
     row.exit_code = static_cast<int>(ExitCode::Quality);

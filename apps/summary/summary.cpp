@@ -180,47 +180,55 @@ std::string layer_hint(const PipelineReport& report) {
     return "";
   return format(
       "first cells of layers are %.3g to %.3g times as high as in the input, and y+ with them: "
-      "mesh "
-      "the variant anew where that is too much for the wall treatment",
+      "mesh the variant anew where that is too much for the wall treatment",
       layers.least, layers.most);
+}
+
+// One bad element of the input hides what many others lost.
+bool have_many_lost(const PipelineReport& report) {
+  return report.after.poor > report.before.poor &&
+         report.after.worst_twentieth < kLoss * report.before.worst_twentieth;
+}
+
+bool has_lost(const PipelineReport& report) {
+  return have_many_lost(report) ||
+         report.after.min_scaled_jacobian < kLoss * report.before.min_scaled_jacobian;
 }
 
 // What would raise the worst element where it is poor; empty where it is not.
 std::string quality_hint(const PipelineReport& report) {
   const double before = report.before.min_scaled_jacobian;
   const double after = report.after.min_scaled_jacobian;
-  // One bad element of the input hides what many others lost.
-  const bool have_many_lost = report.after.poor > report.before.poor &&
-                              report.after.worst_twentieth < kLoss * report.before.worst_twentieth;
-  const bool has_lost = have_many_lost || after < kLoss * before, is_poor = after < kPoor;
+  const bool many = have_many_lost(report), is_lost = has_lost(report), is_poor = after < kPoor;
   // Cells of finite volumes may have no Jacobian to speak of in the input already.
-  if (report.outcome != Outcome::Done || !report.can_repair || (before <= 0 && !have_many_lost) ||
+  if (report.outcome != Outcome::Done || !report.can_repair || (before <= 0 && !many) ||
       (report.improving && !is_poor))
     return "";
-  if (!has_lost && !is_poor) return "";
+  if (!is_lost && !is_poor) return "";
   const std::string worst =
-      have_many_lost ? with_commas(report.after.poor) + " elements have a scaled Jacobian below 0.1"
-                     : format("the worst element's scaled Jacobian is %.4f", after);
-  const std::string of_input = ", in the input " + (have_many_lost ? with_commas(report.before.poor)
-                                                                   : format("%.4f", before));
+      many ? with_commas(report.after.poor) + " elements have a scaled Jacobian below 0.1"
+           : format("the worst element's scaled Jacobian is %.4f", after);
+  const std::string of_input =
+      ", in the input " + (many ? with_commas(report.before.poor) : format("%.4f", before));
   if (report.improving)
     return worst + of_input + ": improving could not raise it further; " +
-           (has_lost ? "go in several steps (" + words_for(Remedy::MoreSteps) +
-                           ") or by CAD models between (" + words_for(Remedy::Via) +
-                           "), or mesh finer there"
-                     : "the input mesh is poor there already: mesh anew with other sizes");
+           (is_lost ? "go in several steps (" + words_for(Remedy::MoreSteps) +
+                          ") or by CAD models between (" + words_for(Remedy::Via) +
+                          "), or mesh finer there"
+                    : "the input mesh is poor there already: mesh anew with other sizes");
   // Improving is for solid elements.
   if (!is_poor || !report.mesh.has_solids)
     return worst + of_input + ": mesh the variant anew where that is too little for the solver";
   return worst + of_input +
-         (has_lost || before >= kPoor ? ": " : ", which is poor there already: ") +
+         (is_lost || before >= kPoor ? ": " : ", which is poor there already: ") +
          format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }
 
 }  // namespace
 
-std::vector<std::string> hints(const PipelineReport& report) {
-  std::vector<std::string> result = {quality_hint(report), layer_hint(report)};
+std::vector<std::string> hints(const PipelineReport& report, HintsOn on) {
+  std::vector<std::string> result = {layer_hint(report)};
+  if (on == HintsOn::All || has_lost(report)) result.insert(result.begin(), quality_hint(report));
   std::erase(result, "");
   return result;
 }

@@ -25,8 +25,11 @@ std::string rounding_text(const CoordinateRounding& rounding);
 /// What came of the file to keep the base side in, in a few words.
 std::string cache_text(const CacheReport& cache);
 
+/// What hints are about: also elements that are poor in the input already, or what was lost alone.
+enum class HintsOn { All, Losses };
+
 /// What to do where elements became poor, or layers lower or higher, a line each.
-std::vector<std::string> hints(const PipelineReport& report);
+std::vector<std::string> hints(const PipelineReport& report, HintsOn on = HintsOn::All);
 
 /// Why a result was refused and where its mesh is, in one line.
 std::string refusal_text(const PipelineReport& report);
