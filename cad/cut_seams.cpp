@@ -32,7 +32,8 @@ namespace cadmorph {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kSmallestGap = 1e-4;  // radians
+constexpr double kSmallestGap =
+    1e-4;  // radians: no slot, and more than pieces that touch are apart
 
 // A face in the frame that its surface is in, the way its surface looks.
 TopoDS_Face plain(const TopoDS_Shape& face) {
@@ -202,7 +203,6 @@ TopoDS_Face on_turned(const Piece& piece, const Handle(Geom_Surface) & surface, 
 }  // namespace
 
 TopoDS_Shape with_seams_in_gaps(const TopoDS_Shape& shape, double tolerance) {
-  if (pieces_of_surfaces(shape, tolerance).empty()) return shape;
   constexpr bool copies_geometry = false;
   const TopoDS_Shape copy = BRepBuilderAPI_Copy(shape, copies_geometry).Shape();
   const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;

@@ -186,8 +186,7 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
       if (!kept.has_seams) return std::nullopt;
     }
     const double tolerance = kSameDistance * diagonal();
-    const TopoDS_Shape shape = with_seams_in_gaps(
-        has_location(impl_->shape) ? without_locations(impl_->shape) : impl_->shape, tolerance);
+    const TopoDS_Shape shape = with_seams_in_gaps(without_locations(impl_->shape), tolerance);
     TopTools_IndexedMapOfShape edges;
     TopExp::MapShapes(shape, TopAbs_EDGE, edges);
     TopTools_MapOfShape kept_edges;

@@ -260,6 +260,8 @@ struct PlaneLayer {
 
 }  // namespace
 
+bool LayerFigures::are_growing() const { return growth_before >= kGrowth; }
+
 LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const std::vector<char>& is_surface, const Points& before,
                             const Points& after) {

@@ -15,7 +15,7 @@ struct LayerFigures {
   double growth_before = 0;    ///< mean of the second cell's height over the first one's
   double growth_after = 0;     ///< 0: no cell stands on another
   /// Whether the cells are layers, which grow from the surface on.
-  bool are_growing() const { return growth_before >= 1.1; }
+  bool are_growing() const;
   /// Angle of a cell's axis to its face's normal, degrees: mean of the twentieth that leans most.
   double lean_before = 0, lean_after = 0;
 };

@@ -634,9 +634,9 @@ class Reader {
     while (end < line.size() && line[end] != ',' && !is_blank(line[end])) ++end;
     if (!read_integer(line.substr(0, end), node.number) || node.number < 1 ||
         node.number > kHighestNumber)
-      fail_number(place, "the number of a node", line.substr(0, end));
+      sources_.fail_expected(place, "the number of a node", line.substr(0, end));
     const std::string_view bad = style_->read(line, node.point);
-    if (!bad.empty()) fail_number(place, "a coordinate", bad);
+    if (!bad.empty()) sources_.fail_expected(place, "a coordinate", bad);
     if (line.size() > 0xffff) sources_.fail(place, "the line is too long");
     if (line.size() > 2 * kFieldWidth || std::ranges::count(line, ',') > 3)
       check_fields(line, node);
@@ -720,8 +720,9 @@ class Reader {
       const auto [last, error] = std::from_chars(at, end, number);
       if (error != std::errc() || (last < end && !is_between(*last)) || number < 1 ||
           number > kHighestNumber)
-        fail_number(place, numbers.empty() ? "the number of an element" : "the number of a node",
-                    {at, end});
+        sources_.fail_expected(
+            place, numbers.empty() ? "the number of an element" : "the number of a node",
+            {at, end});
       numbers.push_back(number);
       at = last;
     }
@@ -888,14 +889,7 @@ class Reader {
   }
 
   [[noreturn]] void fail_number(std::string_view what, std::string_view found) const {
-    fail_number(here_, what, found);
-  }
-  [[noreturn]] void fail_number(DeckPlace place, std::string_view what,
-                                std::string_view found) const {
-    std::string text(trimmed(found).substr(0, 40));
-    std::ranges::replace_if(
-        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail_expected(here_, what, found);
   }
 
   void assemble() {

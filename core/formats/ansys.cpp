@@ -169,14 +169,7 @@ class Reader {
   [[noreturn]] void fail(const std::string& why) const { sources_.fail(here(), why); }
 
   [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
-    fail_expected(here(), what, found);
-  }
-  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
-                                  std::string_view found) const {
-    std::string text(trimmed(found).substr(0, 40));
-    std::ranges::replace_if(
-        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail_expected(here(), what, found);
   }
 
   void read_command(std::string_view line) {
@@ -291,10 +284,10 @@ class Reader {
     Index number = 0;
     const std::string_view field = columns(line, 0, format.integer_width);
     if (!read_integer(field, number) || number < 1 || number > kHighestNumber)
-      fail_expected(place, "the number of a node", field);
+      sources_.fail_expected(place, "the number of a node", field);
     Eigen::RowVector3d point;
     const std::string_view bad = style.read(line, point);
-    if (!bad.empty()) fail_expected(place, "a coordinate", bad);
+    if (!bad.empty()) sources_.fail_expected(place, "a coordinate", bad);
     if (line.size() > 0xffff) sources_.fail(place, "the line is too long");
     const std::size_t end = format.integers * format.integer_width + 3 * format.real_width;
     block.has_rotations = block.has_rotations || !trimmed(columns(line, end, line.size())).empty();
@@ -311,7 +304,7 @@ class Reader {
       if (field.empty() || trimmed(field).empty()) return;
       Index number = 0;
       if (!read_integer(field, number) || std::abs(number) > kHighestNumber)
-        fail_expected(place, "a number", field);
+        sources_.fail_expected(place, "a number", field);
       numbers.push_back(number);
     }
   }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/errors.h"
+#include "core/formats/number_fields.h"
 #include "core/parallel.h"
 
 namespace fs = std::filesystem;
@@ -318,6 +319,14 @@ void DeckSources::fail(DeckPlace place, const std::string& why) const {
   const fs::path path = files_[place.file].source.path;
   lock.unlock();
   TextScanner(text, path).fail_at(place.place, why);
+}
+
+void DeckSources::fail_expected(DeckPlace place, std::string_view what,
+                                std::string_view found) const {
+  std::string text(trimmed(found).substr(0, 40));
+  std::ranges::replace_if(
+      text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
+  fail(place, "expected " + std::string(what) + ", found '" + text + "'");
 }
 
 std::string_view take_line(std::string_view text, std::size_t& at) {

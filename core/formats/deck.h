@@ -100,6 +100,9 @@ class DeckSources {
 
   /// Throws IoError: "can't read the mesh FILE: line N: WHY".
   [[noreturn]] void fail(DeckPlace place, const std::string& why) const;
+  /// The same: "expected WHAT, found '...'", with the first characters of what was found.
+  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
+                                  std::string_view found) const;
 
   std::vector<DeckFile> take_files() && { return std::move(files_); }
 

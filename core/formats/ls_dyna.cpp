@@ -274,14 +274,7 @@ class Reader {
   }
 
   [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
-    fail_expected(here_, what, found);
-  }
-  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
-                                  std::string_view found) const {
-    std::string text(trimmed(found).substr(0, 40));
-    std::ranges::replace_if(
-        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail_expected(here_, what, found);
   }
 
   void begin_nodes() {
@@ -307,10 +300,10 @@ class Reader {
     const std::string_view field =
         node.is_free ? line.substr(0, line.find(',')) : line.substr(0, number_width_);
     if (!read_integer(field, node.number) || node.number < 1 || node.number > kHighestNumber)
-      fail_expected(place, "the number of a node", field);
+      sources_.fail_expected(place, "the number of a node", field);
     const NodeStyle& style = node.is_free ? *free_style_ : *column_style_;
     const std::string_view bad = style.read(line, node.point);
-    if (!bad.empty()) fail_expected(place, "a coordinate", bad);
+    if (!bad.empty()) sources_.fail_expected(place, "a coordinate", bad);
     if (line.size() > 0xffff) sources_.fail(place, "the line is too long");
     return node;
   }
@@ -328,7 +321,7 @@ class Reader {
     const auto add = [&](std::string_view field) {
       Index number = 0;
       const bool is_number = read_integer(field, number) && std::abs(number) <= kHighestNumber;
-      if (!is_number && !trimmed(field).empty()) fail_expected(place, "a number", field);
+      if (!is_number && !trimmed(field).empty()) sources_.fail_expected(place, "a number", field);
       numbers.push_back(number);
     };
     const std::size_t end = numbers.size() + most;
@@ -403,7 +396,7 @@ class Reader {
     read_integers(place, line, element_width(), 10, numbers);
     if (!has_head) {
       if (numbers.size() < 2)
-        fail_expected(place, "the numbers of an element and of its part", line);
+        sources_.fail_expected(place, "the numbers of an element and of its part", line);
       const bool is_head =
           kind_ == Kind::Solid &&
           std::all_of(numbers.begin() + 2, numbers.end(), [](Index number) { return number == 0; });
@@ -437,7 +430,7 @@ class Reader {
       sources_.fail(element.place, "element " + std::to_string(number) +
                                        " has too few nodes, or some that are no numbers of nodes");
     if (part < 0 || part > (1 << 30))
-      fail_expected(place, "the number of a part", std::to_string(part));
+      sources_.fail_expected(place, "the number of a part", std::to_string(part));
     mesh.add_element(number, type, nodes, int(part), element.place);
   }
 

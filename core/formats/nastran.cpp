@@ -558,16 +558,8 @@ class Reader {
                   bool may_be_blank) const {
     Index value = 0;
     if (read_integer(field, value) && value >= 0 && value <= kHighestNumber) return value;
-    if (!may_be_blank || !is_empty(field)) fail_expected(place, what, field);
+    if (!may_be_blank || !is_empty(field)) sources_.fail_expected(place, what, field);
     return 0;
-  }
-
-  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
-                                  std::string_view found) const {
-    std::string text(trimmed(found).substr(0, 40));
-    std::ranges::replace_if(
-        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    sources_.fail(place, "expected " + std::string(what) + ", found '" + text + "'");
   }
 
   void read_grid(DeckPlace place, std::string_view record, CardBlock& block) const {
@@ -580,7 +572,7 @@ class Reader {
                       : number_of(place, card.field(1), "the number of a coordinate system", false);
     for (std::size_t c = 0; c < 3; ++c)
       if (!read_real(card.field(2 + c), grid.point(Index(c))))
-        fail_expected(place, "a coordinate", card.field(2 + c));
+        sources_.fail_expected(place, "a coordinate", card.field(2 + c));
     block.grids.push_back(grid);
   }
 
@@ -598,7 +590,7 @@ class Reader {
       system.parent = number_of(here_, card.field(1), "the number of a coordinate system", true);
       for (std::size_t i = 0; i < 9; ++i)
         if (!read_real(card.field(2 + i), system.points[i]))
-          fail_expected(here_, "a coordinate", card.field(2 + i));
+          sources_.fail_expected(here_, "a coordinate", card.field(2 + i));
     }
     systems_.insert_or_assign(number, system);
   }
@@ -627,7 +619,8 @@ class Reader {
                                ? number_of(place, card.field(1), "the number of a property", true)
                                : 0;
     constexpr Index kHighestRegion = 1 << 30;
-    if (property > kHighestRegion) fail_expected(place, "the number of a property", card.field(1));
+    if (property > kHighestRegion)
+      sources_.fail_expected(place, "the number of a property", card.field(1));
     const std::size_t corners = std::size_t(cell_node_count(element.linear));
     const std::size_t most = std::size_t(cell_node_count(element.quadratic));
     std::vector<Index>& nodes = block.nodes;

@@ -193,14 +193,7 @@ class Reader {
     sources_.fail(place, why);
   }
   [[noreturn]] void fail_expected(std::string_view what, std::string_view found) const {
-    fail_expected({0, line_}, what, found);
-  }
-  [[noreturn]] void fail_expected(DeckPlace place, std::string_view what,
-                                  std::string_view found) const {
-    std::string text(trimmed(found).substr(0, 40));
-    std::ranges::replace_if(
-        text, [](unsigned char c) { return c < 32 || c > 126; }, '?');
-    fail(place, "expected " + std::string(what) + ", found '" + text + "'");
+    sources_.fail_expected({0, line_}, what, found);
   }
 
   void read_dataset() {
@@ -237,7 +230,7 @@ class Reader {
     for (std::string_view field; fields.next(field);) {
       Index number = 0;
       if (!read_integer(field, number) || std::abs(number) > kHighestNumber)
-        fail_expected(place, "a whole number", field);
+        sources_.fail_expected(place, "a whole number", field);
       numbers.push_back(number);
     }
   }
@@ -295,7 +288,7 @@ class Reader {
     Index number = 0;
     if (!fields.next(field) || !read_integer(field, number) || number < 1 ||
         number > kHighestNumber)
-      fail_expected(place, "the number of a node", line);
+      sources_.fail_expected(place, "the number of a node", line);
     return number;
   }
 
@@ -318,7 +311,7 @@ class Reader {
         fail(place, "the node has no coordinates behind it");
       Eigen::RowVector3d point;
       const std::string_view bad = style->read(coordinates, point);
-      if (!bad.empty()) fail_expected(second, "three coordinates", bad);
+      if (!bad.empty()) sources_.fail_expected(second, "three coordinates", bad);
       add_node(number, point, second, coordinates, block);
       return true;
     };
@@ -339,7 +332,7 @@ class Reader {
       Eigen::RowVector3d point;
       const std::string_view bad = style->read(coordinates, point);
       if (coordinates.empty() || !bad.empty())
-        fail_expected(place, "three coordinates behind column 40", line);
+        sources_.fail_expected(place, "three coordinates behind column 40", line);
       add_node(number, point, {0, place.place + kBefore}, coordinates, block);
       return true;
     };
@@ -396,7 +389,7 @@ class Reader {
     numbers.clear();
     read_integers(place, line, numbers);
     if (numbers.size() <= count_at)
-      fail_expected(place, std::to_string(count_at + 1) + " numbers of an element", line);
+      sources_.fail_expected(place, std::to_string(count_at + 1) + " numbers of an element", line);
     const Index count = numbers[count_at];
     const ElementKind* const kind = kind_of(numbers[1]);
     if (!kind && !is_left_out(numbers[1]))
