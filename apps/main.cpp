@@ -69,6 +69,7 @@ void name_remedies() {
        {Remedy::Via, "--via"},
        {Remedy::Improve, "--improve"},
        {Remedy::MoreSteps, "--steps 4"},
+       {Remedy::KeepLayers, "--keep-layers"},
        {Remedy::InvertedInput, "--accept-inverted-input"},
        {Remedy::AutomaticUntangling, "--untangle auto"},
        {Remedy::AutomaticSteps, "--steps auto"},

@@ -1,5 +1,6 @@
 #include "core/layer_heights.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -28,6 +29,9 @@ constexpr double kHigh = 1;  // of the same edge: where a mesher ends its layers
 // Layers towards a wall are made with growth rates of 1.1 to 1.3, the same from one to the next;
 // other cells are as high as they happen to be.
 constexpr double kGrowth = 1.1, kSameRate = 0.1;
+// Of the heights' weight, that of a column's direction. At a trailing edge of 20 degrees a column
+// is a sixth as high over either side as it is long: there heights count six times as much still.
+constexpr double kTurnWeight = 0.005;
 
 std::vector<Index> corners(const Facet& facet) {
   const Index count = corner_count(facet.type, std::ssize(facet.nodes));
@@ -38,13 +42,18 @@ Vector3d middle(const std::vector<Index>& nodes, const Points& points) {
   return points(nodes, Eigen::all).colwise().mean();
 }
 
-Vector3d normal(const std::vector<Index>& nodes, const Points& points) {
+// Along the normal, twice as long as the facet is large.
+Vector3d area_vector(const std::vector<Index>& nodes, const Points& points) {
   Vector3d area = Vector3d::Zero();
   const Vector3d first = points.row(nodes[0]);
   for (std::size_t i = 1; i + 1 < nodes.size(); ++i)
     area +=
         (Vector3d(points.row(nodes[i])) - first).cross(Vector3d(points.row(nodes[i + 1])) - first);
-  return area.normalized();
+  return area;
+}
+
+Vector3d normal(const std::vector<Index>& nodes, const Points& points) {
+  return area_vector(nodes, points).normalized();
 }
 
 // A cell between a face and the one opposite to it.
@@ -129,6 +138,84 @@ Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index ce
   return found;
 }
 
+// Adds to a layer, of `storeys`, those whose floors go on from its own across an edge. Round a nose
+// the cells of a layer are as high as they are wide.
+void add_adjacent(const std::vector<Storey>& storeys, std::vector<std::size_t>& layer) {
+  const auto edges = [&](std::size_t i) {
+    const std::vector<Index>& floor = storeys[i].floor;
+    std::vector<std::pair<Index, Index>> found;
+    for (std::size_t k = 0; k < floor.size(); ++k)
+      found.emplace_back(std::minmax(floor[k], floor[(k + 1) % floor.size()]));
+    return found;
+  };
+  std::map<std::pair<Index, Index>, std::vector<std::size_t>> beside;
+  for (std::size_t i = 0; i < storeys.size(); ++i)
+    for (const auto& edge : edges(i)) beside[edge].push_back(i);
+  std::vector<char> is_in(storeys.size(), 0);
+  for (const std::size_t i : layer) is_in[i] = 1;
+  for (std::size_t k = 0; k < layer.size(); ++k)
+    for (const auto& edge : edges(layer[k]))
+      for (const std::size_t i : beside[edge])
+        if (!std::exchange(is_in[i], 1)) layer.push_back(i);
+}
+
+// The storeys of a layer from the first one on.
+std::vector<Storey> storeys_from(const Mesh& mesh, const CellNeighbours& neighbours,
+                                 const Storey& first, const Points& points) {
+  std::vector<Storey> result{first};
+  Storey one = next(mesh, neighbours, first);
+  const double rate = one.height(points) / first.height(points);
+  while (!one.ceiling.empty() && is_flat(one, points, kHigh) &&
+         std::abs(one.height(points) / result.back().height(points) / rate - 1) <= kSameRate) {
+    result.push_back(one);
+    one = next(mesh, neighbours, one);
+  }
+  return result;
+}
+
+// The lowest storeys of all layers.
+std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighbours,
+                                  const std::vector<char>& is_surface, const Points& points) {
+  const auto growth = [&](const Storey& one, const Storey& above) {
+    return above.ceiling.empty() ? 0 : above.height(points) / one.height(points);
+  };
+  std::vector<Storey> growing;
+  std::vector<std::size_t> layer;  // of these: the thin ones first
+  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
+    if (!can_stand(mesh.types[cell])) continue;
+    Storey first = first_storey(mesh, neighbours, cell, is_surface,
+                                [&](const Storey& one) { return is_flat(one, points, kThin); });
+    const bool is_thin = !first.floor.empty();
+    if (!is_thin)
+      first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
+    if (first.floor.empty()) continue;
+    const Storey second = next(mesh, neighbours, first);
+    const double rate = growth(first, second);
+    const double next_rate = growth(second, next(mesh, neighbours, second));
+    if (rate < kGrowth || std::abs(next_rate / rate - 1) > kSameRate) continue;
+    if (is_thin) layer.push_back(growing.size());
+    growing.push_back(std::move(first));
+  }
+  add_adjacent(growing, layer);
+  std::vector<Storey> result;
+  for (const std::size_t i : layer) result.push_back(std::move(growing[i]));
+  return result;
+}
+
+std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                         const std::vector<char>& is_surface,
+                                         const Points& points) {
+  std::vector<Index> result;
+  for (const Storey& first : first_storeys(mesh, neighbours, is_surface, points)) {
+    result.insert(result.end(), first.floor.begin(), first.floor.end());
+    for (const Storey& one : storeys_from(mesh, neighbours, first, points))
+      result.insert(result.end(), one.ceiling.begin(), one.ceiling.end());
+  }
+  std::ranges::sort(result);
+  result.erase(std::ranges::unique(result).begin(), result.end());
+  return result;
+}
+
 // Of the largest twentieth, one value at least.
 double mean_of_largest(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -137,18 +224,29 @@ double mean_of_largest(std::vector<double> values) {
   return std::accumulate(values.begin(), values.begin() + count, 0.0) / static_cast<double>(count);
 }
 
+// All cells that stand on the surface and are no higher than wide.
+std::vector<Storey> flat_storeys(const Mesh& mesh, const CellNeighbours& neighbours,
+                                 const std::vector<char>& is_surface, const Points& points) {
+  std::vector<Storey> result;
+  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
+    if (!can_stand(mesh.types[cell])) continue;
+    Storey first = first_storey(mesh, neighbours, cell, is_surface,
+                                [&](const Storey& one) { return is_flat(one, points, kFlat); });
+    if (!first.floor.empty()) result.push_back(std::move(first));
+  }
+  return result;
+}
+
 LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                                   const std::vector<char>& is_surface, const Points& before,
                                   const Points& after) {
   LayerFigures result;
   Index kept = 0, stacked = 0;
   std::vector<double> leans_before, leans_after;
-  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
-    if (!can_stand(mesh.types[cell])) continue;
-    const Storey first = first_storey(mesh, neighbours, cell, is_surface, [&](const Storey& one) {
-      return moves(one, before, after) && is_flat(one, before, kFlat);
-    });
-    if (first.floor.empty()) continue;
+  std::vector<Storey> storeys = first_storeys(mesh, neighbours, is_surface, before);
+  if (storeys.empty()) storeys = flat_storeys(mesh, neighbours, is_surface, before);
+  for (const Storey& first : storeys) {
+    if (!moves(first, before, after)) continue;
     const double height = first.height(before), ratio = first.height(after) / height;
     if (!std::isfinite(ratio)) continue;
     result.least = result.cells == 0 ? ratio : std::min(result.least, ratio);
@@ -174,72 +272,110 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   return result;
 }
 
-// Adds to a layer, of `storeys`, those whose floors go on from its own across an edge. Round a nose
-// the cells of a layer are as high as they are wide.
-void add_adjacent(const std::vector<Storey>& storeys, std::vector<std::size_t>& layer) {
-  const auto edges = [&](std::size_t i) {
-    const std::vector<Index>& floor = storeys[i].floor;
-    std::vector<std::pair<Index, Index>> found;
-    for (std::size_t k = 0; k < floor.size(); ++k)
-      found.emplace_back(std::minmax(floor[k], floor[(k + 1) % floor.size()]));
-    return found;
-  };
-  std::map<std::pair<Index, Index>, std::vector<std::size_t>> beside;
-  for (std::size_t i = 0; i < storeys.size(); ++i)
-    for (const auto& edge : edges(i)) beside[edge].push_back(i);
-  std::vector<char> is_in(storeys.size(), 0);
-  for (const std::size_t i : layer) is_in[i] = 1;
-  for (std::size_t k = 0; k < layer.size(); ++k)
-    for (const auto& edge : edges(layer[k]))
-      for (const std::size_t i : beside[edge])
-        if (!std::exchange(is_in[i], 1)) layer.push_back(i);
-}
+// What stands on what: over the edges of the storeys' cells from floor to ceiling.
+class Stacks {
+ public:
+  explicit Stacks(Index nodes) : above_(nodes, -1), below_(nodes, -1), is_torn_(nodes, 0) {}
 
-// The ceilings of a layer's cells above the first.
-void add_ceilings(const Mesh& mesh, const CellNeighbours& neighbours, const Storey& first,
-                  const Points& points, std::vector<Index>& nodes) {
-  Storey below = first, one = next(mesh, neighbours, first);
-  const double rate = one.height(points) / first.height(points);
-  while (!one.ceiling.empty() && is_flat(one, points, kHigh) &&
-         std::abs(one.height(points) / below.height(points) / rate - 1) <= kSameRate) {
-    nodes.insert(nodes.end(), one.ceiling.begin(), one.ceiling.end());
-    below = std::exchange(one, next(mesh, neighbours, one));
+  void add(const Mesh& mesh, const Storey& storey) {
+    const auto cell = mesh.cell(storey.cell);
+    const auto is_in = [](const std::vector<Index>& face, Index node) {
+      return std::ranges::find(face, node) != face.end();
+    };
+    for (const LocalEdge& edge : info_of(mesh.types[storey.cell]).edges)
+      for (const auto& [a, b] :
+           {std::pair(cell[edge.a], cell[edge.b]), std::pair(cell[edge.b], cell[edge.a])})
+        if (is_in(storey.floor, a) && is_in(storey.ceiling, b)) join(a, b);
   }
-}
 
-std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                         const std::vector<char>& is_surface,
-                                         const Points& points) {
-  const auto growth = [&](const Storey& one, const Storey& above) {
-    return above.ceiling.empty() ? 0 : above.height(points) / one.height(points);
-  };
-  std::vector<Storey> growing;
-  std::vector<std::size_t> layer;  // of these: the thin ones first
-  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
-    if (!can_stand(mesh.types[cell])) continue;
-    Storey first = first_storey(mesh, neighbours, cell, is_surface,
-                                [&](const Storey& one) { return is_flat(one, points, kThin); });
-    const bool is_thin = !first.floor.empty();
-    if (!is_thin)
-      first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
-    if (first.floor.empty()) continue;
-    const Storey second = next(mesh, neighbours, first);
-    const double rate = growth(first, second);
-    const double next_rate = growth(second, next(mesh, neighbours, second));
-    if (rate < kGrowth || std::abs(next_rate / rate - 1) > kSameRate) continue;
-    if (is_thin) layer.push_back(growing.size());
-    growing.push_back(std::move(first));
+  // Up to a node that stands on more than one, or below more than one.
+  std::vector<Index> on(Index foot) const {
+    std::vector<Index> nodes;
+    if (is_torn_[foot] || below_[foot] >= 0) return nodes;
+    for (Index node = above_[foot]; node >= 0 && !is_torn_[node]; node = above_[node])
+      nodes.push_back(node);
+    return nodes;
   }
-  add_adjacent(growing, layer);
-  std::vector<Index> result;
-  for (const std::size_t i : layer) {
-    for (const auto* nodes : {&growing[i].floor, &growing[i].ceiling})
-      result.insert(result.end(), nodes->begin(), nodes->end());
-    add_ceilings(mesh, neighbours, growing[i], points, result);
+
+ private:
+  void join(Index a, Index b) {
+    if (above_[a] >= 0 && above_[a] != b) is_torn_[a] = 1;
+    if (below_[b] >= 0 && below_[b] != a) is_torn_[b] = 1;
+    above_[a] = b;
+    below_[b] = a;
   }
-  std::ranges::sort(result);
-  result.erase(std::ranges::unique(result).begin(), result.end());
+
+  std::vector<Index> above_, below_;
+  std::vector<char> is_torn_;
+};
+
+LayerColumns columns_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                     const std::vector<char>& is_surface, const Points& points) {
+  LayerColumns result;
+  Stacks stacks(mesh.node_count());
+  std::vector<Index> feet;
+  for (Storey& first : first_storeys(mesh, neighbours, is_surface, points)) {
+    for (const Storey& one : storeys_from(mesh, neighbours, first, points)) stacks.add(mesh, one);
+    feet.insert(feet.end(), first.floor.begin(), first.floor.end());
+    result.floors.push_back(std::move(first.floor));
+  }
+  std::ranges::sort(feet);
+  feet.erase(std::ranges::unique(feet).begin(), feet.end());
+  for (const Index foot : feet)
+    if (std::vector<Index> nodes = stacks.on(foot); !nodes.empty())
+      result.columns.push_back({foot, std::move(nodes)});
   return result;
+}
+
+// Along a floor's normal, in proportion to its size.
+Vector3d area_of_floor(const std::vector<Index>& floor, const Vector3d& axis,
+                       const Points& points) {
+  if (floor.size() > 2) return area_vector(floor, points);
+  return axis.cross(Vector3d(points.row(floor[1]) - points.row(floor[0])));
+}
+
+using Eigen::Matrix3d;
+
+// The turn of the floors round a foot: of their mean normal by the shortest way, then about it as
+// fits the edges from the foot best.
+Matrix3d turn_of_floors(const LayerColumns& layers, Index foot, const std::vector<Index>& floors,
+                        const Points& before, const Points& after) {
+  Vector3d old_normal = Vector3d::Zero(), new_normal = Vector3d::Zero();
+  for (const Index f : floors) {
+    old_normal += area_of_floor(layers.floors[f], layers.axis, before);
+    new_normal += area_of_floor(layers.floors[f], layers.axis, after);
+  }
+  const Matrix3d tilt =
+      Eigen::Quaterniond::FromTwoVectors(old_normal, new_normal).toRotationMatrix();
+  new_normal.normalize();
+  double sine = 0, cosine = 0;
+  for (const Index f : floors)
+    for (const Index node : layers.floors[f]) {
+      const Vector3d a = tilt * Vector3d(before.row(node) - before.row(foot)),
+                     b = after.row(node) - after.row(foot);
+      sine += new_normal.dot(a.cross(b));
+      cosine += a.dot(b) - a.dot(new_normal) * b.dot(new_normal);
+    }
+  return Eigen::AngleAxisd(std::atan2(sine, cosine), new_normal) * tilt;
+}
+
+// The linear map of ways from a foot that keeps their heights over each of the floors round it, by
+// least squares, and is a little drawn to the floors' turn: where two walls meet at another angle
+// than before, no turn keeps both heights. Where all floors look the same way it is that turn.
+Matrix3d map_of_floors(const LayerColumns& layers, Index foot, const std::vector<Index>& floors,
+                       const Points& before, const Points& after) {
+  const Matrix3d turn = turn_of_floors(layers, foot, floors, before, after);
+  Matrix3d of_after = Matrix3d::Zero(), of_before = Matrix3d::Zero();
+  double size = 0;
+  for (const Index f : floors) {
+    const Vector3d area = area_of_floor(layers.floors[f], layers.axis, before),
+                   normal = area_of_floor(layers.floors[f], layers.axis, after).normalized();
+    of_after += area.norm() * normal * normal.transpose();
+    of_before += normal * area.transpose();
+    size += area.norm();
+  }
+  const double weight = kTurnWeight * size;
+  return (of_after + weight * Matrix3d::Identity()).ldlt().solve(of_before + weight * turn);
 }
 
 // A plane mesh as one layer of solid cells, with the nodes of both its sides, these as far apart as
@@ -285,6 +421,40 @@ std::vector<Index> nodes_of_layers(const Mesh& mesh, const CellNeighbours& neigh
   std::vector<Index> result =
       nodes_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points);
   std::erase_if(result, [&](Index node) { return node >= mesh.node_count(); });
+  return result;
+}
+
+LayerColumns find_layer_columns(const Mesh& mesh, const CellNeighbours& neighbours,
+                                const std::vector<char>& is_surface, const Points& points) {
+  if (!neighbours.neighbour.empty())
+    return columns_of_solid_layers(mesh, neighbours, is_surface, points);
+  const int axis = flat_axis(mesh, points);
+  if (axis < 0) return {};
+  const PlaneLayer layer(mesh, points, is_surface);
+  LayerColumns result =
+      columns_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points);
+  result.axis = Vector3d::Unit(axis);
+  std::erase_if(result.columns,
+                [&](const LayerColumn& column) { return column.foot >= mesh.node_count(); });
+  for (std::vector<Index>& floor : result.floors) {
+    const Vector3d outwards = normal(floor, layer.mesh.points);
+    std::erase_if(floor, [&](Index node) { return node >= mesh.node_count(); });
+    if (area_of_floor(floor, result.axis, points).dot(outwards) < 0) std::swap(floor[0], floor[1]);
+  }
+  return result;
+}
+
+Points carry_columns(const LayerColumns& layers, const Points& before, const Points& after) {
+  std::vector<std::vector<Index>> floors_at(before.rows());
+  for (std::size_t f = 0; f < layers.floors.size(); ++f)
+    for (const Index node : layers.floors[f]) floors_at[node].push_back(static_cast<Index>(f));
+  Points result = after;
+  for (const LayerColumn& column : layers.columns) {
+    const Index foot = column.foot;
+    const Matrix3d map = map_of_floors(layers, foot, floors_at[foot], before, after);
+    for (const Index node : column.nodes)
+      result.row(node) = after.row(foot) + (before.row(node) - before.row(foot)) * map.transpose();
+  }
   return result;
 }
 

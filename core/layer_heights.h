@@ -5,9 +5,10 @@
 
 namespace cadmorph {
 
-/// What a morph did to the cells that stand on parts of the surface that moved: prisms and
-/// hexahedra with one face on it, or in a plane mesh triangles and quads with one edge. A face does
-/// not count where the one opposite to it is outside, too: that of a mesh of one layer.
+/// What a morph did to the first cells of layers (nodes_of_layers) on parts of the surface that
+/// moved; where a mesh has no layers, to all that stand there: prisms and hexahedra with one face
+/// on it, or in a plane mesh triangles and quads with one edge. A face does not count where the one
+/// opposite to it is outside, too: that of a mesh of one layer.
 struct LayerFigures {
   Index cells = 0;             ///< such first cells; the rest counts only where there are some
   double share_kept = 1;       ///< whose height changed by at most 1 %
@@ -22,7 +23,8 @@ struct LayerFigures {
 
 /// Compares heights (between the middles of a cell's two faces, along the lower one's normal) at
 /// `before` and `after`, N x 3. `is_surface`: one a node. Cells count where a node of their face
-/// on the surface moved and they are at most 1.5 times as high as its shortest edge. O(cells).
+/// on the surface moved; where a mesh has no layers, those that are at most 1.5 times as high as
+/// its shortest edge. O(cells).
 LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const std::vector<char>& is_surface, const Points& before,
                             const Points& after);
@@ -34,5 +36,27 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
 /// higher than they are wide. Ascending.
 std::vector<Index> nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                                    const std::vector<char>& is_surface, const Points& points);
+
+/// Nodes of a layer that stand one above the other on a node of the surface.
+struct LayerColumn {
+  Index foot;
+  std::vector<Index> nodes;  ///< from the foot upwards
+};
+
+/// Layers (see nodes_of_layers) as columns. A node that stands on two others, where layers of two
+/// walls meet, is in none, nor is what stands on it.
+struct LayerColumns {
+  std::vector<LayerColumn> columns;  ///< by foot, ascending
+  /// Corners of the faces that cells of the layers stand on, the normal away from the cells; of a
+  /// plane mesh edges, `axis` x edge away from the cells.
+  std::vector<std::vector<Index>> floors;
+  Eigen::Vector3d axis = Eigen::Vector3d::Zero();  ///< of a plane mesh's normal
+};
+LayerColumns find_layer_columns(const Mesh& mesh, const CellNeighbours& neighbours,
+                                const std::vector<char>& is_surface, const Points& points);
+
+/// Where the columns' nodes come when they keep their heights over the floors round their feet, and
+/// turn with these. `before`, `after`: N x 3; returns `after` with these nodes moved.
+Points carry_columns(const LayerColumns& layers, const Points& before, const Points& after);
 
 }  // namespace cadmorph

@@ -21,6 +21,7 @@ auto& all_words() {
       "in a series of morphs",
       "improve below",
       "several steps",
+      "keeping layers",
       "accepting what is inverted in the input",
       "automatic repair",
       "automatic steps",

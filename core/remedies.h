@@ -23,6 +23,7 @@ enum class Remedy {
   Via,                   ///< go there by CAD models between
   Improve,               ///< raise elements below a quality
   MoreSteps,             ///< go in several steps
+  KeepLayers,            ///< have layers keep their heights
   InvertedInput,         ///< accept elements that are inverted in the input already
   AutomaticUntangling,   ///< let inverted elements be repaired
   AutomaticSteps,        ///< let the number of steps grow

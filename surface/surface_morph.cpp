@@ -897,6 +897,21 @@ Points SurfaceMorph::slide(const Points& positions) const {
   return result;
 }
 
+std::vector<std::vector<RowId>> SurfaceMorph::nodes_of_sliding_patches() const {
+  std::vector<std::vector<RowId>> result;
+  for (const FreePatch& patch : impl_->sliding_patches()) result.push_back(patch.inner);
+  return result;
+}
+
+Points SurfaceMorph::onto_sliding_patches(const Points& from, const Points& to) const {
+  const double unit = impl_->association.mesh_unit_mm;
+  Points result = to;
+  for (const FreePatch& patch : impl_->sliding_patches())
+    for (const RowId n : patch.inner)
+      result.row(n) = onto_patch(patch, n, unit * from.row(n), unit * to.row(n)) / unit;
+  return result;
+}
+
 SlideDerivative SurfaceMorph::slide_derivative(const Points& positions) const {
   return {impl_->surface, impl_->sliding_patches(), positions * impl_->association.mesh_unit_mm};
 }

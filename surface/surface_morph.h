@@ -88,7 +88,14 @@ class SurfaceMorph {
   /// the mesh's unit.
   Points slide(const Points& positions) const;
 
-  /// The derivative of that at these positions.
+  /// The inner nodes of each patch on no CAD face that slides.
+  std::vector<std::vector<RowId>> nodes_of_sliding_patches() const;
+
+  /// `to` with these nodes at the places of their patches nearest to it, as far off these as at
+  /// `from`. Positions of all surface nodes, in the mesh's unit.
+  Points onto_sliding_patches(const Points& from, const Points& to) const;
+
+  /// The derivative of `slide` at these positions.
   SlideDerivative slide_derivative(const Points& positions) const;
 
  private:

@@ -27,10 +27,10 @@ struct FieldCommand {
 
 void check(const FieldCommand& command) {
   const PipelineOptions& pipeline = command.options.pipeline;
-  if (pipeline.untangle == UntangleMode::Always || pipeline.improve_below)
+  if (pipeline.untangle == UntangleMode::Always || pipeline.improve_below || pipeline.keep_layers)
     throw UsageError(
-        "--untangle always and --improve move single nodes, which a field of the position can't "
-        "hold; leave them out, or morph the mesh by the main command");
+        "--untangle always, --improve and --keep-layers move single nodes, which a field of the "
+        "position can't hold; leave them out, or morph the mesh by the main command");
   std::vector<std::filesystem::path> inputs = command.files.inputs();
   inputs.push_back(command.options.face_map);
   check_outputs(

@@ -168,6 +168,9 @@ void add_method_options(CLI::App& app, MorphOptions& raw) {
                  "refuse a result with an element below")
       ->check(number_between(-1, 1))
       ->group(group);
+  app.add_flag("--keep-layers", raw.pipeline.keep_layers,
+               "layers on walls keep their heights, as far as no element is inverted")
+      ->group(group);
   app.add_flag("--accept-inverted-input", raw.pipeline.accept_inverted_input,
                "elements that are inverted in MESH may stay so; all others are refused still")
       ->group(group);

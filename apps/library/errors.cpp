@@ -22,6 +22,7 @@ const bool kHasWords = [] {
                     {Remedy::Via, "Mesh::at"},
                     {Remedy::Improve, "improve_below"},
                     {Remedy::MoreSteps, "steps=4"},
+                    {Remedy::KeepLayers, "keep_layers"},
                     {Remedy::InvertedInput, "accept_inverted_input"},
                     {Remedy::AutomaticUntangling, "untangle auto"},
                     {Remedy::AutomaticSteps, "steps 0"},

@@ -174,6 +174,7 @@ PipelineOptions inner_options(const MorphOptions& options) {
   result.mesh_use = inner(options.solver_family);
   result.improve_below = options.improve_below;
   result.min_scaled_jacobian = options.min_scaled_jacobian;
+  result.keep_layers = options.keep_layers;
   result.accept_inverted_input = options.accept_inverted_input;
   result.face_map = options.face_map;
   return result;

@@ -80,6 +80,13 @@ struct LegReport {
   double seconds = 0;
 };
 
+/// What PipelineOptions::keep_layers came to.
+struct KeptLayers {
+  Index columns = 0;  ///< of nodes, on as many nodes of the surface
+  Index kept = 0;     ///< that have their old heights; others would have inverted cells
+  double seconds = 0;
+};
+
 /// The two CAD models and their match.
 struct CadReport {
   CadFigures base, variant;
@@ -129,6 +136,7 @@ struct PipelineReport {
   double max_displacement = 0;          ///< millimetres
   double max_surface_displacement = 0;  ///< millimetres, of prescribed nodes
   LayerFigures layers;
+  std::optional<KeptLayers> kept_layers;  ///< none where it was not asked for
   MorphMethod method = MorphMethod::Rbf;
   Kernel kernel;
   RbfReport solver;

@@ -44,6 +44,8 @@ struct PipelineOptions {
   MeshUse mesh_use = MeshUse::OfFormat;  ///< what `quality` goes by
   /// Raises elements whose scaled Jacobian is below by optimisation.
   std::optional<double> improve_below;
+  /// Layers on the surface keep the heights that they have at the base (layer_stage).
+  bool keep_layers = false;
   /// The result is refused when any cell's scaled Jacobian is below.
   std::optional<double> min_scaled_jacobian;
   /// Elements that are inverted in the input may stay so.

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "apps/pipeline/layer_stage.h"
 #include "apps/pipeline/refusal.h"
 #include "core/cell_topology.h"
 #include "core/plane_mesh.h"
@@ -26,6 +27,8 @@ constexpr int kMostFirstRings = 4;
 // Nodes at rest follow what moves beside them where less than this share is kept, by raising too,
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
+// Layers are restored where less than the first share is kept, and by it more by the factor.
+constexpr double kKeptMost = 0.9, kWorthRestoring = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
 constexpr double kSamePlace = 1e-9;  // of the diagonal: images after a slide
 // What follows is repaired where no more than so many times the cells are inverted that were
@@ -500,6 +503,60 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
   attempts.insert(attempts.begin(), by_faces.attempts.begin(), by_faces.attempts.end());
 }
 
+// Gives layers their old heights. Returns whether any has them.
+bool keep_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
+  clock.start("layers");
+  std::optional<MeshWithLayers> kept = keep_layers(result, *sliding.nodes(), on_cad(base));
+  result.report.kept_layers = kept ? kept->report : KeptLayers{};
+  if (result.report.kept_layers->kept == 0) return false;
+  result.positions = std::move(kept->positions);
+  result.validity = std::move(kept->validity);
+  sliding.move_to(std::move(kept->slides));
+  settle_slid_nodes(base, result);
+  return true;
+}
+
+// Whether the mesh can have layers.
+bool has_flat_cells(const Mesh& mesh) {
+  if (dimension(mesh) == 2) return flat_axis(mesh, mesh.points) >= 0;
+  return std::ranges::any_of(mesh.types, [](CellType type) {
+    const Shape shape = info_of(type).shape;
+    return shape == Shape::Cube || shape == Shape::Prism;
+  });
+}
+
+// Layers that were sheared or squeezed get their old heights where that keeps more of the cells'
+// shape, or of their faces'. Returns whether they did.
+bool restore_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+                    MorphResult& result) {
+  if (base.options.quality == QualityMode::Fast || !base.options.can_repair || !is_free(base) ||
+      !has_flat_cells(base.mesh()))
+    return false;
+  const Mesh& mesh = base.mesh();
+  std::optional<FiniteVolumes> volumes;
+  if (is_for_finite_volumes(base))
+    volumes.emplace(mesh, mesh.points, base.neighbours, base.orientation);
+  const bool is_by_faces = volumes && volumes->has_cells();
+  const auto worst = [&](const Points& positions, const QualityReport& quality) {
+    return is_by_faces ? worst_faces(*volumes, positions) : worst_cells(quality);
+  };
+  const WorstCells had = worst(mesh.points, base.quality),
+                   came = worst(result.positions, result.quality);
+  if (least_share(came, had) >= kKeptMost) return false;
+  sliding.nodes();
+  Undo undo(sliding, result);
+  if (keep_layers(base, sliding, clock, result)) {
+    result.quality = measure_quality(mesh, result.positions, base.orientation);
+    if (sum_of_shares(worst(result.positions, result.quality), had) >
+            kWorthRestoring * sum_of_shares(came, had) &&
+        !sliding.is_folded(result.positions, sliding.slides()))
+      return true;
+    undo.apply(sliding, result);
+  }
+  result.report.kept_layers.reset();
+  return false;
+}
+
 // Raises the lost cells, after surface nodes at rest followed where that promises to keep more.
 // Where it does not, but raising leaves less than half, that is tried still, and the better one
 // taken.
@@ -533,8 +590,13 @@ bool raise(const BaseSide& base, Sliding* sliding, MorphResult& result) {
   how.attempts = 1;
   if (sliding) how.sliding = sliding->nodes();
   how.poor_cells = cells_below(*base.options.improve_below, result.quality);
+  std::vector<char> is_fixed = base.fixed_nodes();
+  if (base.options.keep_layers)
+    for (const Index node :
+         nodes_of_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points))
+      is_fixed[node] = 1;
   UntangleResult improved =
-      untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
+      untangle(base.mesh(), result.positions, is_fixed, base.orientation, how);
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
   const double least = result.quality.min * (sliding ? kWorthSliding : 1);
   if (improved.report.after > 0 || now.min <= least) return false;
@@ -655,9 +717,19 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
       let_surface_follow(base, *way, sliding, clock, result);
   }
   if (slide_surface(base, sliding, result)) repair_from_one_step(base, sliding, clock, result);
+  const bool is_asked = base.options.keep_layers;
+  if (is_asked) {
+    if (result.validity.invalid <= base.validity.invalid)
+      keep_layers(base, sliding, clock, result);
+    else
+      result.report.kept_layers.emplace();
+  }
   clock.start("quality after");
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
-  if (is_inverted)
+  const bool has_restored =
+      !is_asked && !is_inverted && restore_layers(base, sliding, clock, result);
+  clock.start("quality after");
+  if (is_inverted || is_asked || has_restored)
     raise_lost_cells(base, sliding, result);
   else
     raise_or_follow(base, sliding, clock, result);

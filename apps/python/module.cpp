@@ -469,7 +469,7 @@ std::unique_ptr<Morpher> make_morpher(
     double memory_limit_bytes, int steps, int max_steps, const std::string& untangle,
     const std::string& quality, const std::string& solver_family,
     std::optional<double> improve_below, std::optional<double> min_scaled_jacobian,
-    bool accept_inverted_input, const py::kwargs& others) {
+    bool keep_layers, bool accept_inverted_input, const py::kwargs& others) {
   refuse_options(others);
   const MorphOptions options{.mesh_unit_mm = mesh_unit_mm,
                              .association_tolerance = association_tolerance,
@@ -494,6 +494,7 @@ std::unique_ptr<Morpher> make_morpher(
                              .solver_family = solver_family_of(solver_family),
                              .improve_below = improve_below,
                              .min_scaled_jacobian = min_scaled_jacobian,
+                             .keep_layers = keep_layers,
                              .accept_inverted_input = accept_inverted_input};
   return run_unlocked(progress, [&](const Progress& tell) {
     return std::make_unique<Morpher>(base, mesh, options, tell);
@@ -534,7 +535,8 @@ void add_morpher(py::module_& module) {
           "memory_limit_bytes"_a = defaults.memory_limit_bytes, "steps"_a = defaults.steps,
           "max_steps"_a = defaults.max_steps, "untangle"_a = "auto", "quality"_a = "best",
           "solver_family"_a = "auto", "improve_below"_a = py::none(),
-          "min_scaled_jacobian"_a = py::none(), "accept_inverted_input"_a = false,
+          "min_scaled_jacobian"_a = py::none(), "keep_layers"_a = false,
+          "accept_inverted_input"_a = false,
           R"(Finds the CAD entity of each surface node, measures the mesh and sets up the volume morph.
 
 progress: called with the phase's name and the fraction of it done; returns False to cancel.
@@ -560,6 +562,7 @@ solver_family: what 'best' goes by: 'fe', finite elements: the scaled Jacobian; 
     non-orthogonality and skewness of faces; 'auto': by the format of the mesh's file.
 improve_below: raises elements with a scaled Jacobian below, by optimisation.
 min_scaled_jacobian: refuses a result with an element below.
+keep_layers: layers on walls keep their heights, as far as no element is inverted.
 accept_inverted_input: elements that are inverted in the input may stay so.
 
 Raises AssociationError, InvalidInputError, SolverError, CancelledError.)")

@@ -265,6 +265,10 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["max_displacement_mm"] = json_number(report.max_displacement);
   json["max_surface_displacement_mm"] = json_number(report.max_surface_displacement);
   if (report.layers.cells > 0) json["layers"] = to_json(report.layers);
+  if (report.kept_layers)
+    json["kept_layers"] = {{"columns", report.kept_layers->columns},
+                           {"kept", report.kept_layers->kept},
+                           {"seconds", json_number(report.kept_layers->seconds)}};
   json["method"] = to_string(report.method);
   json["volume_morph"] = report.method == MorphMethod::Rbf
                              ? to_json(report.solver, report.kernel)

@@ -144,6 +144,13 @@ std::string improve_line(const ImproveReport& report) {
          slid_part(report.slid_nodes);
 }
 
+std::string kept_layers_line(const KeptLayers& kept) {
+  if (kept.columns == 0) return "none: no layers that grow from a wall were found";
+  return with_commas(kept.kept) + " of " + with_commas(kept.columns) +
+         " columns of nodes on the wall with their old heights" +
+         (kept.kept < kept.columns ? ", those beside the others with a part of the change" : "");
+}
+
 std::string best_mesh_line(const BestMeshReport& report) {
   const WorstCells &plain = report.plain, &best = report.best;
   const std::string figures =
@@ -179,9 +186,11 @@ std::string layer_hint(const PipelineReport& report) {
       (layers.least > kLayerLoss && layers.most < 1 / kLayerLoss))
     return "";
   return format(
-      "first cells of layers are %.3g to %.3g times as high as in the input, and y+ with them: "
-      "mesh the variant anew where that is too much for the wall treatment",
-      layers.least, layers.most);
+             "first cells of layers are %.3g to %.3g times as high as in the input, and y+ with "
+             "them: ",
+             layers.least, layers.most) +
+         (report.kept_layers ? "" : "try " + words_for(Remedy::KeepLayers) + ", or ") +
+         "mesh the variant anew where that is too much for the wall treatment";
 }
 
 // One bad element of the input hides what many others lost.
@@ -407,6 +416,7 @@ std::string summary_text(const PipelineReport& report) {
   if (report.followed_nodes > 0)
     text += labelled("Followed", with_commas(report.followed_nodes) +
                                      " surface nodes at rest slid with what moves across a wall");
+  if (report.kept_layers) text += labelled("Layers", kept_layers_line(*report.kept_layers));
   if (report.best_mesh && !report.best_mesh->attempts.empty())
     text += labelled("Raised", best_mesh_line(*report.best_mesh));
   if (report.improving) text += labelled("Improving", improve_line(*report.improving));

@@ -227,7 +227,7 @@ TEST_CASE("Where steps are needed the field holds them, and repair it refuses", 
   CHECK(poor.exit_code == 5);
   CHECK_THAT(poor.err, Contains("try: ") && !Contains("--improve") && !Contains("--untangle"));
   CHECK(place.files() == before);
-  for (const std::string option : {"--untangle always", "--improve 0.2"})
+  for (const std::string option : {"--untangle always", "--improve 0.2", "--keep-layers"})
     CHECK(place.run("field " + sphere_morph() + " -o no.cmf " + option).exit_code == 1);
   CHECK(place.files() == before);
 }

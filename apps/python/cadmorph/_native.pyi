@@ -333,6 +333,7 @@ class Morpher:
         solver_family: str = "auto",
         improve_below: float | None = None,
         min_scaled_jacobian: float | None = None,
+        keep_layers: bool = False,
         accept_inverted_input: bool = False,
     ) -> None: ...
     def morph(

@@ -85,7 +85,8 @@ struct MorphOptions {
   SolverFamily solver_family = SolverFamily::OfFormat;
   std::optional<double> improve_below = {};        ///< raises elements with a scaled Jacobian below
   std::optional<double> min_scaled_jacobian = {};  ///< refuses a result with an element below
-  bool accept_inverted_input = false;              ///< elements inverted in the input may stay so
+  bool keep_layers = false;  ///< layers on walls keep their heights, where no element is inverted
+  bool accept_inverted_input = false;  ///< elements inverted in the input may stay so
 };
 
 }  // namespace cadmorph::CADMORPH_V1
