@@ -18,6 +18,12 @@ class ImageSlides {
   /// mean of what both ask for.
   void average(RowMatrix& steps) const;
 
+  /// Of each node (as SlidingNodes::nodes) the one that is its image; -1 where it has none.
+  std::vector<Index> twins() const;
+
+  /// Those with an image that can't slide, or with several: ascending.
+  std::vector<Index> unpaired() const;
+
   /// Puts images back to `start` (K x 2) whose ways from there to `slides` are none of each other
   /// within `tolerance`, in the mesh's unit, and those of nodes that can't slide.
   void hold_unlike(const RowMatrix& start, double tolerance, RowMatrix& slides) const;
@@ -27,6 +33,8 @@ class ImageSlides {
     Index from, to;        ///< in SlidingNodes::nodes, -1: not among them
     Eigen::Matrix3d turn;  ///< of a way of the first into that of the other
   };
+
+  std::vector<Index> counts() const;
 
   const SlidingNodes& sliding_;
   std::vector<Twins> twins_;

@@ -60,8 +60,8 @@ constexpr double kWorthwhile = 1.01;
 // Rows of nodes that left their places by less, in parts of the wall, stay, and nodes amid edges,
 // in parts of these.
 constexpr double kBent = 1e-4;
-// Straight rows are taken where this share of each figure is kept.
-constexpr double kForRows = 0.999;
+// Straight rows are taken where this share of each figure is kept; after raising, the second.
+constexpr double kForRows = 0.999, kForRowsRaised = 0.98;
 // Rounds of taking back what fell too low; first by half, since the next cells come off worst where
 // a node goes back as a whole.
 constexpr int kHalvings = 8, kTakeBacks = 16;
@@ -135,6 +135,8 @@ class BestMesh {
       if (!has_lost_much() || !raise_by_sliding())
         for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
       if (sliding_) keep_slides();
+      has_raised_ = true;
+      straighten_rows();
     }
     if (options_.volumes)
       result_.quality = result_.positions == came_.points
@@ -192,11 +194,13 @@ class BestMesh {
     if (!sliding_) {
       if (!options_.sliding || !(sliding_ = options_.sliding())) return false;
       at_.slides = slides_ = sliding_->slides;
+      if (options_.images) images_ = options_.images();
     }
     for (std::size_t i = 0; i < sliding_->nodes.size(); ++i)
       if (on_edges || !is_on_edge(static_cast<Index>(i)))
         is_fixed_[sliding_->nodes[i]] = is_flat_[sliding_->nodes[i]];
     for (const Index node : options_.held) is_fixed_[node] = 1;
+    for (const Index i : images_.unpaired) is_fixed_[sliding_->nodes[i]] = 1;
     for (const Index node : options_.resting)
       if (!mid_nodes_.contains(node)) is_fixed_[node] = 1;  // those rest with their corners
     return true;
@@ -207,6 +211,7 @@ class BestMesh {
     std::vector<char> is_resting(is_fixed_.size(), 0);
     for (const Index node : options_.resting) is_resting[node] = !is_flat_[node];
     for (const Index node : options_.held) is_resting[node] = 0;
+    for (const Index i : images_.unpaired) is_resting[sliding_->nodes[i]] = 0;
     bool has_any = false;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (result_.quality.values[c] < kKeptLittle * can_keep_.min)
@@ -326,19 +331,22 @@ class BestMesh {
   }
 
   // A smooth warp bends rows of nodes through a wall that changes shape and thickness at once.
+  // So does raising, whose samples feel the shape of a cell more than its thickness.
   void straighten_rows() {
+    const Points& now = result_.positions;
     std::vector<const NodeRow*> bent;
     for (const NodeRow& row : options_.wall_rows)
-      if (deviation(row, reference_.points, came_.points) > kBent) bent.push_back(&row);
+      if (deviation(row, reference_.points, now) > kBent) bent.push_back(&row);
     if (bent.empty()) return;
     prepare();
+    at_ = {result_.positions, result_.quality, slides_};
     State next = at_;
     std::vector<char> has_node(mesh_.node_count(), 0);
     Patch around;
     for (const NodeRow* row : bent) {
       const std::span inner(row->begin() + 1, row->end() - 1);
       if (std::ranges::any_of(inner, [&](Index n) { return is_fixed_[n]; })) continue;
-      const Points places = straight_places(*row, reference_.points, came_.points);
+      const Points places = straight_places(*row, reference_.points, now);
       for (std::size_t i = 0; i < inner.size(); ++i) {
         next.positions.row(inner[i]) = places.row(static_cast<Index>(i));
         has_node[inner[i]] = 1;
@@ -369,14 +377,15 @@ class BestMesh {
     return energy_at(positions) > energy_at(came_.points);
   }
 
-  // Straight rows are given up, as the surface nodes' places are, where little is kept.
+  // Straight, even rows are given up, as the surface nodes' places are, where little is kept.
   void hold_rows() {
     const auto is_lost = [](const RaiseAttempt& tried) {
       return tried.by == RaiseBy::WallRows && !tried.is_taken;
     };
     if (std::ranges::any_of(result_.report.attempts, is_lost)) return;
     for (const NodeRow& row : options_.wall_rows)
-      for (const Index node : row) is_fixed_[node] = 1;
+      if (is_even(row, reference_.points))
+        for (const Index node : row) is_fixed_[node] = 1;
   }
 
   bool has_lost_much() const { return least_share(result_.report.best, can_keep_) < kKeptLittle; }
@@ -460,13 +469,18 @@ class BestMesh {
     const double most = share * double(result_.quality.cells);
     Patch result;
     Index cells = 0;
+    const auto take = [&](Index node) {
+      if (node < 0 || is_fixed_[node] || mid_nodes_.contains(node) ||
+          std::exchange(has_node[node], 1))
+        return;
+      for (const Index c : incidence_->cells(node))
+        if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1)) ++cells;
+    };
     for (const Index seed : seeds()) {
       if (double(cells) >= most) break;
       for (const Index node : mesh_.cell(seed)) {
-        if (is_fixed_[node] || mid_nodes_.contains(node) || std::exchange(has_node[node], 1))
-          continue;
-        for (const Index c : incidence_->cells(node))
-          if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1)) ++cells;
+        take(node);
+        take(twin(node));
       }
     }
     result.nodes = marked(has_node);
@@ -553,6 +567,7 @@ class BestMesh {
   void judge(State next, const Patch& around, int doublings, RaiseAttempt& attempt) {
     BestMeshReport& report = result_.report;
     is_rising_ = false;
+    make_images_alike(around, next);
     take_back_far(around, next);
     next.quality = measure_after(std::move(at_.quality), next.positions, around.cells);
     if (!take_back_bad(around, next) ||
@@ -568,7 +583,7 @@ class BestMesh {
     const WorstCells now = attempt.after = worst_cells(at_.quality);
     // Straight rows are worth having where they cost next to nothing.
     const bool is_of_rows = attempt.by == RaiseBy::WallRows;
-    const double kept = is_of_rows ? kForRows : 1;
+    const double kept = !is_of_rows ? 1 : has_raised_ ? kForRowsRaised : kForRows;
     const double before = sum_of_shares(report.best, report.base);
     const double sum = sum_of_shares(now, report.base);
     const double worth = attempt.power > 0 ? kWorthwhile * before : before;
@@ -586,6 +601,23 @@ class BestMesh {
 
   double moved(const Points& positions, Index node) const {
     return (positions.row(node) - reference_.points.row(node)).norm();
+  }
+
+  // The image of a node that slides, or -1.
+  Index twin(Index node) const {
+    if (images_.twins.empty() || !is_slider(node)) return -1;
+    const Index i = std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
+    return images_.twins[i] < 0 ? -1 : sliding_->nodes[images_.twins[i]];
+  }
+
+  void make_images_alike(const Patch& around, State& state) const {
+    if (!sliding_ || images_.twins.empty()) return;
+    const RowMatrix alike = images_.alike(state.slides);
+    for (Index i = 0; i < alike.rows(); ++i)
+      if (alike.row(i) != state.slides.row(i))
+        state.positions.row(sliding_->nodes[i]) = sliding_->at(i, alike.row(i)).point;
+    state.slides = alike;
+    carry_followers(around, state);
   }
 
   // Large cells far from a small change have room for moves beyond all that the part does: these
@@ -618,8 +650,11 @@ class BestMesh {
         for (const Index node : mesh_.cell(c))
           if (!is_fixed_[node] && mid_nodes_.contains(node) == around.is_of_mid_nodes &&
               take_back(node, state, kept)) {
-            const auto cells = incidence_->cells(node);
-            changed.insert(changed.end(), cells.begin(), cells.end());
+            for (const Index back : {node, twin(node)})
+              if (back >= 0) {
+                const auto cells = incidence_->cells(back);
+                changed.insert(changed.end(), cells.begin(), cells.end());
+              }
           }
       if (changed.empty()) break;
       carry_followers(around, state);
@@ -631,8 +666,13 @@ class BestMesh {
     return false;
   }
 
-  // Leaves the node that share of its move; returns whether it had moved.
+  // Leaves the node, and its image, that share of its move; returns whether it had moved.
   bool take_back(Index node, State& state, double kept) const {
+    const Index image = twin(node);
+    const bool has_moved = take_back_alone(node, state, kept);
+    return (image >= 0 && take_back_alone(image, state, kept)) || has_moved;
+  }
+  bool take_back_alone(Index node, State& state, double kept) const {
     const Eigen::RowVector3d home = result_.positions.row(node);
     const Eigen::RowVector3d move = state.positions.row(node) - home;
     if (move.isZero(0)) return false;
@@ -658,7 +698,8 @@ class BestMesh {
   std::optional<NodeCells> incidence_;
   MidNodes mid_nodes_;
   const SlidingNodes* sliding_ = nullptr;
-  bool holds_flat_cells_ = false;
+  SlidingImages images_;
+  bool holds_flat_cells_ = false, has_raised_ = false;
   bool lost_much_ = false;  ///< by the motion that came
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole
   State at_;                ///< where the last attempt ended

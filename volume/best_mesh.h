@@ -53,19 +53,29 @@ struct BestMeshReport {
   double seconds = 0;
 };
 
+/// Sliding nodes that are images of each other: opposite sides of a periodic mesh, of a swept one.
+struct SlidingImages {
+  std::vector<Index> twins;     ///< as SlidingNodes::nodes: the one that is its image, or -1
+  std::vector<Index> unpaired;  ///< those whose images can't follow, which stay
+  /// Slides (K x 2) with those of images alike.
+  std::function<RowMatrix(const RowMatrix& slides)> alike;
+};
+
 struct BestMeshOptions {
   /// The mesh where its solver works by finite volumes: cells are judged by face_quality, in place
   /// of the scaled Jacobian. Must outlive the call.
   const FiniteVolumes* volumes = nullptr;
   /// Surface nodes that may slide, asked for when inner nodes alone do not do; may be empty.
   std::function<const SlidingNodes*()> sliding = {};
+  /// Of those, asked for with them; may be empty.
+  std::function<SlidingImages()> images = {};
   /// Sliding nodes that stay nevertheless: ids.
   std::vector<Index> held = {};
   /// Those that stay but in cells which all else leaves with little: ids.
   std::vector<Index> resting = {};
   /// Whether nodes slid so that valid cells overlap.
   std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
-  /// Rows of nodes that are to stay straight and evenly spaced.
+  /// Rows of nodes that are to stay straight, the nodes at the same parts of them.
   std::vector<NodeRow> wall_rows = {};
   /// Of the moved mesh's solid cells, where known; must outlive the call.
   const ValidityReport* validity = nullptr;
@@ -79,9 +89,10 @@ struct BestMeshResult {
 };
 
 /// Has nodes amid the edges of second-order cells go as these edges' corners did from the reference
-/// on, where little is kept and that helps, makes rows of nodes through walls as straight and
-/// evenly spaced as they are in the reference, where that costs next to nothing, then raises the
-/// cells of a moved mesh whose shape suffered most. Where the smallest scaled Jacobian or the mean
+/// on, where little is kept and that helps, makes rows of nodes through walls as straight as they
+/// are in the reference, where that costs next to nothing, then raises the cells of a moved mesh
+/// whose shape suffered most; where rows had to be given up for that, it straightens them again
+/// where that costs little. Where the smallest scaled Jacobian or the mean
 /// of the worst twentieth fell below 98 % of the reference's (the mesh file's shape, also after
 /// many morphs; below 99.9 % for one attempt), the nodes of the worst cells minimise ShapeEnergy
 /// with growing powers: the inner ones (not `is_fixed`, N; of shells those that slide within faces)

@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 // A wall has few cells across it. Longer rows tell what is across and what along a wall.
 constexpr std::size_t kMostCells = 8, kFarthest = 16;
 constexpr double kThin = 0.5;
-// Off the line between its ends, of its length; layers towards a wall grow by 1.1 or more.
-constexpr double kStraight = 0.1, kEven = 1.1;
+constexpr double kStraight = 0.1;  // off the line between its ends, of its length
+constexpr double kEven = 1.1;      // largest height of a cell over the smallest
 
 // A face of a cell type and the one that has no node in common with it.
 struct Across {
@@ -133,19 +133,13 @@ class RowFinder {
     return (points_.row(row.back()) - points_.row(row.front())).norm();
   }
 
-  bool is_even(const NodeRow& row) const {
-    double least = 0, most = 0;
-    for (std::size_t i = 1; i < row.size(); ++i) {
-      const double gap = (points_.row(row[i]) - points_.row(row[i - 1])).norm();
-      least = i == 1 ? gap : std::min(least, gap);
-      most = std::max(most, gap);
-    }
+  bool is_straight(const NodeRow& row) const {
     const Vector3d start = points_.row(row.front());
     const Vector3d along = (Vector3d(points_.row(row.back())) - start).normalized();
-    return most < kEven * least && std::ranges::all_of(row, [&](Index n) {
-             const Vector3d way = Vector3d(points_.row(n)) - start;
-             return (way - way.dot(along) * along).norm() <= kStraight * length(row);
-           });
+    return std::ranges::all_of(row, [&](Index n) {
+      const Vector3d way = Vector3d(points_.row(n)) - start;
+      return (way - way.dot(along) * along).norm() <= kStraight * length(row);
+    });
   }
 
   // Of the rows through a node the one that is much the shortest goes across the wall.
@@ -167,7 +161,7 @@ class RowFinder {
         const auto& [least, next] = shortest[static_cast<std::size_t>(n)];
         return own == least && (next == 0 || own <= kThin * next);
       });
-      return row.size() > kMostCells + 1 || !is_across || !is_even(row);
+      return row.size() > kMostCells + 1 || !is_across || !is_straight(row);
     });
   }
 
@@ -200,6 +194,16 @@ Points straight_places(const NodeRow& row, const Points& before, const Points& a
     result.row(i) = to + share * along_after + scale * (turn * (way - share * along));
   }
   return result;
+}
+
+bool is_even(const NodeRow& row, const Points& points) {
+  double least = 0, most = 0;
+  for (std::size_t i = 1; i < row.size(); ++i) {
+    const double gap = (points.row(row[i]) - points.row(row[i - 1])).norm();
+    least = i == 1 ? gap : std::min(least, gap);
+    most = std::max(most, gap);
+  }
+  return most < kEven * least;
 }
 
 double deviation(const NodeRow& row, const Points& before, const Points& after) {

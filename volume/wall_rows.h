@@ -11,15 +11,18 @@ namespace cadmorph {
 using NodeRow = std::vector<Index>;
 
 /// The rows of corner nodes through hexahedra and wedges, from a face of the surface to the one
-/// opposite it, over 2 to 8 cells: straight ones, evenly spaced at `points` (N x 3), that are at
-/// most half as long as other rows through the same nodes. Layers, which grow, are none. Each row
-/// once; the order depends on the mesh alone. O(cells).
+/// opposite it, over 2 to 8 cells: straight ones at `points` (N x 3) that are at most half as long
+/// as other rows through the same nodes. Each row once; the order depends on the mesh alone.
+/// O(cells).
 std::vector<NodeRow> find_wall_rows(const Mesh& mesh, const CellNeighbours& neighbours,
                                     const Points& points);
 
 /// Where the nodes between a row's ends would be at `after` (N x 3), had the row stayed as straight
-/// and as evenly spaced as it was `before`: a row each.
+/// as it was `before`, and its nodes at the same parts of its length: a row each.
 Points straight_places(const NodeRow& row, const Points& before, const Points& after);
+
+/// Whether its cells have about the same height: those of layers grow by 1.1 or more.
+bool is_even(const NodeRow& row, const Points& points);
 
 /// Largest distance of the row's nodes from those places, in parts of the row's length.
 double deviation(const NodeRow& row, const Points& before, const Points& after);

@@ -200,20 +200,37 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
                   stepped.report.stepping.attempts.end());
 }
 
-// Surface nodes that may slide to repair a mesh, but not to raise its cells: those that match
-// others on the opposite side of a periodic mesh, those that hold parts together where the CAD has
-// no edge, and those at rest; these may where they are in poor cells of a part, but not of a flow,
-// where what is far from a body is not to move.
+// Surface nodes that may slide to repair a mesh, but not to raise its cells: those that hold parts
+// together where the CAD has no edge, and those at rest; these may where they are in poor cells of
+// a part, but not of a flow, where what is far from a body is not to move.
 void hold_nodes(const BaseSide& base, const MorphResult& result, BestMeshOptions& how) {
   const SurfaceMorphResult& surface = result.surface;
-  const std::vector<RowId> paired = nodes_of(surface.images);
   for (const RowId row : surface.entity.ids()) {
     const Index node = base.boundary.nodes[row];
-    if (std::ranges::binary_search(paired, row) || std::ranges::binary_search(surface.jointed, row))
+    if (std::ranges::binary_search(surface.jointed, row))
       how.held.push_back(node);
     else if (result.positions.row(node) == base.mesh().points.row(node))
       (how.volumes ? how.held : how.resting).push_back(node);
   }
+}
+
+// `nodes`, `result`: to outlive what is returned.
+SlidingImages sliding_images(const BaseSide& base, const SlidingNodes& nodes,
+                             const MorphResult& result) {
+  const auto images =
+      std::make_shared<const ImageSlides>(result.surface.images, base.boundary, nodes);
+  const double same_place =
+      kSamePlace * result.variant->diagonal() / base.association().mesh_unit_mm;
+  const auto alike = [&nodes, images, same_place](const RowMatrix& slides) {
+    const RowMatrix& start = nodes.slides;
+    RowMatrix steps = slides - start;
+    images->average(steps);
+    RowMatrix there = start + steps;
+    images->hold_unlike(start, same_place, there);
+    return there;
+  };
+  if (result.surface.images.empty()) return {};
+  return {images->twins(), images->unpaired(), alike};
 }
 
 // Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
@@ -446,6 +463,7 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
   how.validity = &result.validity;
   how.sliding = [&] { return sliding.nodes(); };
+  how.images = [&] { return sliding_images(base, *sliding.nodes(), result); };
   how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
     return sliding.is_folded(positions, slides);
   };

@@ -1,0 +1,97 @@
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <gp_Ax2.hxx>
+#include <numbers>
+
+#include "apps/pipeline/morph_job.h"
+#include "cad_variants.h"
+#include "volume/best_mesh.h"
+
+namespace cadmorph {
+namespace {
+
+using namespace testing;
+using std::numbers::pi;
+
+// A disc with a hole, meshed by a section that is swept through it in slabs of unlike heights.
+struct Disc {
+  static constexpr double kRim = 10, kHole = 2;
+  static constexpr int kAround = 40, kAcross = 12;
+  static constexpr std::array<double, 5> kLevels = {0, 0.2, 0.8, 1.7, 2};
+  double at;  // the hole's middle
+
+  CadModel cad() const {
+    const auto cylinder = [](double x, double r) {
+      return BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(x, 0, 0), gp_Dir(0, 0, 1)), r, kLevels.back())
+          .Shape();
+    };
+    return to_model(BRepAlgoAPI_Cut(cylinder(0, kRim), cylinder(at, kHole)).Shape());
+  }
+
+  static Index node(int level, int k, int i) {
+    return (Index(level) * (kAcross + 1) + k) * kAround + i % kAround;
+  }
+
+  // Of a hole in the middle.
+  static Mesh mesh() {
+    const int slabs = int(kLevels.size()) - 1;
+    Mesh mesh;
+    mesh.points.resize(node(slabs, kAcross, kAround - 1) + 1, 3);
+    for (int level = 0; level <= slabs; ++level)
+      for (int k = 0; k <= kAcross; ++k)
+        for (int i = 0; i < kAround; ++i) {
+          const double angle = 2 * pi * i / kAround, r = kHole + (kRim - kHole) * k / kAcross;
+          mesh.points.row(node(level, k, i)) << r * std::cos(angle), r * std::sin(angle),
+              kLevels[level];
+        }
+    for (int level = 0; level < slabs; ++level)
+      for (int k = 0; k < kAcross; ++k)
+        for (int i = 0; i < kAround; ++i)
+          add_cell(
+              mesh, CellType::Hexahedron,
+              std::array{node(level, k, i), node(level, k + 1, i), node(level, k + 1, i + 1),
+                         node(level, k, i + 1), node(level + 1, k, i), node(level + 1, k + 1, i),
+                         node(level + 1, k + 1, i + 1), node(level + 1, k, i + 1)});
+    return mesh;
+  }
+
+  static MorphResult moved(double by, QualityMode quality) {
+    PipelineOptions options;
+    options.quality = quality;
+    return MorphJob(std::make_shared<const CadModel>(Disc{0}.cad()),
+                    std::make_shared<const MeshFile>(mesh(), "disc"), options)
+        .morph(Disc{by}.cad());
+  }
+};
+
+}  // namespace
+
+TEST_CASE("Raising slides both ends of a swept mesh alike, and keeps its levels",
+          "[apps][families]") {
+  const MorphResult fast = Disc::moved(6.5, QualityMode::Fast),
+                    best = Disc::moved(6.5, QualityMode::Best);
+  REQUIRE(best.report.outcome == Outcome::Done);
+  const WorstCells before = worst_cells(fast.quality), after = worst_cells(best.quality);
+  CHECK(after.min > 1.2 * before.min);
+  CHECK(after.worst_twentieth > 1.2 * before.worst_twentieth);
+  const int top = int(Disc::kLevels.size()) - 1;
+  double slid = 0, apart = 0, off_level = 0;
+  for (int k = 0; k <= Disc::kAcross; ++k)
+    for (int i = 0; i < Disc::kAround; ++i) {
+      const auto low = best.positions.row(Disc::node(0, k, i)),
+                 high = best.positions.row(Disc::node(top, k, i));
+      apart = std::max(apart, (low - high).head<2>().norm());
+      slid = std::max(slid, (low - fast.positions.row(Disc::node(0, k, i))).norm());
+      for (int level = 0; level <= top; ++level)
+        off_level = std::max(
+            off_level, std::abs(best.positions(Disc::node(level, k, i), 2) - Disc::kLevels[level]));
+    }
+  CHECK(slid > 0.1);
+  CHECK(apart < 1e-9);
+  CHECK(off_level < 1e-3);
+}
+
+}  // namespace cadmorph
