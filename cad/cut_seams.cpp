@@ -11,9 +11,7 @@
 #include <ShapeAnalysis_Surface.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
-#include <TopTools_IndexedDataMapOfShapeListOfShape.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
-#include <TopTools_ListOfShape.hxx>
 #include <TopTools_MapOfShape.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Edge.hxx>
@@ -21,12 +19,12 @@
 #include <TopoDS_Iterator.hxx>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
-#include <numeric>
 #include <optional>
 #include <utility>
 #include <vector>
+
+#include "cad/touching_faces.h"
 
 namespace cadmorph {
 namespace {
@@ -89,35 +87,20 @@ struct Piece {
 std::vector<std::vector<Piece>> pieces_of_surfaces(const TopoDS_Shape& shape, double tolerance) {
   TopTools_IndexedMapOfShape faces;
   TopExp::MapShapes(shape, TopAbs_FACE, faces);
-  TopTools_IndexedDataMapOfShapeListOfShape faces_of;
-  TopExp::MapShapesAndAncestors(shape, TopAbs_EDGE, TopAbs_FACE, faces_of);
-  std::vector<int> group(static_cast<std::size_t>(faces.Extent()) + 1);
-  std::iota(group.begin(), group.end(), 0);
-  const auto root = [&](int face) {
-    while (group[face] != face) face = group[face];
-    return face;
+  const auto is_one = [&](int one, int other) {
+    const TopoDS_Face a = plain(faces(one)), b = plain(faces(other));
+    return is_of_revolution(a) && is_of_revolution(b) && shift_between(b, a, tolerance);
   };
-  for (int i = 1; i <= faces_of.Extent(); ++i) {
-    const TopTools_ListOfShape& two = faces_of(i);
-    if (two.Extent() != 2 || two.First().IsSame(two.Last()) ||
-        two.First().Location() != two.Last().Location())
-      continue;
-    const TopoDS_Face a = plain(two.First()), b = plain(two.Last());
-    if (is_of_revolution(a) && is_of_revolution(b) && shift_between(b, a, tolerance))
-      group[root(faces.FindIndex(two.First()))] = root(faces.FindIndex(two.Last()));
-  }
-  std::map<int, std::vector<Piece>> members;
-  for (int i = 1; i <= faces.Extent(); ++i) {
-    std::vector<Piece>& pieces = members[root(i)];
-    const TopoDS_Face face = plain(faces(i));
-    if (pieces.empty())
-      pieces.push_back({face, gp_Vec2d(0, 0)});
-    else if (const auto shift = shift_between(face, pieces.front().face, tolerance))
-      pieces.push_back({face, *shift});
-  }
   std::vector<std::vector<Piece>> result;
-  for (auto& [first, pieces] : members)
+  for (const std::vector<int>& group : touching_faces(shape, is_one)) {
+    std::vector<Piece> pieces{{plain(faces(group.front())), gp_Vec2d(0, 0)}};
+    for (std::size_t i = 1; i < group.size(); ++i) {
+      const TopoDS_Face face = plain(faces(group[i]));
+      if (const auto shift = shift_between(face, pieces.front().face, tolerance))
+        pieces.push_back({face, *shift});
+    }
     if (pieces.size() > 1) result.push_back(std::move(pieces));
+  }
   return result;
 }
 

@@ -26,6 +26,7 @@
 #include "cad/brep_builder.h"
 #include "cad/brep_impl.h"
 #include "cad/cut_seams.h"
+#include "cad/round_patches.h"
 #include "core/formats/child_process.h"
 
 namespace cadmorph {
@@ -59,7 +60,8 @@ bool is_of_revolution(const BRepAdaptor_Surface& surface) {
 }
 
 // Whether the edge runs where one of the face's periodic parameters begins, or opposite.
-bool is_at_seam(const TopoDS_Edge& edge, const TopoDS_Face& face) {
+bool is_at_seam(const TopoDS_Edge& edge, const TopoDS_Face& face, double tolerance) {
+  if (is_at_end_of_patch(edge, face, tolerance)) return true;
   constexpr bool is_restricted = false;
   const BRepAdaptor_Surface surface(face, is_restricted);
   double first = 0, last = 0;
@@ -85,7 +87,7 @@ struct KeptEdges {
   bool has_seams = false;
 };
 
-KeptEdges all_but_seams(const TopoDS_Shape& shape) {
+KeptEdges all_but_seams(const TopoDS_Shape& shape, double tolerance) {
   TopTools_IndexedMapOfShape edges;
   TopExp::MapShapes(shape, TopAbs_EDGE, edges);
   TopTools_IndexedDataMapOfShapeListOfShape faces_of;
@@ -95,8 +97,8 @@ KeptEdges all_but_seams(const TopoDS_Shape& shape) {
     const TopoDS_Edge& edge = TopoDS::Edge(edges(i));
     const TopTools_ListOfShape& faces = faces_of.FindFromKey(edge);
     const bool is_seam = faces.Extent() == 2 && !faces.First().IsSame(faces.Last()) &&
-                         is_at_seam(edge, TopoDS::Face(faces.First())) &&
-                         is_at_seam(edge, TopoDS::Face(faces.Last()));
+                         is_at_seam(edge, TopoDS::Face(faces.First()), tolerance) &&
+                         is_at_seam(edge, TopoDS::Face(faces.Last()), tolerance);
     if (is_seam)
       kept.has_seams = true;
     else
@@ -180,13 +182,14 @@ bool comes_to_an_end(int faces, const std::function<void()>& merge) {
 
 std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
   try {
+    const double tolerance = kSameDistance * diagonal();
     KeptEdges kept;
     if (merge == FaceMerge::AcrossSeams) {
-      kept = all_but_seams(impl_->shape);
+      kept = all_but_seams(impl_->shape, tolerance);
       if (!kept.has_seams) return std::nullopt;
     }
-    const double tolerance = kSameDistance * diagonal();
-    const TopoDS_Shape shape = with_seams_in_gaps(without_locations(impl_->shape), tolerance);
+    const TopoDS_Shape shape = with_seams_in_gaps(
+        with_round_surfaces(without_locations(impl_->shape), tolerance), tolerance);
     TopTools_IndexedMapOfShape edges;
     TopExp::MapShapes(shape, TopAbs_EDGE, edges);
     TopTools_MapOfShape kept_edges;
@@ -202,7 +205,7 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
     if (merged.IsNull()) return std::nullopt;
     const int gone = static_cast<int>(faces().size()) - usable_faces(merged).Extent();
     if (gone <= 0) return std::nullopt;
-    const double before = area(impl_->shape);
+    const double before = area(shape);
     if (!(std::abs(area(merged) - before) < kSameArea * before)) return std::nullopt;
     return build_model(
         merged, {file_name(), file_unit(), MergedNames(*impl_, shape, merger.History()), gone});

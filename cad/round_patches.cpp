@@ -1,0 +1,491 @@
+#include "cad/round_patches.h"
+
+#include <BRepBuilderAPI_Copy.hxx>
+#include <BRepGProp.hxx>
+#include <BRepTools_ReShape.hxx>
+#include <BRep_Builder.hxx>
+#include <BRep_Tool.hxx>
+#include <GProp_GProps.hxx>
+#include <Geom2d_BSplineCurve.hxx>
+#include <GeomAdaptor_Curve.hxx>
+#include <GeomAdaptor_Surface.hxx>
+#include <Geom_BoundedSurface.hxx>
+#include <Geom_ConicalSurface.hxx>
+#include <Geom_CylindricalSurface.hxx>
+#include <Geom_ElementarySurface.hxx>
+#include <Geom_SphericalSurface.hxx>
+#include <ShapeAnalysis_Surface.hxx>
+#include <TColStd_Array1OfInteger.hxx>
+#include <TColStd_Array1OfReal.hxx>
+#include <TColgp_Array1OfPnt2d.hxx>
+#include <TopExp.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopTools_IndexedMapOfShape.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Edge.hxx>
+#include <TopoDS_Face.hxx>
+#include <TopoDS_Iterator.hxx>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <gp_Lin.hxx>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "cad/touching_faces.h"
+
+namespace cadmorph {
+namespace {
+
+constexpr double kHalfTurn = std::numbers::pi, kTurn = 2 * kHalfTurn;
+constexpr double kSmallestArc = 0.01;  // radians: of less, rounding leaves the axis unsure
+constexpr double kAtEnd = 1e-5;        // of half a turn, or of a patch: an edge that lies there
+constexpr int kChecksASpan = 3;        // points between two knots: a cubic meets a circle at six
+constexpr int kAngles = 32;  // of a patch; between two, far less than half a turn, however it runs
+// Cubic pieces of a pcurve, together and between two knots of its edge at least: they miss the
+// angle of a rational quarter of a circle by 1e-8.
+constexpr int kPieces = 64, kPiecesASpan = 8;
+// Of a face's area: as exactly as OCCT integrates over a rational patch. A wrong side is far more.
+constexpr double kSameArea = 0.02;
+constexpr double kNearAxis = 1e-4;  // of the radius: there a point hardly tells its angle
+
+gp_Pnt point_at(const Geom_Surface& surface, int round, double along, double other) {
+  return round == 0 ? surface.Value(along, other) : surface.Value(other, along);
+}
+
+// Bounds of a parameter, and its values where the surface is to be looked at.
+struct Range {
+  double first = 0, last = 0;
+  std::vector<double> checks;
+
+  Range(const Handle(Geom_Surface) & surface, int direction) {
+    double bounds[4];
+    surface->Bounds(bounds[0], bounds[1], bounds[2], bounds[3]);
+    first = bounds[2 * direction];
+    last = bounds[2 * direction + 1];
+    const GeomAdaptor_Surface adaptor(surface);
+    const int spans =
+        direction == 0 ? adaptor.NbUIntervals(GeomAbs_CN) : adaptor.NbVIntervals(GeomAbs_CN);
+    TColStd_Array1OfReal knots(1, spans + 1);
+    direction == 0 ? adaptor.UIntervals(knots, GeomAbs_CN) : adaptor.VIntervals(knots, GeomAbs_CN);
+    for (int i = 1; i <= spans; ++i)
+      for (int k = 0; k < kChecksASpan; ++k)
+        checks.push_back(knots(i) + (knots(i + 1) - knots(i)) * k / kChecksASpan);
+    checks.push_back(last);
+  }
+
+  double at(double part) const { return first + part * (last - first); }
+};
+
+// The axis of the circle through three points; nothing for those on a line.
+std::optional<gp_Lin> axis_through(const std::array<gp_Pnt, 3>& points) {
+  const gp_Vec a(points[0], points[1]), b(points[0], points[2]);
+  const gp_Vec normal = a.Crossed(b);
+  const double twice_area = normal.Magnitude();
+  // The angle at the first point is half of the arc's, from the second to the third.
+  if (twice_area <= kSmallestArc * a.Magnitude() * b.Magnitude() / 8) return std::nullopt;
+  const gp_Vec to_centre =
+      (b.SquareMagnitude() * normal.Crossed(a) - a.SquareMagnitude() * normal.Crossed(b)) /
+      (2 * twice_area * twice_area);
+  return gp_Lin(points[0].Translated(to_centre), gp_Dir(normal));
+}
+
+// The point of a surface that goes round an axis in the half-plane of a meridian.
+struct ProfilePoint {
+  double radius, height;
+};
+
+ProfilePoint in_profile(const gp_Lin& axis, const gp_Pnt& point) {
+  return {axis.Distance(point), gp_Vec(axis.Location(), point).Dot(gp_Vec(axis.Direction()))};
+}
+
+// The cylinder, cone or sphere about the axis (which points upward) through three points, from low
+// to high; its angles begin at `begin`. Null where there is none.
+Handle(Geom_ElementarySurface)
+    surface_through(const gp_Lin& axis, const std::array<ProfilePoint, 3>& profile,
+                    const gp_Dir& begin, double tolerance) {
+  const auto& [low, middle, high] = profile;
+  const double rise = high.height - low.height, widening = high.radius - low.radius;
+  if (rise <= tolerance) return {};
+  const auto frame_at = [&](double height) {
+    const gp_Dir up = axis.Direction();
+    return gp_Ax3(axis.Location().Translated(height * gp_Vec(up)), up, begin);
+  };
+  const double part = (middle.height - low.height) / rise;
+  if (std::abs(low.radius + part * widening - middle.radius) <= tolerance) {
+    if (std::abs(widening) <= tolerance)
+      return new Geom_CylindricalSurface(frame_at(low.height), middle.radius);
+    const auto& [radius, height] = std::max(low.radius, high.radius) == low.radius ? low : high;
+    return new Geom_ConicalSurface(frame_at(height), std::atan2(widening, rise), radius);
+  }
+  const double centre = (low.height + high.height) / 2 +
+                        (high.radius * high.radius - low.radius * low.radius) / (2 * rise);
+  return new Geom_SphericalSurface(frame_at(centre), std::hypot(low.radius, low.height - centre));
+}
+
+// A piece of a surface of revolution: one parameter goes round, the other along a meridian.
+struct RoundPatch {
+  Handle(Geom_Surface) source;
+  Handle(Geom_ElementarySurface) surface;
+  int round = 0;      // which parameter goes round
+  double widest = 0;  // the other one, where the patch is farthest from the axis
+  Range ring, meridian;
+
+  gp_Pnt point(double along, double other) const { return point_at(*source, round, along, other); }
+};
+
+double distance(const Handle(Geom_Surface) & surface, const gp_Pnt& point) {
+  ShapeAnalysis_Surface finder(surface);
+  finder.ValueOfUV(point, 0);
+  return finder.Gap();
+}
+
+// The angle of a point on a surface of revolution, within half a turn of `near`.
+double angle_of(const Handle(Geom_Surface) & surface, const gp_Pnt& point, double near) {
+  ShapeAnalysis_Surface finder(surface);
+  const double angle = finder.ValueOfUV(point, 0).X();
+  return angle + kTurn * std::round((near - angle) / kTurn);
+}
+
+// Angles of a patch on the surface of a larger one. Without jumps, though a turn may end within.
+class Angles {
+ public:
+  Angles(const RoundPatch& patch, const Handle(Geom_Surface) & surface)
+      : patch_(patch), surface_(surface) {
+    double last = 0;
+    for (int i = 0; i <= kAngles; ++i)
+      angles_.push_back(last = angle_of(surface, edge_point(patch.ring.at(part(i))), last));
+    const double middle = (angles_.front() + angles_.back()) / 2;
+    for (double& angle : angles_) angle -= kTurn * std::floor(middle / kTurn);
+  }
+
+  double first() const { return angles_.front(); }
+  double last() const { return angles_.back(); }
+
+  double at(double along) const { return angle_of(surface_, edge_point(along), roughly(along)); }
+
+  // Where the face's parameters say, in the place of a point on both surfaces.
+  double of(const gp_Pnt& point, double along) const {
+    return angle_of(surface_, point, roughly(along));
+  }
+
+  bool is_rising_or_falling() const {
+    const auto is_not_above = [](double a, double b) { return b <= a; };
+    const auto is_not_below = [](double a, double b) { return b >= a; };
+    return std::ranges::adjacent_find(angles_, is_not_above) == angles_.end() ||
+           std::ranges::adjacent_find(angles_, is_not_below) == angles_.end();
+  }
+
+ private:
+  static double part(int i) { return static_cast<double>(i) / kAngles; }
+
+  gp_Pnt edge_point(double along) const { return patch_.point(along, patch_.widest); }
+
+  double roughly(double along) const {
+    const Range& ring = patch_.ring;
+    const double place =
+        std::clamp((along - ring.first) / (ring.last - ring.first), 0.0, 1.0) * kAngles;
+    const auto i = std::min(static_cast<std::size_t>(place), std::size_t(kAngles - 1));
+    return angles_[i] + (place - static_cast<double>(i)) * (angles_[i + 1] - angles_[i]);
+  }
+
+  const RoundPatch& patch_;
+  Handle(Geom_Surface) surface_;
+  std::vector<double> angles_;
+};
+
+// Whether the patch lies on its surface, and its lines go round and along meridians.
+bool is_sound(const RoundPatch& patch, double tolerance) {
+  const Angles angles(patch, patch.surface);
+  const double arc = std::abs(angles.last() - angles.first());
+  if (!angles.is_rising_or_falling() || arc < kSmallestArc || arc > kTurn + kAtEnd) return false;
+  const gp_Lin axis(patch.surface->Axis());
+  for (const double along : patch.ring.checks) {
+    const double angle = angles.at(along);
+    for (const double other : patch.meridian.checks) {
+      const gp_Pnt point = patch.point(along, other);
+      if (distance(patch.surface, point) > tolerance) return false;
+      const double turn = angles.of(point, along) - angle, radius = axis.Distance(point);
+      if (radius > tolerance && std::abs(turn) * radius > tolerance) return false;
+    }
+  }
+  return true;
+}
+
+// The surface as a patch that goes round by the parameter `round`, if it is one.
+std::optional<RoundPatch> round_patch(const Handle(Geom_Surface) & surface, int round,
+                                      double tolerance) {
+  if (surface.IsNull() || !surface->IsKind(STANDARD_TYPE(Geom_BoundedSurface))) return std::nullopt;
+  const auto circle_at = [&](double other, const Range& ring) -> std::optional<gp_Lin> {
+    const auto point = [&](double part) { return point_at(*surface, round, ring.at(part), other); };
+    return axis_through({point(0), point(0.37), point(0.71)});
+  };
+  Range ring(surface, round), meridian(surface, 1 - round);
+  const std::array<double, 3> others{meridian.first, meridian.at(0.5), meridian.last};
+  const auto first_axis = circle_at(others[1], ring);
+  if (!first_axis) return std::nullopt;
+  const auto radius = [&](double other) {
+    return first_axis->Distance(point_at(*surface, round, ring.first, other));
+  };
+  const double widest = *std::ranges::max_element(others, {}, radius);
+  auto axis = circle_at(widest, ring);
+  if (!axis) return std::nullopt;
+  std::array<ProfilePoint, 3> profile;
+  const auto measure = [&] {
+    std::ranges::transform(others, profile.begin(), [&](double other) {
+      return in_profile(*axis, point_at(*surface, round, ring.first, other));
+    });
+  };
+  measure();
+  if (profile.front().height > profile.back().height) {
+    axis->Reverse();
+    measure();
+  }
+  const gp_Pnt begin = point_at(*surface, round, ring.first, widest);
+  const gp_Vec outward = gp_Vec(axis->Location(), begin);
+  const auto found = surface_through(*axis, profile, gp_Dir(outward), tolerance);
+  if (found.IsNull()) return std::nullopt;
+  RoundPatch patch{surface, found, round, widest, std::move(ring), std::move(meridian)};
+  if (!is_sound(patch, tolerance)) return std::nullopt;
+  return patch;
+}
+
+std::optional<RoundPatch> round_patch(const Handle(Geom_Surface) & surface, double tolerance) {
+  auto patch = round_patch(surface, 0, tolerance);
+  return patch ? patch : round_patch(surface, 1, tolerance);
+}
+
+// A face in the frame that its surface is in, the way its surface looks.
+TopoDS_Face plain(const TopoDS_Shape& face) {
+  return TopoDS::Face(face.Located(TopLoc_Location()).Oriented(TopAbs_FORWARD));
+}
+
+// A face, what its patch is a piece of, or the round surface that it has.
+struct RoundFace {
+  explicit RoundFace(const TopoDS_Shape& shape, double tolerance) : face(plain(shape)) {
+    const Handle(Geom_Surface) own = BRep_Tool::Surface(face);
+    surface = Handle(Geom_ElementarySurface)::DownCast(own);
+    if (surface.IsNull()) patch = round_patch(own, tolerance);
+    if (patch) surface = patch->surface;
+  }
+
+  TopoDS_Face face;
+  std::optional<RoundPatch> patch;
+  Handle(Geom_ElementarySurface) surface;  // null where it is neither
+};
+
+bool lies_on(const RoundPatch& patch, const Handle(Geom_ElementarySurface) & surface,
+             double tolerance) {
+  if (surface->DynamicType() != patch.surface->DynamicType()) return false;
+  for (const double part : {0.0, 0.5, 1.0})
+    for (const double other : {0.0, 0.5, 1.0})
+      if (distance(surface, patch.point(patch.ring.at(part), patch.meridian.at(other))) > tolerance)
+        return false;
+  return true;
+}
+
+bool are_one(const RoundFace& a, const RoundFace& b, double tolerance) {
+  if (a.surface.IsNull() || b.surface.IsNull() || !(a.patch || b.patch)) return false;
+  return (!a.patch || lies_on(*a.patch, b.surface, tolerance)) &&
+         (!b.patch || lies_on(*b.patch, a.surface, tolerance));
+}
+
+using Path = std::function<gp_Pnt2d(double)>;
+
+// A curve of cubic pieces through four points of a path each, between any two of the values.
+Handle(Geom2d_Curve) curve_through(const std::vector<double>& values, const Path& path) {
+  const int pieces = static_cast<int>(values.size()) - 1;
+  TColgp_Array1OfPnt2d poles(1, 3 * pieces + 1);
+  TColStd_Array1OfReal knots(1, pieces + 1);
+  TColStd_Array1OfInteger multiplicities(1, pieces + 1);
+  multiplicities.Init(3);
+  multiplicities.ChangeFirst() = multiplicities.ChangeLast() = 4;
+  gp_XY first = path(values.front()).XY();
+  knots(1) = values.front();
+  poles(1) = gp_Pnt2d(first);
+  for (int i = 0; i < pieces; ++i) {
+    const double from = values[i], to = values[i + 1];
+    const gp_XY a = path(from + (to - from) / 3).XY(), b = path(to - (to - from) / 3).XY();
+    const gp_XY last = path(to).XY();
+    poles(3 * i + 2) = gp_Pnt2d((-5 * first + 18 * a - 9 * b + 2 * last) / 6);
+    poles(3 * i + 3) = gp_Pnt2d((2 * first - 9 * a + 18 * b - 5 * last) / 6);
+    poles(3 * i + 4) = gp_Pnt2d(last);
+    knots(i + 2) = to;
+    first = last;
+  }
+  return new Geom2d_BSplineCurve(poles, knots, multiplicities, 3);
+}
+
+// Values of a curve's parameter, its knots among them.
+std::vector<double> steps_along(const Handle(Geom_Curve) & curve, double first, double last) {
+  const GeomAdaptor_Curve adaptor(curve, first, last);
+  const int spans = adaptor.NbIntervals(GeomAbs_CN);
+  TColStd_Array1OfReal knots(1, spans + 1);
+  adaptor.Intervals(knots, GeomAbs_CN);
+  const int pieces = std::max(kPiecesASpan, kPieces / spans);
+  std::vector<double> values;
+  for (int i = 1; i <= spans; ++i)
+    for (int k = 0; k < pieces; ++k)
+      values.push_back(knots(i) + (knots(i + 1) - knots(i)) * k / pieces);
+  values.push_back(last);
+  return values;
+}
+
+// A face's way onto the surface that it lies on with others.
+class Mover {
+ public:
+  Mover(const RoundPatch& patch, const TopoDS_Face& face,
+        const Handle(Geom_ElementarySurface) & surface)
+      : patch_(patch), face_(face), surface_(surface), angles_(patch, surface) {}
+
+  // Null where the edge has no pcurve.
+  Handle(Geom2d_Curve) pcurve(const TopoDS_Edge& edge) const {
+    double first = 0, last = 0;
+    const Handle(Geom2d_Curve) old = BRep_Tool::CurveOnSurface(edge, face_, first, last);
+    if (old.IsNull()) return {};
+    double curve_first = 0, curve_last = 0;
+    const Handle(Geom_Curve) curve = BRep_Tool::Curve(edge, curve_first, curve_last);
+    if (curve.IsNull() || BRep_Tool::Degenerated(edge))
+      return curve_through({first, last}, [&](double t) { return moved(old->Value(t)); });
+    return curve_through(steps_along(curve, first, last),
+                         [&](double t) { return moved(old->Value(t), curve->Value(t)); });
+  }
+
+  // Whether the new surface looks the other way.
+  bool is_turned_over() const {
+    const double along = patch_.ring.at(0.5), other = patch_.widest;
+    gp_Pnt point;
+    gp_Vec du, dv, new_du, new_dv;
+    patch_.round == 0 ? patch_.source->D1(along, other, point, du, dv)
+                      : patch_.source->D1(other, along, point, du, dv);
+    const gp_Pnt2d at = ShapeAnalysis_Surface(surface_).ValueOfUV(point, 0);
+    surface_->D1(at.X(), at.Y(), point, new_du, new_dv);
+    return du.Crossed(dv).Dot(new_du.Crossed(new_dv)) < 0;
+  }
+
+ private:
+  gp_Pnt2d moved(const gp_Pnt2d& old) const {
+    const gp_Pnt point = patch_.source->Value(old.X(), old.Y());
+    const double height = ShapeAnalysis_Surface(surface_).ValueOfUV(point, 0).Y();
+    return {angles_.at(old.Coord(patch_.round + 1)), height};
+  }
+
+  gp_Pnt2d moved(const gp_Pnt2d& old, const gp_Pnt& point) const {
+    const double along = old.Coord(patch_.round + 1);
+    const gp_Lin axis(surface_->Axis());
+    const bool is_near_axis =
+        axis.Distance(point) < kNearAxis * axis.Distance(patch_.point(along, patch_.widest));
+    const double height = ShapeAnalysis_Surface(surface_).ValueOfUV(point, 0).Y();
+    return {is_near_axis ? angles_.at(along) : angles_.of(point, along), height};
+  }
+
+  const RoundPatch& patch_;
+  TopoDS_Face face_;
+  Handle(Geom_ElementarySurface) surface_;
+  Angles angles_;
+};
+
+double area(const TopoDS_Face& face) {
+  GProp_GProps properties;
+  BRepGProp::SurfaceProperties(face, properties);
+  return properties.Mass();
+}
+
+// The face on a copy of the surface, by the same wires: an edge between two faces of one surface
+// has one pcurve, but may end a turn in one of them and begin it in the other. Null where an edge
+// has no pcurve.
+TopoDS_Face moved_onto(const RoundFace& piece, const Handle(Geom_ElementarySurface) & shared) {
+  const auto surface = Handle(Geom_ElementarySurface)::DownCast(shared->Copy());
+  const Mover mover(*piece.patch, piece.face, surface);
+  BRep_Builder builder;
+  TopoDS_Face result;
+  builder.MakeFace(result, surface, BRep_Tool::Tolerance(piece.face));
+  const TopLoc_Location none;
+  for (TopExp_Explorer each(piece.face, TopAbs_EDGE); each.More(); each.Next()) {
+    const TopoDS_Edge edge = TopoDS::Edge(each.Current().Oriented(TopAbs_FORWARD));
+    const TopoDS_Edge back = TopoDS::Edge(edge.Reversed());
+    const double tolerance = BRep_Tool::Tolerance(edge);
+    const Handle(Geom2d_Curve) curve = mover.pcurve(edge);
+    if (curve.IsNull()) return {};
+    if (BRep_Tool::IsClosed(edge, piece.face))
+      builder.UpdateEdge(edge, curve, mover.pcurve(back), surface, none, tolerance);
+    else
+      builder.UpdateEdge(edge, curve, surface, none, tolerance);
+    double first = 0, last = 0;
+    BRep_Tool::Range(edge, piece.face, first, last);
+    builder.Range(edge, surface, none, first, last);
+  }
+  const bool is_turned_over = mover.is_turned_over();
+  for (TopoDS_Iterator wire(piece.face); wire.More(); wire.Next())
+    builder.Add(result, is_turned_over ? wire.Value().Reversed() : wire.Value());
+  if (is_turned_over) result.Reverse();
+  const double before = area(piece.face);
+  return std::abs(area(result) - before) < kSameArea * before ? result : TopoDS_Face();
+}
+
+std::vector<RoundFace> round_faces(const TopTools_IndexedMapOfShape& faces, double tolerance) {
+  std::vector<RoundFace> result;
+  for (int i = 1; i <= faces.Extent(); ++i) result.emplace_back(faces(i), tolerance);
+  return result;
+}
+
+}  // namespace
+
+bool is_at_end_of_patch(const TopoDS_Edge& edge, const TopoDS_Face& face, double tolerance) {
+  TopLoc_Location place;
+  const Handle(Geom_Surface) surface = BRep_Tool::Surface(face, place);
+  if (surface.IsNull() || !surface->IsKind(STANDARD_TYPE(Geom_BoundedSurface))) return false;
+  double first = 0, last = 0;
+  const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(edge, face, first, last);
+  if (curve.IsNull()) return false;
+  double low[2], high[2];
+  surface->Bounds(low[0], high[0], low[1], high[1]);
+  for (const int round : {0, 1}) {
+    const double along = curve->Value(first).Coord(round + 1);
+    const auto is_beside = [&](double t) {
+      return std::abs(curve->Value(t).Coord(round + 1) - along) >
+             kAtEnd * (high[round] - low[round]);
+    };
+    if (is_beside((first + last) / 2) || is_beside(last)) continue;
+    const auto patch = round_patch(surface, round, tolerance);
+    if (!patch) continue;
+    const Angles angles(*patch, patch->surface);
+    const auto is_near = [](double a, double b) { return std::abs(a - b) < kAtEnd * kHalfTurn; };
+    const double angle = angles.at(along) - angles.first();
+    return is_near(std::abs(angle), kHalfTurn) || is_near(angle, 0) ||
+           is_near(angle, angles.last() - angles.first());
+  }
+  return false;
+}
+
+TopoDS_Shape with_round_surfaces(const TopoDS_Shape& shape, double tolerance) {
+  TopTools_IndexedMapOfShape faces;
+  TopExp::MapShapes(shape, TopAbs_FACE, faces);
+  std::vector<RoundFace> pieces = round_faces(faces, tolerance);
+  const auto groups = touching_faces(
+      shape, [&](int a, int b) { return are_one(pieces[a - 1], pieces[b - 1], tolerance); });
+  if (groups.empty()) return shape;
+  constexpr bool copies_geometry = false;
+  const TopoDS_Shape copy = BRepBuilderAPI_Copy(shape, copies_geometry).Shape();
+  TopTools_IndexedMapOfShape copies;
+  TopExp::MapShapes(copy, TopAbs_FACE, copies);
+  const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;
+  for (const std::vector<int>& group : groups) {
+    const auto has_surface = [&](int face) { return !pieces[face - 1].patch; };
+    const auto own = std::ranges::find_if(group, has_surface);
+    const auto& surface = pieces[(own == group.end() ? group.front() : *own) - 1].surface;
+    for (const int face : group) {
+      RoundFace& piece = pieces[face - 1];
+      if (!piece.patch || !lies_on(*piece.patch, surface, tolerance)) continue;
+      piece.face = plain(copies(face));
+      const TopoDS_Face moved = moved_onto(piece, surface);
+      if (!moved.IsNull()) changes->Replace(piece.face, moved);
+    }
+  }
+  return changes->Apply(copy);
+}
+
+}  // namespace cadmorph
