@@ -189,7 +189,7 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
       if (!kept.has_seams) return std::nullopt;
     }
     const TopoDS_Shape shape = with_seams_in_gaps(
-        with_round_surfaces(without_locations(impl_->shape), tolerance), tolerance);
+        with_shared_round_surfaces(without_locations(impl_->shape), tolerance), tolerance);
     TopTools_IndexedMapOfShape edges;
     TopExp::MapShapes(shape, TopAbs_EDGE, edges);
     TopTools_MapOfShape kept_edges;
@@ -212,6 +212,32 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
   } catch (const Standard_Failure&) {
     return std::nullopt;  // OCCT fails on pieces of a torus, for one
   }
+}
+
+std::optional<CadModel> CadModel::with_round_faces(const std::vector<FaceId>& wanted) const {
+  if (edges_as_points() > 0) return std::nullopt;  // a model built anew knows nothing of them
+  try {
+    const TopoDS_Shape plain = without_locations(impl_->shape);
+    const TopTools_IndexedMapOfShape usable = usable_faces(plain);
+    TopTools_IndexedMapOfShape all;
+    TopExp::MapShapes(plain, TopAbs_FACE, all);
+    std::vector<bool> is_wanted(static_cast<std::size_t>(all.Extent()));
+    for (const FaceId face : wanted)
+      is_wanted[all.FindIndex(usable(static_cast<int>(face) + 1)) - 1] = true;
+    const TopoDS_Shape shape = with_round_surfaces(plain, is_wanted, kSameDistance * diagonal());
+    if (shape.IsSame(plain)) return std::nullopt;
+    int next = 0;
+    const auto name = [&](const TopoDS_Face&) { return faces()[FaceId(next++)].name; };
+    CadModel result = build_model(shape, {file_name(), file_unit(), name, merged_face_count()});
+    const bool has_all = result.faces().size() == faces().size() &&
+                         result.edges().size() == edges().size() &&
+                         result.vertices().size() == vertices().size() &&
+                         result.coedges().size() == coedges().size();
+    if (has_all) return result;
+  } catch (const Standard_Failure&) {
+    // The patches stay as the file has them.
+  }
+  return std::nullopt;
 }
 
 }  // namespace cadmorph

@@ -40,10 +40,14 @@
 namespace cadmorph {
 namespace {
 
+using Surface = Handle(Geom_ElementarySurface);
+
 constexpr double kHalfTurn = std::numbers::pi, kTurn = 2 * kHalfTurn;
 constexpr double kSmallestArc = 0.01;  // radians: of less, rounding leaves the axis unsure
 constexpr double kAtEnd = 1e-5;        // of half a turn, or of a patch: an edge that lies there
-constexpr int kChecksASpan = 3;        // points between two knots: a cubic meets a circle at six
+// Of a span between two knots: cubics laid along circles meet them at the ends and in the middle,
+// not a third from there.
+constexpr int kChecksASpan = 3;
 constexpr int kAngles = 32;  // of a patch; between two, far less than half a turn, however it runs
 // Cubic pieces of a pcurve, together and between two knots of its edge at least: they miss the
 // angle of a rational quarter of a circle by 1e-8.
@@ -104,9 +108,8 @@ ProfilePoint in_profile(const gp_Lin& axis, const gp_Pnt& point) {
 
 // The cylinder, cone or sphere about the axis (which points upward) through three points, from low
 // to high; its angles begin at `begin`. Null where there is none.
-Handle(Geom_ElementarySurface)
-    surface_through(const gp_Lin& axis, const std::array<ProfilePoint, 3>& profile,
-                    const gp_Dir& begin, double tolerance) {
+Surface surface_through(const gp_Lin& axis, const std::array<ProfilePoint, 3>& profile,
+                        const gp_Dir& begin, double tolerance) {
   const auto& [low, middle, high] = profile;
   const double rise = high.height - low.height, widening = high.radius - low.radius;
   if (rise <= tolerance) return {};
@@ -129,7 +132,7 @@ Handle(Geom_ElementarySurface)
 // A piece of a surface of revolution: one parameter goes round, the other along a meridian.
 struct RoundPatch {
   Handle(Geom_Surface) source;
-  Handle(Geom_ElementarySurface) surface;
+  Surface surface;
   int round = 0;      // which parameter goes round
   double widest = 0;  // the other one, where the patch is farthest from the axis
   Range ring, meridian;
@@ -150,14 +153,15 @@ double angle_of(const Handle(Geom_Surface) & surface, const gp_Pnt& point, doubl
   return angle + kTurn * std::round((near - angle) / kTurn);
 }
 
-// Angles of a patch on the surface of a larger one. Without jumps, though a turn may end within.
+// Angles of a patch on the surface that it lies on, alone or with others: without jumps, wherever
+// these begin.
 class Angles {
  public:
   Angles(const RoundPatch& patch, const Handle(Geom_Surface) & surface)
       : patch_(patch), surface_(surface) {
     double last = 0;
     for (int i = 0; i <= kAngles; ++i)
-      angles_.push_back(last = angle_of(surface, edge_point(patch.ring.at(part(i))), last));
+      angles_.push_back(last = angle_of(surface, ring_point(patch.ring.at(part(i))), last));
     const double middle = (angles_.front() + angles_.back()) / 2;
     for (double& angle : angles_) angle -= kTurn * std::floor(middle / kTurn);
   }
@@ -165,9 +169,9 @@ class Angles {
   double first() const { return angles_.front(); }
   double last() const { return angles_.back(); }
 
-  double at(double along) const { return angle_of(surface_, edge_point(along), roughly(along)); }
+  double at(double along) const { return angle_of(surface_, ring_point(along), roughly(along)); }
 
-  // Where the face's parameters say, in the place of a point on both surfaces.
+  // That of a point of the patch, there or nearby.
   double of(const gp_Pnt& point, double along) const {
     return angle_of(surface_, point, roughly(along));
   }
@@ -182,7 +186,7 @@ class Angles {
  private:
   static double part(int i) { return static_cast<double>(i) / kAngles; }
 
-  gp_Pnt edge_point(double along) const { return patch_.point(along, patch_.widest); }
+  gp_Pnt ring_point(double along) const { return patch_.point(along, patch_.widest); }
 
   double roughly(double along) const {
     const Range& ring = patch_.ring;
@@ -263,22 +267,23 @@ TopoDS_Face plain(const TopoDS_Shape& face) {
   return TopoDS::Face(face.Located(TopLoc_Location()).Oriented(TopAbs_FORWARD));
 }
 
-// A face, what its patch is a piece of, or the round surface that it has.
+// A face, and the round surface that it has, or that its patch is found to be a piece of.
 struct RoundFace {
-  explicit RoundFace(const TopoDS_Shape& shape, double tolerance) : face(plain(shape)) {
-    const Handle(Geom_Surface) own = BRep_Tool::Surface(face);
-    surface = Handle(Geom_ElementarySurface)::DownCast(own);
-    if (surface.IsNull()) patch = round_patch(own, tolerance);
+  explicit RoundFace(const TopoDS_Shape& shape)
+      : face(plain(shape)), surface(Surface::DownCast(BRep_Tool::Surface(face))) {}
+
+  void find_patch(double tolerance) {
+    if (!surface.IsNull()) return;
+    patch = round_patch(BRep_Tool::Surface(face), tolerance);
     if (patch) surface = patch->surface;
   }
 
   TopoDS_Face face;
   std::optional<RoundPatch> patch;
-  Handle(Geom_ElementarySurface) surface;  // null where it is neither
+  Surface surface;  // null where it is neither
 };
 
-bool lies_on(const RoundPatch& patch, const Handle(Geom_ElementarySurface) & surface,
-             double tolerance) {
+bool lies_on(const RoundPatch& patch, const Surface& surface, double tolerance) {
   if (surface->DynamicType() != patch.surface->DynamicType()) return false;
   for (const double part : {0.0, 0.5, 1.0})
     for (const double other : {0.0, 0.5, 1.0})
@@ -337,8 +342,7 @@ std::vector<double> steps_along(const Handle(Geom_Curve) & curve, double first, 
 // A face's way onto the surface that it lies on with others.
 class Mover {
  public:
-  Mover(const RoundPatch& patch, const TopoDS_Face& face,
-        const Handle(Geom_ElementarySurface) & surface)
+  Mover(const RoundPatch& patch, const TopoDS_Face& face, const Surface& surface)
       : patch_(patch), face_(face), surface_(surface), angles_(patch, surface) {}
 
   // Null where the edge has no pcurve.
@@ -384,7 +388,7 @@ class Mover {
 
   const RoundPatch& patch_;
   TopoDS_Face face_;
-  Handle(Geom_ElementarySurface) surface_;
+  Surface surface_;
   Angles angles_;
 };
 
@@ -396,29 +400,31 @@ double area(const TopoDS_Face& face) {
 
 // The face on a copy of the surface, by the same wires: an edge between two faces of one surface
 // has one pcurve, but may end a turn in one of them and begin it in the other. Null where an edge
-// has no pcurve.
-TopoDS_Face moved_onto(const RoundFace& piece, const Handle(Geom_ElementarySurface) & shared) {
-  const auto surface = Handle(Geom_ElementarySurface)::DownCast(shared->Copy());
+// has no pcurve, or the face comes out as another one.
+TopoDS_Face moved_onto(const RoundFace& piece, const Surface& shared) {
+  const Surface surface = Surface::DownCast(shared->Copy());
   const Mover mover(*piece.patch, piece.face, surface);
+  const bool is_turned_over = mover.is_turned_over();
   BRep_Builder builder;
   TopoDS_Face result;
   builder.MakeFace(result, surface, BRep_Tool::Tolerance(piece.face));
   const TopLoc_Location none;
   for (TopExp_Explorer each(piece.face, TopAbs_EDGE); each.More(); each.Next()) {
-    const TopoDS_Edge edge = TopoDS::Edge(each.Current().Oriented(TopAbs_FORWARD));
-    const TopoDS_Edge back = TopoDS::Edge(edge.Reversed());
-    const double tolerance = BRep_Tool::Tolerance(edge);
-    const Handle(Geom2d_Curve) curve = mover.pcurve(edge);
+    const TopoDS_Edge forward = TopoDS::Edge(each.Current().Oriented(TopAbs_FORWARD));
+    const TopoDS_Edge backward = TopoDS::Edge(forward.Reversed());
+    const double tolerance = BRep_Tool::Tolerance(forward);
+    // Of a seam, the curve of its forward use comes first; face and uses are turned over together.
+    const Handle(Geom2d_Curve) curve = mover.pcurve(is_turned_over ? backward : forward);
     if (curve.IsNull()) return {};
-    if (BRep_Tool::IsClosed(edge, piece.face))
-      builder.UpdateEdge(edge, curve, mover.pcurve(back), surface, none, tolerance);
+    if (BRep_Tool::IsClosed(forward, piece.face))
+      builder.UpdateEdge(forward, curve, mover.pcurve(is_turned_over ? forward : backward), surface,
+                         none, tolerance);
     else
-      builder.UpdateEdge(edge, curve, surface, none, tolerance);
+      builder.UpdateEdge(forward, curve, surface, none, tolerance);
     double first = 0, last = 0;
-    BRep_Tool::Range(edge, piece.face, first, last);
-    builder.Range(edge, surface, none, first, last);
+    BRep_Tool::Range(forward, piece.face, first, last);
+    builder.Range(forward, surface, none, first, last);
   }
-  const bool is_turned_over = mover.is_turned_over();
   for (TopoDS_Iterator wire(piece.face); wire.More(); wire.Next())
     builder.Add(result, is_turned_over ? wire.Value().Reversed() : wire.Value());
   if (is_turned_over) result.Reverse();
@@ -426,10 +432,22 @@ TopoDS_Face moved_onto(const RoundFace& piece, const Handle(Geom_ElementarySurfa
   return std::abs(area(result) - before) < kSameArea * before ? result : TopoDS_Face();
 }
 
-std::vector<RoundFace> round_faces(const TopTools_IndexedMapOfShape& faces, double tolerance) {
-  std::vector<RoundFace> result;
-  for (int i = 1; i <= faces.Extent(); ++i) result.emplace_back(faces(i), tolerance);
-  return result;
+// The shape with faces on the surfaces given, by their numbers less one; null leaves a face as is.
+TopoDS_Shape with_surfaces(const TopoDS_Shape& shape, std::vector<RoundFace>& pieces,
+                           const std::vector<Surface>& surfaces) {
+  if (std::ranges::all_of(surfaces, &Surface::IsNull)) return shape;
+  constexpr bool copies_geometry = false;
+  const TopoDS_Shape copy = BRepBuilderAPI_Copy(shape, copies_geometry).Shape();
+  TopTools_IndexedMapOfShape copies;
+  TopExp::MapShapes(copy, TopAbs_FACE, copies);
+  const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    if (surfaces[i].IsNull() || !pieces[i].patch) continue;
+    pieces[i].face = plain(copies(static_cast<int>(i) + 1));
+    const TopoDS_Face moved = moved_onto(pieces[i], surfaces[i]);
+    if (!moved.IsNull()) changes->Replace(pieces[i].face, moved);
+  }
+  return changes->Apply(copy);
 }
 
 }  // namespace
@@ -461,31 +479,38 @@ bool is_at_end_of_patch(const TopoDS_Edge& edge, const TopoDS_Face& face, double
   return false;
 }
 
-TopoDS_Shape with_round_surfaces(const TopoDS_Shape& shape, double tolerance) {
+TopoDS_Shape with_shared_round_surfaces(const TopoDS_Shape& shape, double tolerance) {
   TopTools_IndexedMapOfShape faces;
   TopExp::MapShapes(shape, TopAbs_FACE, faces);
-  std::vector<RoundFace> pieces = round_faces(faces, tolerance);
-  const auto groups = touching_faces(
-      shape, [&](int a, int b) { return are_one(pieces[a - 1], pieces[b - 1], tolerance); });
-  if (groups.empty()) return shape;
-  constexpr bool copies_geometry = false;
-  const TopoDS_Shape copy = BRepBuilderAPI_Copy(shape, copies_geometry).Shape();
-  TopTools_IndexedMapOfShape copies;
-  TopExp::MapShapes(copy, TopAbs_FACE, copies);
-  const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;
-  for (const std::vector<int>& group : groups) {
-    const auto has_surface = [&](int face) { return !pieces[face - 1].patch; };
-    const auto own = std::ranges::find_if(group, has_surface);
-    const auto& surface = pieces[(own == group.end() ? group.front() : *own) - 1].surface;
+  std::vector<RoundFace> pieces;
+  for (int i = 1; i <= faces.Extent(); ++i) pieces.emplace_back(faces(i)).find_patch(tolerance);
+  std::vector<Surface> surfaces(pieces.size());
+  const auto are_one_surface = [&](int a, int b) {
+    return are_one(pieces[a - 1], pieces[b - 1], tolerance);
+  };
+  for (const std::vector<int>& group : touching_faces(shape, are_one_surface)) {
+    const auto own = std::ranges::find_if(group, [&](int face) { return !pieces[face - 1].patch; });
+    const Surface& surface = pieces[(own == group.end() ? group.front() : *own) - 1].surface;
     for (const int face : group) {
-      RoundFace& piece = pieces[face - 1];
-      if (!piece.patch || !lies_on(*piece.patch, surface, tolerance)) continue;
-      piece.face = plain(copies(face));
-      const TopoDS_Face moved = moved_onto(piece, surface);
-      if (!moved.IsNull()) changes->Replace(piece.face, moved);
+      const RoundFace& piece = pieces[face - 1];
+      if (piece.patch && lies_on(*piece.patch, surface, tolerance)) surfaces[face - 1] = surface;
     }
   }
-  return changes->Apply(copy);
+  return with_surfaces(shape, pieces, surfaces);
+}
+
+TopoDS_Shape with_round_surfaces(const TopoDS_Shape& shape, const std::vector<bool>& is_wanted,
+                                 double tolerance) {
+  TopTools_IndexedMapOfShape faces;
+  TopExp::MapShapes(shape, TopAbs_FACE, faces);
+  std::vector<RoundFace> pieces;
+  std::vector<Surface> surfaces;
+  for (int i = 1; i <= faces.Extent(); ++i) {
+    pieces.emplace_back(faces(i));
+    if (is_wanted[i - 1]) pieces.back().find_patch(tolerance);
+    surfaces.push_back(pieces.back().patch ? pieces.back().surface : Surface());
+  }
+  return with_surfaces(shape, pieces, surfaces);
 }
 
 }  // namespace cadmorph

@@ -285,21 +285,8 @@ std::optional<MatchedModels> match_without_slivers(const CadModel& base, const C
   return best;
 }
 
-}  // namespace
-
-double lead(const TopologyMatch& match) {
-  return match.runner_up ? match.runner_up->cost.sum() - match.cost.sum()
-                         : std::numeric_limits<double>::infinity();
-}
-
-TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
-                             const MatchOptions& options) {
-  if (auto match = find_match(base, variant, options)) return std::move(*match);
-  refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
-}
-
-MatchedModels match_models(const CadModel& base, const CadModel& variant,
-                           const MatchOptions& options) {
+MatchedModels find_models(const CadModel& base, const CadModel& variant,
+                          const MatchOptions& options) {
   auto match = find_match(base, variant, options);
   if (!options.given_faces.empty()) {
     if (match) return {base, variant, std::move(*match)};
@@ -317,6 +304,41 @@ MatchedModels match_models(const CadModel& base, const CadModel& variant,
     if (auto found = match_without_slivers(base, variant)) return std::move(*found);
   }
   refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
+}
+
+// A program that turned all surfaces into B-splines keeps no angles: nodes would slide.
+void use_round_faces(MatchedModels& models) {
+  std::vector<FaceId> faces;
+  for (const FaceId face : models.base.faces().ids()) {
+    using enum SurfaceType;
+    const SurfaceType type = models.base.faces()[face].type;
+    const FaceId image = models.match.faces[face];
+    if ((type == Cylinder || type == Cone || type == Sphere) &&
+        models.variant.faces()[image].type == BSpline)
+      faces.push_back(image);
+  }
+  if (faces.empty()) return;
+  if (auto round = models.variant.with_round_faces(faces)) models.variant = std::move(*round);
+}
+
+}  // namespace
+
+double lead(const TopologyMatch& match) {
+  return match.runner_up ? match.runner_up->cost.sum() - match.cost.sum()
+                         : std::numeric_limits<double>::infinity();
+}
+
+TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
+                             const MatchOptions& options) {
+  if (auto match = find_match(base, variant, options)) return std::move(*match);
+  refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
+}
+
+MatchedModels match_models(const CadModel& base, const CadModel& variant,
+                           const MatchOptions& options) {
+  MatchedModels models = find_models(base, variant, options);
+  use_round_faces(models);
+  return models;
 }
 
 std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path) {
