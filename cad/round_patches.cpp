@@ -5,6 +5,7 @@
 #include <BRepTools_ReShape.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
+#include <ElSLib.hxx>
 #include <GProp_GProps.hxx>
 #include <Geom2d_BSplineCurve.hxx>
 #include <GeomAdaptor_Curve.hxx>
@@ -14,7 +15,6 @@
 #include <Geom_CylindricalSurface.hxx>
 #include <Geom_ElementarySurface.hxx>
 #include <Geom_SphericalSurface.hxx>
-#include <ShapeAnalysis_Surface.hxx>
 #include <TColStd_Array1OfInteger.hxx>
 #include <TColStd_Array1OfReal.hxx>
 #include <TColgp_Array1OfPnt2d.hxx>
@@ -49,9 +49,10 @@ constexpr double kAtEnd = 1e-5;        // of half a turn, or of a patch: an edge
 // not a third from there.
 constexpr int kChecksASpan = 3;
 constexpr int kAngles = 32;  // of a patch; between two, far less than half a turn, however it runs
-// Cubic pieces of a pcurve, together and between two knots of its edge at least: they miss the
-// angle of a rational quarter of a circle by 1e-8.
-constexpr int kPieces = 64, kPiecesASpan = 8;
+// Of the tolerance: how far a pcurve that is made anew may be off, and how often a span of its edge
+// is halved for that at most. Quarters of rational circles need four times.
+constexpr double kPcurve = 0.1;
+constexpr int kMostHalvings = 8;
 // Of a face's area: as exactly as OCCT integrates over a rational patch. A wrong side is far more.
 constexpr double kSameArea = 0.02;
 constexpr double kNearAxis = 1e-4;  // of the radius: there a point hardly tells its angle
@@ -140,16 +141,26 @@ struct RoundPatch {
   gp_Pnt point(double along, double other) const { return point_at(*source, round, along, other); }
 };
 
-double distance(const Handle(Geom_Surface) & surface, const gp_Pnt& point) {
-  ShapeAnalysis_Surface finder(surface);
-  finder.ValueOfUV(point, 0);
-  return finder.Gap();
+// The parameters of the nearest point of a cylinder, cone or sphere.
+gp_Pnt2d parameters(const Surface& surface, const gp_Pnt& point) {
+  double u = 0, v = 0;
+  if (const auto cylinder = Handle(Geom_CylindricalSurface)::DownCast(surface); !cylinder.IsNull())
+    ElSLib::Parameters(cylinder->Cylinder(), point, u, v);
+  else if (const auto cone = Handle(Geom_ConicalSurface)::DownCast(surface); !cone.IsNull())
+    ElSLib::Parameters(cone->Cone(), point, u, v);
+  else if (const auto ball = Handle(Geom_SphericalSurface)::DownCast(surface); !ball.IsNull())
+    ElSLib::Parameters(ball->Sphere(), point, u, v);
+  return {u, v};
 }
 
-// The angle of a point on a surface of revolution, within half a turn of `near`.
-double angle_of(const Handle(Geom_Surface) & surface, const gp_Pnt& point, double near) {
-  ShapeAnalysis_Surface finder(surface);
-  const double angle = finder.ValueOfUV(point, 0).X();
+double distance(const Surface& surface, const gp_Pnt& point) {
+  const gp_Pnt2d at = parameters(surface, point);
+  return surface->Value(at.X(), at.Y()).Distance(point);
+}
+
+// The angle of a point on a surface, within half a turn of `near`.
+double angle_of(const Surface& surface, const gp_Pnt& point, double near) {
+  const double angle = parameters(surface, point).X();
   return angle + kTurn * std::round((near - angle) / kTurn);
 }
 
@@ -157,8 +168,7 @@ double angle_of(const Handle(Geom_Surface) & surface, const gp_Pnt& point, doubl
 // these begin.
 class Angles {
  public:
-  Angles(const RoundPatch& patch, const Handle(Geom_Surface) & surface)
-      : patch_(patch), surface_(surface) {
+  Angles(const RoundPatch& patch, const Surface& surface) : patch_(patch), surface_(surface) {
     double last = 0;
     for (int i = 0; i <= kAngles; ++i)
       angles_.push_back(last = angle_of(surface, ring_point(patch.ring.at(part(i))), last));
@@ -197,7 +207,7 @@ class Angles {
   }
 
   const RoundPatch& patch_;
-  Handle(Geom_Surface) surface_;
+  Surface surface_;
   std::vector<double> angles_;
 };
 
@@ -300,50 +310,82 @@ bool are_one(const RoundFace& a, const RoundFace& b, double tolerance) {
 
 using Path = std::function<gp_Pnt2d(double)>;
 
-// A curve of cubic pieces through four points of a path each, between any two of the values.
-Handle(Geom2d_Curve) curve_through(const std::vector<double>& values, const Path& path) {
-  const int pieces = static_cast<int>(values.size()) - 1;
-  TColgp_Array1OfPnt2d poles(1, 3 * pieces + 1);
-  TColStd_Array1OfReal knots(1, pieces + 1);
-  TColStd_Array1OfInteger multiplicities(1, pieces + 1);
-  multiplicities.Init(3);
-  multiplicities.ChangeFirst() = multiplicities.ChangeLast() = 4;
-  gp_XY first = path(values.front()).XY();
-  knots(1) = values.front();
-  poles(1) = gp_Pnt2d(first);
-  for (int i = 0; i < pieces; ++i) {
-    const double from = values[i], to = values[i + 1];
-    const gp_XY a = path(from + (to - from) / 3).XY(), b = path(to - (to - from) / 3).XY();
-    const gp_XY last = path(to).XY();
-    poles(3 * i + 2) = gp_Pnt2d((-5 * first + 18 * a - 9 * b + 2 * last) / 6);
-    poles(3 * i + 3) = gp_Pnt2d((2 * first - 9 * a + 18 * b - 5 * last) / 6);
-    poles(3 * i + 4) = gp_Pnt2d(last);
-    knots(i + 2) = to;
-    first = last;
-  }
-  return new Geom2d_BSplineCurve(poles, knots, multiplicities, 3);
-}
+// A curve of cubic pieces along a path on a surface.
+class PathCurve {
+ public:
+  PathCurve(Path path, const Surface& surface, double tolerance)
+      : path_(std::move(path)), surface_(surface), tolerance_(tolerance) {}
 
-// Values of a curve's parameter, its knots among them.
-std::vector<double> steps_along(const Handle(Geom_Curve) & curve, double first, double last) {
+  void add(double first, double last) {
+    if (poles_.empty()) {
+      knots_.push_back(first);
+      poles_.push_back(path_(first).XY());
+    }
+    add_pieces(first, last, kMostHalvings);
+  }
+
+  Handle(Geom2d_Curve) curve() const {
+    const int pieces = static_cast<int>(knots_.size()) - 1;
+    TColgp_Array1OfPnt2d poles(1, 3 * pieces + 1);
+    TColStd_Array1OfReal knots(1, pieces + 1);
+    TColStd_Array1OfInteger multiplicities(1, pieces + 1);
+    multiplicities.Init(3);
+    multiplicities.ChangeFirst() = multiplicities.ChangeLast() = 4;
+    for (int i = 0; i < poles.Size(); ++i) poles(i + 1) = gp_Pnt2d(poles_[i]);
+    for (int i = 0; i < knots.Size(); ++i) knots(i + 1) = knots_[i];
+    return new Geom2d_BSplineCurve(poles, knots, multiplicities, 3);
+  }
+
+ private:
+  // Through four points of the path each, halved where that is too far off.
+  void add_pieces(double first, double last, int halvings) {
+    const double third = (last - first) / 3;
+    const std::array<gp_XY, 4> at{poles_.back(), path_(first + third).XY(),
+                                  path_(last - third).XY(), path_(last).XY()};
+    const std::array<gp_XY, 3> next{(-5 * at[0] + 18 * at[1] - 9 * at[2] + 2 * at[3]) / 6,
+                                    (2 * at[0] - 9 * at[1] + 18 * at[2] - 5 * at[3]) / 6, at[3]};
+    const auto is_off = [&](double part) {
+      const double rest = 1 - part;
+      const gp_XY place = rest * rest * rest * at[0] + 3 * rest * rest * part * next[0] +
+                          3 * rest * part * part * next[1] + part * part * part * next[2];
+      return point(place).Distance(point(path_(first + part * (last - first)).XY())) > tolerance_;
+    };
+    if (halvings > 0 && (is_off(1.0 / 6) || is_off(0.5) || is_off(5.0 / 6))) {
+      const double middle = (first + last) / 2;
+      add_pieces(first, middle, halvings - 1);
+      add_pieces(middle, last, halvings - 1);
+      return;
+    }
+    poles_.insert(poles_.end(), next.begin(), next.end());
+    knots_.push_back(last);
+  }
+
+  gp_Pnt point(const gp_XY& at) const { return surface_->Value(at.X(), at.Y()); }
+
+  Path path_;
+  Surface surface_;
+  double tolerance_;
+  std::vector<double> knots_;
+  std::vector<gp_XY> poles_;
+};
+
+// Ends of the spans of a curve, between which it is smooth.
+std::vector<double> spans_of(const Handle(Geom_Curve) & curve, double first, double last) {
   const GeomAdaptor_Curve adaptor(curve, first, last);
-  const int spans = adaptor.NbIntervals(GeomAbs_CN);
-  TColStd_Array1OfReal knots(1, spans + 1);
+  TColStd_Array1OfReal knots(1, adaptor.NbIntervals(GeomAbs_CN) + 1);
   adaptor.Intervals(knots, GeomAbs_CN);
-  const int pieces = std::max(kPiecesASpan, kPieces / spans);
-  std::vector<double> values;
-  for (int i = 1; i <= spans; ++i)
-    for (int k = 0; k < pieces; ++k)
-      values.push_back(knots(i) + (knots(i + 1) - knots(i)) * k / pieces);
-  values.push_back(last);
-  return values;
+  return {knots.begin(), knots.end()};
 }
 
 // A face's way onto the surface that it lies on with others.
 class Mover {
  public:
-  Mover(const RoundPatch& patch, const TopoDS_Face& face, const Surface& surface)
-      : patch_(patch), face_(face), surface_(surface), angles_(patch, surface) {}
+  Mover(const RoundPatch& patch, const TopoDS_Face& face, const Surface& surface, double tolerance)
+      : patch_(patch),
+        face_(face),
+        surface_(surface),
+        tolerance_(tolerance),
+        angles_(patch, surface) {}
 
   // Null where the edge has no pcurve.
   Handle(Geom2d_Curve) pcurve(const TopoDS_Edge& edge) const {
@@ -352,10 +394,15 @@ class Mover {
     if (old.IsNull()) return {};
     double curve_first = 0, curve_last = 0;
     const Handle(Geom_Curve) curve = BRep_Tool::Curve(edge, curve_first, curve_last);
-    if (curve.IsNull() || BRep_Tool::Degenerated(edge))
-      return curve_through({first, last}, [&](double t) { return moved(old->Value(t)); });
-    return curve_through(steps_along(curve, first, last),
-                         [&](double t) { return moved(old->Value(t), curve->Value(t)); });
+    const bool is_point = curve.IsNull() || BRep_Tool::Degenerated(edge);
+    const Path path = [&](double t) {
+      return is_point ? moved(old->Value(t)) : moved(old->Value(t), curve->Value(t));
+    };
+    const std::vector<double> ends =
+        is_point ? std::vector{first, last} : spans_of(curve, first, last);
+    PathCurve result(path, surface_, kPcurve * tolerance_);
+    for (std::size_t i = 1; i < ends.size(); ++i) result.add(ends[i - 1], ends[i]);
+    return result.curve();
   }
 
   // Whether the new surface looks the other way.
@@ -365,7 +412,7 @@ class Mover {
     gp_Vec du, dv, new_du, new_dv;
     patch_.round == 0 ? patch_.source->D1(along, other, point, du, dv)
                       : patch_.source->D1(other, along, point, du, dv);
-    const gp_Pnt2d at = ShapeAnalysis_Surface(surface_).ValueOfUV(point, 0);
+    const gp_Pnt2d at = parameters(surface_, point);
     surface_->D1(at.X(), at.Y(), point, new_du, new_dv);
     return du.Crossed(dv).Dot(new_du.Crossed(new_dv)) < 0;
   }
@@ -373,7 +420,7 @@ class Mover {
  private:
   gp_Pnt2d moved(const gp_Pnt2d& old) const {
     const gp_Pnt point = patch_.source->Value(old.X(), old.Y());
-    const double height = ShapeAnalysis_Surface(surface_).ValueOfUV(point, 0).Y();
+    const double height = parameters(surface_, point).Y();
     return {angles_.at(old.Coord(patch_.round + 1)), height};
   }
 
@@ -382,13 +429,14 @@ class Mover {
     const gp_Lin axis(surface_->Axis());
     const bool is_near_axis =
         axis.Distance(point) < kNearAxis * axis.Distance(patch_.point(along, patch_.widest));
-    const double height = ShapeAnalysis_Surface(surface_).ValueOfUV(point, 0).Y();
+    const double height = parameters(surface_, point).Y();
     return {is_near_axis ? angles_.at(along) : angles_.of(point, along), height};
   }
 
   const RoundPatch& patch_;
   TopoDS_Face face_;
   Surface surface_;
+  double tolerance_;
   Angles angles_;
 };
 
@@ -401,9 +449,9 @@ double area(const TopoDS_Face& face) {
 // The face on a copy of the surface, by the same wires: an edge between two faces of one surface
 // has one pcurve, but may end a turn in one of them and begin it in the other. Null where an edge
 // has no pcurve, or the face comes out as another one.
-TopoDS_Face moved_onto(const RoundFace& piece, const Surface& shared) {
+TopoDS_Face moved_onto(const RoundFace& piece, const Surface& shared, double tolerance) {
   const Surface surface = Surface::DownCast(shared->Copy());
-  const Mover mover(*piece.patch, piece.face, surface);
+  const Mover mover(*piece.patch, piece.face, surface, tolerance);
   const bool is_turned_over = mover.is_turned_over();
   BRep_Builder builder;
   TopoDS_Face result;
@@ -412,15 +460,15 @@ TopoDS_Face moved_onto(const RoundFace& piece, const Surface& shared) {
   for (TopExp_Explorer each(piece.face, TopAbs_EDGE); each.More(); each.Next()) {
     const TopoDS_Edge forward = TopoDS::Edge(each.Current().Oriented(TopAbs_FORWARD));
     const TopoDS_Edge backward = TopoDS::Edge(forward.Reversed());
-    const double tolerance = BRep_Tool::Tolerance(forward);
+    const double off = BRep_Tool::Tolerance(forward);
     // Of a seam, the curve of its forward use comes first; face and uses are turned over together.
     const Handle(Geom2d_Curve) curve = mover.pcurve(is_turned_over ? backward : forward);
     if (curve.IsNull()) return {};
     if (BRep_Tool::IsClosed(forward, piece.face))
       builder.UpdateEdge(forward, curve, mover.pcurve(is_turned_over ? forward : backward), surface,
-                         none, tolerance);
+                         none, off);
     else
-      builder.UpdateEdge(forward, curve, surface, none, tolerance);
+      builder.UpdateEdge(forward, curve, surface, none, off);
     double first = 0, last = 0;
     BRep_Tool::Range(forward, piece.face, first, last);
     builder.Range(forward, surface, none, first, last);
@@ -434,7 +482,7 @@ TopoDS_Face moved_onto(const RoundFace& piece, const Surface& shared) {
 
 // The shape with faces on the surfaces given, by their numbers less one; null leaves a face as is.
 TopoDS_Shape with_surfaces(const TopoDS_Shape& shape, std::vector<RoundFace>& pieces,
-                           const std::vector<Surface>& surfaces) {
+                           const std::vector<Surface>& surfaces, double tolerance) {
   if (std::ranges::all_of(surfaces, &Surface::IsNull)) return shape;
   constexpr bool copies_geometry = false;
   const TopoDS_Shape copy = BRepBuilderAPI_Copy(shape, copies_geometry).Shape();
@@ -444,7 +492,7 @@ TopoDS_Shape with_surfaces(const TopoDS_Shape& shape, std::vector<RoundFace>& pi
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     if (surfaces[i].IsNull() || !pieces[i].patch) continue;
     pieces[i].face = plain(copies(static_cast<int>(i) + 1));
-    const TopoDS_Face moved = moved_onto(pieces[i], surfaces[i]);
+    const TopoDS_Face moved = moved_onto(pieces[i], surfaces[i], tolerance);
     if (!moved.IsNull()) changes->Replace(pieces[i].face, moved);
   }
   return changes->Apply(copy);
@@ -496,7 +544,7 @@ TopoDS_Shape with_shared_round_surfaces(const TopoDS_Shape& shape, double tolera
       if (piece.patch && lies_on(*piece.patch, surface, tolerance)) surfaces[face - 1] = surface;
     }
   }
-  return with_surfaces(shape, pieces, surfaces);
+  return with_surfaces(shape, pieces, surfaces, tolerance);
 }
 
 TopoDS_Shape with_round_surfaces(const TopoDS_Shape& shape, const std::vector<bool>& is_wanted,
@@ -510,7 +558,7 @@ TopoDS_Shape with_round_surfaces(const TopoDS_Shape& shape, const std::vector<bo
     if (is_wanted[i - 1]) pieces.back().find_patch(tolerance);
     surfaces.push_back(pieces.back().patch ? pieces.back().surface : Surface());
   }
-  return with_surfaces(shape, pieces, surfaces);
+  return with_surfaces(shape, pieces, surfaces, tolerance);
 }
 
 }  // namespace cadmorph
