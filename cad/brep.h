@@ -120,10 +120,11 @@ class CadModel {
   /// exporter cut faces that the other did not; merged faces have no name. Nothing when there are
   /// none, or OCCT can't merge them.
   std::optional<CadModel> with_merged_faces(FaceMerge merge = FaceMerge::All) const;
-  /// The same model with faces on cylinders, cones and spheres that the file has as B-splines,
-  /// where these are exact, and faces, edges, vertices and coedges keep their numbers. Nothing
-  /// where none of the faces is such a one.
-  std::optional<CadModel> with_round_faces(const std::vector<FaceId>& faces) const;
+
+  /// The same model with faces on planes, cylinders, cones and spheres that the file has as
+  /// B-splines, where these are exact; faces, edges, vertices and coedges keep their numbers.
+  /// Nothing where none of the faces is such a one.
+  std::optional<CadModel> with_analytic_faces(const std::vector<FaceId>& faces) const;
   int merged_face_count() const;  ///< faces of the file that became part of another one
 
   /// Edges with a corner at each end that are shorter than a thousandth of the diagonal, the

@@ -23,10 +23,10 @@
 #include <functional>
 #include <vector>
 
+#include "cad/analytic_patches.h"
 #include "cad/brep_builder.h"
 #include "cad/brep_impl.h"
 #include "cad/cut_seams.h"
-#include "cad/round_patches.h"
 #include "core/formats/child_process.h"
 
 namespace cadmorph {
@@ -189,7 +189,7 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
       if (!kept.has_seams) return std::nullopt;
     }
     const TopoDS_Shape shape = with_seams_in_gaps(
-        with_shared_round_surfaces(without_locations(impl_->shape), tolerance), tolerance);
+        with_shared_analytic_surfaces(without_locations(impl_->shape), tolerance), tolerance);
     TopTools_IndexedMapOfShape edges;
     TopExp::MapShapes(shape, TopAbs_EDGE, edges);
     TopTools_MapOfShape kept_edges;
@@ -214,7 +214,7 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
   }
 }
 
-std::optional<CadModel> CadModel::with_round_faces(const std::vector<FaceId>& wanted) const {
+std::optional<CadModel> CadModel::with_analytic_faces(const std::vector<FaceId>& wanted) const {
   if (edges_as_points() > 0) return std::nullopt;  // a model built anew knows nothing of them
   try {
     const TopoDS_Shape plain = without_locations(impl_->shape);
@@ -224,7 +224,7 @@ std::optional<CadModel> CadModel::with_round_faces(const std::vector<FaceId>& wa
     std::vector<bool> is_wanted(static_cast<std::size_t>(all.Extent()));
     for (const FaceId face : wanted)
       is_wanted[all.FindIndex(usable(static_cast<int>(face) + 1)) - 1] = true;
-    const TopoDS_Shape shape = with_round_surfaces(plain, is_wanted, kSameDistance * diagonal());
+    const TopoDS_Shape shape = with_analytic_surfaces(plain, is_wanted, kSameDistance * diagonal());
     if (shape.IsSame(plain)) return std::nullopt;
     int next = 0;
     const auto name = [&](const TopoDS_Face&) { return faces()[FaceId(next++)].name; };

@@ -306,19 +306,21 @@ MatchedModels find_models(const CadModel& base, const CadModel& variant,
   refuse_match(make_match_side(base, {}), make_match_side(variant, {}));
 }
 
-// A program that turned all surfaces into B-splines keeps no angles: nodes would slide.
-void use_round_faces(MatchedModels& models) {
+// A program that turned all surfaces into B-splines keeps no angles, nor maybe lengths: nodes would
+// slide.
+void use_analytic_faces(MatchedModels& models) {
   std::vector<FaceId> faces;
   for (const FaceId face : models.base.faces().ids()) {
     using enum SurfaceType;
     const SurfaceType type = models.base.faces()[face].type;
     const FaceId image = models.match.faces[face];
-    if ((type == Cylinder || type == Cone || type == Sphere) &&
+    if ((type == Plane || type == Cylinder || type == Cone || type == Sphere) &&
         models.variant.faces()[image].type == BSpline)
       faces.push_back(image);
   }
   if (faces.empty()) return;
-  if (auto round = models.variant.with_round_faces(faces)) models.variant = std::move(*round);
+  if (auto analytic = models.variant.with_analytic_faces(faces))
+    models.variant = std::move(*analytic);
 }
 
 }  // namespace
@@ -337,7 +339,7 @@ TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
 MatchedModels match_models(const CadModel& base, const CadModel& variant,
                            const MatchOptions& options) {
   MatchedModels models = find_models(base, variant, options);
-  use_round_faces(models);
+  use_analytic_faces(models);
   return models;
 }
 

@@ -78,7 +78,7 @@ TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
 
 /// Two models, and what of one became what of the other.
 struct MatchedModels {
-  CadModel base, variant;  ///< those given, or with faces merged, or the variant's made round
+  CadModel base, variant;  ///< those given, or with faces merged, or the variant's made analytic
   TopologyMatch match;
 };
 
@@ -86,8 +86,9 @@ struct MatchedModels {
 /// in the variant, the base or both, the first of these that matches. Faces that seams of surfaces
 /// of revolution cut in both are merged where the match is better for it. None are merged where
 /// pairs are given, whose numbers are those of the files' faces. Where nothing of that matches,
-/// slivers that the variant alone has are taken for points. Faces that are cylinders, cones or
-/// spheres in the base and B-splines in the variant are such there, too, where these are exact.
+/// slivers that the variant alone has are taken for points. Faces that are planes, cylinders,
+/// cones or spheres in the base and exactly such in the variant, but written as B-splines, are
+/// analytic there, too.
 MatchedModels match_models(const CadModel& base, const CadModel& variant,
                            const MatchOptions& options = {});
 

@@ -1,4 +1,4 @@
-#include "cad/round_patches.h"
+#include "cad/analytic_patches.h"
 
 #include <BRepBuilderAPI_Copy.hxx>
 #include <BRepGProp.hxx>
@@ -14,6 +14,7 @@
 #include <Geom_ConicalSurface.hxx>
 #include <Geom_CylindricalSurface.hxx>
 #include <Geom_ElementarySurface.hxx>
+#include <Geom_Plane.hxx>
 #include <Geom_SphericalSurface.hxx>
 #include <TColStd_Array1OfInteger.hxx>
 #include <TColStd_Array1OfReal.hxx>
@@ -30,6 +31,7 @@
 #include <cmath>
 #include <functional>
 #include <gp_Lin.hxx>
+#include <gp_Pln.hxx>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -130,8 +132,9 @@ Surface surface_through(const gp_Lin& axis, const std::array<ProfilePoint, 3>& p
   return new Geom_SphericalSurface(frame_at(centre), std::hypot(low.radius, low.height - centre));
 }
 
-// A piece of a surface of revolution: one parameter goes round, the other along a meridian.
-struct RoundPatch {
+// A piece of a surface of revolution: one parameter goes round, the other along a meridian. Or of
+// a plane, where these names mean nothing.
+struct Patch {
   Handle(Geom_Surface) source;
   Surface surface;
   int round = 0;      // which parameter goes round
@@ -141,13 +144,15 @@ struct RoundPatch {
   gp_Pnt point(double along, double other) const { return point_at(*source, round, along, other); }
 };
 
-// The parameters of the nearest point of a cylinder, cone or sphere.
+// The parameters of the nearest point of a plane, cylinder, cone or sphere.
 gp_Pnt2d parameters(const Surface& surface, const gp_Pnt& point) {
   double u = 0, v = 0;
   if (const auto cylinder = Handle(Geom_CylindricalSurface)::DownCast(surface); !cylinder.IsNull())
     ElSLib::Parameters(cylinder->Cylinder(), point, u, v);
   else if (const auto cone = Handle(Geom_ConicalSurface)::DownCast(surface); !cone.IsNull())
     ElSLib::Parameters(cone->Cone(), point, u, v);
+  else if (const auto plane = Handle(Geom_Plane)::DownCast(surface); !plane.IsNull())
+    ElSLib::Parameters(plane->Pln(), point, u, v);
   else if (const auto ball = Handle(Geom_SphericalSurface)::DownCast(surface); !ball.IsNull())
     ElSLib::Parameters(ball->Sphere(), point, u, v);
   return {u, v};
@@ -168,7 +173,7 @@ double angle_of(const Surface& surface, const gp_Pnt& point, double near) {
 // these begin.
 class Angles {
  public:
-  Angles(const RoundPatch& patch, const Surface& surface) : patch_(patch), surface_(surface) {
+  Angles(const Patch& patch, const Surface& surface) : patch_(patch), surface_(surface) {
     double last = 0;
     for (int i = 0; i <= kAngles; ++i)
       angles_.push_back(last = angle_of(surface, ring_point(patch.ring.at(part(i))), last));
@@ -206,13 +211,13 @@ class Angles {
     return angles_[i] + (place - static_cast<double>(i)) * (angles_[i + 1] - angles_[i]);
   }
 
-  const RoundPatch& patch_;
+  const Patch& patch_;
   Surface surface_;
   std::vector<double> angles_;
 };
 
 // Whether the patch lies on its surface, and its lines go round and along meridians.
-bool is_sound(const RoundPatch& patch, double tolerance) {
+bool is_sound(const Patch& patch, double tolerance) {
   const Angles angles(patch, patch.surface);
   const double arc = std::abs(angles.last() - angles.first());
   if (!angles.is_rising_or_falling() || arc < kSmallestArc || arc > kTurn + kAtEnd) return false;
@@ -230,8 +235,8 @@ bool is_sound(const RoundPatch& patch, double tolerance) {
 }
 
 // The surface as a patch that goes round by the parameter `round`, if it is one.
-std::optional<RoundPatch> round_patch(const Handle(Geom_Surface) & surface, int round,
-                                      double tolerance) {
+std::optional<Patch> round_patch(const Handle(Geom_Surface) & surface, int round,
+                                 double tolerance) {
   if (surface.IsNull() || !surface->IsKind(STANDARD_TYPE(Geom_BoundedSurface))) return std::nullopt;
   const auto circle_at = [&](double other, const Range& ring) -> std::optional<gp_Lin> {
     const auto point = [&](double part) { return point_at(*surface, round, ring.at(part), other); };
@@ -262,14 +267,31 @@ std::optional<RoundPatch> round_patch(const Handle(Geom_Surface) & surface, int 
   const gp_Vec outward = gp_Vec(axis->Location(), begin);
   const auto found = surface_through(*axis, profile, gp_Dir(outward), tolerance);
   if (found.IsNull()) return std::nullopt;
-  RoundPatch patch{surface, found, round, widest, std::move(ring), std::move(meridian)};
+  Patch patch{surface, found, round, widest, std::move(ring), std::move(meridian)};
   if (!is_sound(patch, tolerance)) return std::nullopt;
   return patch;
 }
 
-std::optional<RoundPatch> round_patch(const Handle(Geom_Surface) & surface, double tolerance) {
+std::optional<Patch> round_patch(const Handle(Geom_Surface) & surface, double tolerance) {
   auto patch = round_patch(surface, 0, tolerance);
   return patch ? patch : round_patch(surface, 1, tolerance);
+}
+
+// The surface as a patch of a plane, if it is one.
+std::optional<Patch> flat_patch(const Handle(Geom_Surface) & surface, double tolerance) {
+  if (surface.IsNull() || !surface->IsKind(STANDARD_TYPE(Geom_BoundedSurface))) return std::nullopt;
+  Range u(surface, 0), v(surface, 1);
+  gp_Pnt middle;
+  gp_Vec du, dv;
+  surface->D1(u.at(0.5), v.at(0.5), middle, du, dv);
+  const gp_Vec normal = du.Crossed(dv);
+  if (normal.Magnitude() <= kSmallestArc * du.Magnitude() * dv.Magnitude()) return std::nullopt;
+  const gp_Pln plane(gp_Ax3(middle, gp_Dir(normal), gp_Dir(du)));
+  for (const double at_u : u.checks)
+    for (const double at_v : v.checks)
+      if (plane.Distance(surface->Value(at_u, at_v)) > tolerance) return std::nullopt;
+  const double widest = v.at(0.5);
+  return Patch{surface, new Geom_Plane(plane), 0, widest, std::move(u), std::move(v)};
 }
 
 // A face in the frame that its surface is in, the way its surface looks.
@@ -278,22 +300,30 @@ TopoDS_Face plain(const TopoDS_Shape& face) {
 }
 
 // A face, and the round surface that it has, or that its patch is found to be a piece of.
-struct RoundFace {
-  explicit RoundFace(const TopoDS_Shape& shape)
+struct AnalyticFace {
+  explicit AnalyticFace(const TopoDS_Shape& shape)
       : face(plain(shape)), surface(Surface::DownCast(BRep_Tool::Surface(face))) {}
 
+  void find_round_patch(double tolerance) {
+    if (surface.IsNull()) use(round_patch(BRep_Tool::Surface(face), tolerance));
+  }
+
   void find_patch(double tolerance) {
-    if (!surface.IsNull()) return;
-    patch = round_patch(BRep_Tool::Surface(face), tolerance);
+    find_round_patch(tolerance);
+    if (surface.IsNull()) use(flat_patch(BRep_Tool::Surface(face), tolerance));
+  }
+
+  void use(std::optional<Patch> found) {
+    patch = std::move(found);
     if (patch) surface = patch->surface;
   }
 
   TopoDS_Face face;
-  std::optional<RoundPatch> patch;
+  std::optional<Patch> patch;
   Surface surface;  // null where it is neither
 };
 
-bool lies_on(const RoundPatch& patch, const Surface& surface, double tolerance) {
+bool lies_on(const Patch& patch, const Surface& surface, double tolerance) {
   if (surface->DynamicType() != patch.surface->DynamicType()) return false;
   for (const double part : {0.0, 0.5, 1.0})
     for (const double other : {0.0, 0.5, 1.0})
@@ -302,7 +332,7 @@ bool lies_on(const RoundPatch& patch, const Surface& surface, double tolerance) 
   return true;
 }
 
-bool are_one(const RoundFace& a, const RoundFace& b, double tolerance) {
+bool are_one(const AnalyticFace& a, const AnalyticFace& b, double tolerance) {
   if (a.surface.IsNull() || b.surface.IsNull() || !(a.patch || b.patch)) return false;
   return (!a.patch || lies_on(*a.patch, b.surface, tolerance)) &&
          (!b.patch || lies_on(*b.patch, a.surface, tolerance));
@@ -380,12 +410,10 @@ std::vector<double> spans_of(const Handle(Geom_Curve) & curve, double first, dou
 // A face's way onto the surface that it lies on with others.
 class Mover {
  public:
-  Mover(const RoundPatch& patch, const TopoDS_Face& face, const Surface& surface, double tolerance)
-      : patch_(patch),
-        face_(face),
-        surface_(surface),
-        tolerance_(tolerance),
-        angles_(patch, surface) {}
+  Mover(const Patch& patch, const TopoDS_Face& face, const Surface& surface, double tolerance)
+      : patch_(patch), face_(face), surface_(surface), tolerance_(tolerance) {
+    if (!surface->IsKind(STANDARD_TYPE(Geom_Plane))) angles_.emplace(patch, surface);
+  }
 
   // Null where the edge has no pcurve.
   Handle(Geom2d_Curve) pcurve(const TopoDS_Edge& edge) const {
@@ -420,24 +448,26 @@ class Mover {
  private:
   gp_Pnt2d moved(const gp_Pnt2d& old) const {
     const gp_Pnt point = patch_.source->Value(old.X(), old.Y());
+    if (!angles_) return parameters(surface_, point);
     const double height = parameters(surface_, point).Y();
-    return {angles_.at(old.Coord(patch_.round + 1)), height};
+    return {angles_->at(old.Coord(patch_.round + 1)), height};
   }
 
   gp_Pnt2d moved(const gp_Pnt2d& old, const gp_Pnt& point) const {
+    if (!angles_) return parameters(surface_, point);
     const double along = old.Coord(patch_.round + 1);
     const gp_Lin axis(surface_->Axis());
     const bool is_near_axis =
         axis.Distance(point) < kNearAxis * axis.Distance(patch_.point(along, patch_.widest));
     const double height = parameters(surface_, point).Y();
-    return {is_near_axis ? angles_.at(along) : angles_.of(point, along), height};
+    return {is_near_axis ? angles_->at(along) : angles_->of(point, along), height};
   }
 
-  const RoundPatch& patch_;
+  const Patch& patch_;
   TopoDS_Face face_;
   Surface surface_;
   double tolerance_;
-  Angles angles_;
+  std::optional<Angles> angles_;  // not of a plane
 };
 
 double area(const TopoDS_Face& face) {
@@ -449,7 +479,7 @@ double area(const TopoDS_Face& face) {
 // The face on a copy of the surface, by the same wires: an edge between two faces of one surface
 // has one pcurve, but may end a turn in one of them and begin it in the other. Null where an edge
 // has no pcurve, or the face comes out as another one.
-TopoDS_Face moved_onto(const RoundFace& piece, const Surface& shared, double tolerance) {
+TopoDS_Face moved_onto(const AnalyticFace& piece, const Surface& shared, double tolerance) {
   const Surface surface = Surface::DownCast(shared->Copy());
   const Mover mover(*piece.patch, piece.face, surface, tolerance);
   const bool is_turned_over = mover.is_turned_over();
@@ -481,7 +511,7 @@ TopoDS_Face moved_onto(const RoundFace& piece, const Surface& shared, double tol
 }
 
 // The shape with faces on the surfaces given, by their numbers less one; null leaves a face as is.
-TopoDS_Shape with_surfaces(const TopoDS_Shape& shape, std::vector<RoundFace>& pieces,
+TopoDS_Shape with_surfaces(const TopoDS_Shape& shape, std::vector<AnalyticFace>& pieces,
                            const std::vector<Surface>& surfaces, double tolerance) {
   if (std::ranges::all_of(surfaces, &Surface::IsNull)) return shape;
   constexpr bool copies_geometry = false;
@@ -527,11 +557,12 @@ bool is_at_end_of_patch(const TopoDS_Edge& edge, const TopoDS_Face& face, double
   return false;
 }
 
-TopoDS_Shape with_shared_round_surfaces(const TopoDS_Shape& shape, double tolerance) {
+TopoDS_Shape with_shared_analytic_surfaces(const TopoDS_Shape& shape, double tolerance) {
   TopTools_IndexedMapOfShape faces;
   TopExp::MapShapes(shape, TopAbs_FACE, faces);
-  std::vector<RoundFace> pieces;
-  for (int i = 1; i <= faces.Extent(); ++i) pieces.emplace_back(faces(i)).find_patch(tolerance);
+  std::vector<AnalyticFace> pieces;
+  for (int i = 1; i <= faces.Extent(); ++i)
+    pieces.emplace_back(faces(i)).find_round_patch(tolerance);
   std::vector<Surface> surfaces(pieces.size());
   const auto are_one_surface = [&](int a, int b) {
     return are_one(pieces[a - 1], pieces[b - 1], tolerance);
@@ -540,18 +571,18 @@ TopoDS_Shape with_shared_round_surfaces(const TopoDS_Shape& shape, double tolera
     const auto own = std::ranges::find_if(group, [&](int face) { return !pieces[face - 1].patch; });
     const Surface& surface = pieces[(own == group.end() ? group.front() : *own) - 1].surface;
     for (const int face : group) {
-      const RoundFace& piece = pieces[face - 1];
+      const AnalyticFace& piece = pieces[face - 1];
       if (piece.patch && lies_on(*piece.patch, surface, tolerance)) surfaces[face - 1] = surface;
     }
   }
   return with_surfaces(shape, pieces, surfaces, tolerance);
 }
 
-TopoDS_Shape with_round_surfaces(const TopoDS_Shape& shape, const std::vector<bool>& is_wanted,
-                                 double tolerance) {
+TopoDS_Shape with_analytic_surfaces(const TopoDS_Shape& shape, const std::vector<bool>& is_wanted,
+                                    double tolerance) {
   TopTools_IndexedMapOfShape faces;
   TopExp::MapShapes(shape, TopAbs_FACE, faces);
-  std::vector<RoundFace> pieces;
+  std::vector<AnalyticFace> pieces;
   std::vector<Surface> surfaces;
   for (int i = 1; i <= faces.Extent(); ++i) {
     pieces.emplace_back(faces(i));

@@ -17,11 +17,11 @@ bool is_at_end_of_patch(const TopoDS_Edge& edge, const TopoDS_Face& face, double
 /// The same shape with faces that touch and lie on one cylinder, cone or sphere on that surface, in
 /// place of patches of their own: OCCT merges no others. Shares no edges with `shape` where
 /// something changed; faces and edges keep their order, and edges their 3D curves.
-TopoDS_Shape with_shared_round_surfaces(const TopoDS_Shape& shape, double tolerance);
+TopoDS_Shape with_shared_analytic_surfaces(const TopoDS_Shape& shape, double tolerance);
 
-/// The same with the wanted faces (in the order of TopExp::MapShapes) on cylinders, cones and
-/// spheres where their patches are pieces of such, each on its own.
-TopoDS_Shape with_round_surfaces(const TopoDS_Shape& shape, const std::vector<bool>& is_wanted,
-                                 double tolerance);
+/// The same with the wanted faces (in the order of TopExp::MapShapes) on planes, cylinders, cones
+/// and spheres where their patches are pieces of such, each on its own.
+TopoDS_Shape with_analytic_surfaces(const TopoDS_Shape& shape, const std::vector<bool>& is_wanted,
+                                    double tolerance);
 
 }  // namespace cadmorph
