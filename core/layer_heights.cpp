@@ -8,10 +8,12 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "core/cell_topology.h"
+#include "core/parallel.h"
 #include "core/plane_mesh.h"
 
 namespace cadmorph {
@@ -173,29 +175,52 @@ std::vector<Storey> storeys_from(const Mesh& mesh, const CellNeighbours& neighbo
   return result;
 }
 
-// The lowest storeys of all layers.
-std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighbours,
-                                  const std::vector<char>& is_surface, const Points& points) {
+// A storey on the surface that may be the lowest of a layer; on some others it is only where these
+// are one.
+struct LowestStorey {
+  Storey storey;
+  bool is_thin = false;
+};
+
+// The one that the cell is, if it and the two on it grow at one rate.
+std::optional<LowestStorey> growing_storey(const Mesh& mesh, const CellNeighbours& neighbours,
+                                           Index cell, const std::vector<char>& is_surface,
+                                           const Points& points) {
   const auto growth = [&](const Storey& one, const Storey& above) {
     return above.ceiling.empty() ? 0 : above.height(points) / one.height(points);
   };
+  Storey first = first_storey(mesh, neighbours, cell, is_surface,
+                              [&](const Storey& one) { return is_flat(one, points, kThin); });
+  const bool is_thin = !first.floor.empty();
+  if (!is_thin)
+    first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
+  if (first.floor.empty()) return std::nullopt;
+  const Storey second = next(mesh, neighbours, first);
+  const double rate = growth(first, second);
+  if (rate < kGrowth) return std::nullopt;
+  const double next_rate = growth(second, next(mesh, neighbours, second));
+  if (std::abs(next_rate / rate - 1) > kSameRate) return std::nullopt;
+  return LowestStorey{std::move(first), is_thin};
+}
+
+// The lowest storeys of all layers.
+std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighbours,
+                                  const std::vector<char>& is_surface, const Points& points) {
+  constexpr Index kGrain = 4096;
+  std::vector<std::vector<LowestStorey>> found(mesh.cell_count() / kGrain + 1);
+  parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
+    for (Index cell = begin; cell < end; ++cell)
+      if (can_stand(mesh.types[cell]))
+        if (auto one = growing_storey(mesh, neighbours, cell, is_surface, points))
+          found[begin / kGrain].push_back(std::move(*one));
+  });
   std::vector<Storey> growing;
   std::vector<std::size_t> layer;  // of these: the thin ones first
-  for (Index cell = 0; cell < mesh.cell_count(); ++cell) {
-    if (!can_stand(mesh.types[cell])) continue;
-    Storey first = first_storey(mesh, neighbours, cell, is_surface,
-                                [&](const Storey& one) { return is_flat(one, points, kThin); });
-    const bool is_thin = !first.floor.empty();
-    if (!is_thin)
-      first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
-    if (first.floor.empty()) continue;
-    const Storey second = next(mesh, neighbours, first);
-    const double rate = growth(first, second);
-    const double next_rate = growth(second, next(mesh, neighbours, second));
-    if (rate < kGrowth || std::abs(next_rate / rate - 1) > kSameRate) continue;
-    if (is_thin) layer.push_back(growing.size());
-    growing.push_back(std::move(first));
-  }
+  for (std::vector<LowestStorey>& some : found)
+    for (LowestStorey& one : some) {
+      if (one.is_thin) layer.push_back(growing.size());
+      growing.push_back(std::move(one.storey));
+    }
   add_adjacent(growing, layer);
   std::vector<Storey> result;
   for (const std::size_t i : layer) result.push_back(std::move(growing[i]));

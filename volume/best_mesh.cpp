@@ -135,8 +135,10 @@ class BestMesh {
       if (!has_lost_much() || !raise_by_sliding())
         for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
       if (sliding_) keep_slides();
-      has_raised_ = true;
-      straighten_rows();
+      has_raised_ = std::ranges::any_of(result_.report.attempts, [](const RaiseAttempt& attempt) {
+        return attempt.power > 0 && attempt.is_taken;
+      });
+      if (has_raised_) straighten_rows();
     }
     if (options_.volumes)
       result_.quality = result_.positions == came_.points

@@ -6,6 +6,7 @@
 #include "apps/pipeline/base_cache.h"
 #include "core/archive_types.h"
 #include "core/blas.h"
+#include "core/layer_heights.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "surface/motion_path.h"
@@ -227,6 +228,21 @@ std::vector<char> BaseSide::fixed_nodes() const {
   for (const Index c : misordered)
     for (const Index node : mesh().cell(c)) is_fixed[node] = 1;
   return is_fixed;
+}
+
+std::vector<char> BaseSide::on_cad() const {
+  std::vector<char> result(static_cast<std::size_t>(mesh().node_count()), 0);
+  for (const RowId row : association().dimension.ids())
+    result[boundary.nodes[row]] =
+        association().dimension[row] != CadDimension::None || association().is_amid[row];
+  return result;
+}
+
+const std::vector<Index>& BaseSide::layer_nodes() const {
+  std::call_once(has_layer_nodes_, [&] {
+    layer_nodes_ = nodes_of_layers(mesh(), neighbours, on_cad(), mesh().points);
+  });
+  return layer_nodes_;
 }
 
 // Where faces turn, the surface follows them on the way; found out when it is first asked for.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -41,6 +42,12 @@ struct BaseSide {
   /// takes to that.
   std::vector<char> fixed_nodes() const;
 
+  /// A flag a mesh node: on the base CAD, or amid straight edges of it.
+  std::vector<char> on_cad() const;
+
+  /// nodes_of_layers of the mesh, found when first asked for; of any number of threads at once.
+  const std::vector<Index>& layer_nodes() const;
+
   /// The way of the prescribed nodes to `prescribed_positions`, which must outlive it: where faces
   /// turn, the surface follows them.
   SurfacePath path(const Points& prescribed_positions) const;
@@ -79,6 +86,9 @@ struct BaseSide {
   void fill_report();
   void warn_of_inverted();
   void warn_of_crossed();
+
+  mutable std::once_flag has_layer_nodes_;
+  mutable std::vector<Index> layer_nodes_;
 };
 
 /// Names the file in an error about the mesh, which knows no file.

@@ -27,7 +27,8 @@ constexpr int kMostFirstRings = 4;
 // Nodes at rest follow what moves beside them where less than this share is kept, by raising too,
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
-// Layers are restored where less than the first share is kept, and by it more by the factor.
+// Layers are restored where less than the first share is kept of the mean of the worst twentieth,
+// and where the figures' shares rise by the factor.
 constexpr double kKeptMost = 0.9, kWorthRestoring = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
 constexpr double kSamePlace = 1e-9;  // of the diagonal: images after a slide
@@ -254,15 +255,6 @@ std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult&
   return result;
 }
 
-std::vector<char> on_cad(const BaseSide& base) {
-  std::vector<char> result(static_cast<std::size_t>(base.mesh().node_count()), 0);
-  const Association& association = base.association();
-  for (const RowId row : association.dimension.ids())
-    result[base.boundary.nodes[row]] =
-        association.dimension[row] != CadDimension::None || association.is_amid[row];
-  return result;
-}
-
 bool is_for_finite_volumes(const BaseSide& base) {
   const MeshUse use = base.options.mesh_use;
   return use == MeshUse::FiniteVolumes ||
@@ -397,8 +389,7 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
         !std::ranges::binary_search(surface.jointed, row) &&
         result.positions.row(node) == mesh.points.row(node))
       is_fixed[node] = 0;
-  for (const Index node : nodes_of_layers(mesh, base.neighbours, on_cad(base), mesh.points))
-    is_fixed[node] = 1;
+  for (const Index node : base.layer_nodes()) is_fixed[node] = 1;
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
@@ -455,8 +446,7 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   BestMeshOptions how;
   how.volumes = volumes;
   hold_nodes(base, result, how);
-  for (const Index node :
-       nodes_of_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points)) {
+  for (const Index node : base.layer_nodes()) {
     is_fixed[node] = 1;
     how.held.push_back(node);
   }
@@ -524,7 +514,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
 // Gives layers their old heights. Returns whether any has them.
 bool keep_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
   clock.start("layers");
-  std::optional<MeshWithLayers> kept = keep_layers(result, *sliding.nodes(), on_cad(base));
+  std::optional<MeshWithLayers> kept = keep_layers(result, *sliding.nodes(), base.on_cad());
   result.report.kept_layers = kept ? kept->report : KeptLayers{};
   if (result.report.kept_layers->kept == 0) return false;
   result.positions = std::move(kept->positions);
@@ -534,13 +524,20 @@ bool keep_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock, Morp
   return true;
 }
 
-// Whether the mesh can have layers.
-bool has_flat_cells(const Mesh& mesh) {
-  if (dimension(mesh) == 2) return flat_axis(mesh, mesh.points) >= 0;
-  return std::ranges::any_of(mesh.types, [](CellType type) {
-    const Shape shape = info_of(type).shape;
-    return shape == Shape::Cube || shape == Shape::Prism;
-  });
+// Whether half of the cells that lost more than a tenth of their shape, and are worse than the
+// worst twentieth was, are of layers.
+bool have_layers_lost(const BaseSide& base, const QualityReport& quality) {
+  if (base.layer_nodes().empty()) return false;
+  std::vector<char> is_layer(base.mesh().node_count(), 0);
+  for (const Index node : base.layer_nodes()) is_layer[node] = 1;
+  const double worst = worst_cells(base.quality).worst_twentieth;
+  Index lost = 0, of_layers = 0;
+  for (Index c = 0; c < base.mesh().cell_count(); ++c) {
+    if (!(quality.values[c] < std::min(worst, kKeptMost * base.quality.values[c]))) continue;
+    ++lost;
+    of_layers += std::ranges::all_of(base.mesh().cell(c), [&](Index n) { return is_layer[n]; });
+  }
+  return 2 * of_layers > lost;
 }
 
 // Layers that were sheared or squeezed get their old heights where that keeps more of the cells'
@@ -548,7 +545,7 @@ bool has_flat_cells(const Mesh& mesh) {
 bool restore_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
                     MorphResult& result) {
   if (base.options.quality == QualityMode::Fast || !base.options.can_repair || !is_free(base) ||
-      !has_flat_cells(base.mesh()))
+      !have_layers_lost(base, result.quality))
     return false;
   const Mesh& mesh = base.mesh();
   std::optional<FiniteVolumes> volumes;
@@ -560,7 +557,7 @@ bool restore_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
   };
   const WorstCells had = worst(mesh.points, base.quality),
                    came = worst(result.positions, result.quality);
-  if (least_share(came, had) >= kKeptMost) return false;
+  if (came.worst_twentieth >= kKeptMost * had.worst_twentieth) return false;
   sliding.nodes();
   Undo undo(sliding, result);
   if (keep_layers(base, sliding, clock, result)) {
@@ -610,9 +607,7 @@ bool raise(const BaseSide& base, Sliding* sliding, MorphResult& result) {
   how.poor_cells = cells_below(*base.options.improve_below, result.quality);
   std::vector<char> is_fixed = base.fixed_nodes();
   if (base.options.keep_layers)
-    for (const Index node :
-         nodes_of_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points))
-      is_fixed[node] = 1;
+    for (const Index node : base.layer_nodes()) is_fixed[node] = 1;
   UntangleResult improved =
       untangle(base.mesh(), result.positions, is_fixed, base.orientation, how);
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
@@ -681,7 +676,7 @@ void measure(const BaseSide& base, Sliding& sliding, MorphResult& result) {
     figures.max_surface_displacement = std::max(
         figures.max_surface_displacement,
         figures.mesh.unit_mm * (result.positions.row(node) - base.mesh().points.row(node)).norm());
-  figures.layers = measure_layers(base.mesh(), base.neighbours, on_cad(base), base.mesh().points,
+  figures.layers = measure_layers(base.mesh(), base.neighbours, base.on_cad(), base.mesh().points,
                                   result.positions);
   figures.mesh.groups = figures_of_groups(base.mesh(), result.positions, figures.mesh.unit_mm);
   judge(result);
