@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "core/errors.h"
 #include "core/layer_heights.h"
 #include "core/plane_mesh.h"
 #include "core/stopwatch.h"
@@ -73,13 +74,12 @@ class LayerKeeper {
     kept.report.columns = std::ssize(layers_.columns);
     for (int round = 0; round < kMostRounds; ++round) {
       const std::vector<double> shares = shares_of_columns();
+      if (std::ranges::all_of(shares, [](double share) { return share == 0; })) break;
       MeshWithLayers made = move(shares);
       if (made.validity.invalid <= result_.validity.invalid) {
-        kept.report.kept = std::ranges::count(shares, 1);
-        kept.positions = std::move(made.positions);
-        kept.slides = std::move(made.slides);
-        kept.validity = std::move(made.validity);
-        break;
+        made.report = kept.report;
+        count_columns(shares, made.report);
+        return made;
       }
       if (!lower_columns_of(made.validity.invalid_cells)) break;
     }
@@ -151,6 +151,14 @@ class LayerKeeper {
         else
           side_edges_.insert(association.edge(row));
       }
+  }
+
+  void count_columns(const std::vector<double>& shares, KeptLayers& report) const {
+    for (std::size_t i = 0; i < shares.size(); ++i)
+      if (shares[i] == 1 && kept_nodes(i).size() == layers_.columns[i].nodes.size())
+        ++report.kept;
+      else if (shares[i] > 0)
+        ++report.partly;
   }
 
   // Whether a node is one that its column keeps where it belongs.
@@ -351,9 +359,14 @@ std::optional<MeshWithLayers> keep_layers(const MorphResult& result, const Slidi
   const Stopwatch watch;
   LayerKeeper keeper(result, sliding, is_on_cad);
   if (!keeper.has_layers()) return std::nullopt;
-  MeshWithLayers kept = keeper.keep();
-  kept.report.seconds = watch.seconds();
-  return kept;
+  try {
+    MeshWithLayers kept = keeper.keep();
+    kept.report.seconds = watch.seconds();
+    return kept;
+  } catch (const SolverError&) {
+    // Uppermost nodes that nearly coincide: the layers stay as the morph left them.
+    return std::nullopt;
+  }
 }
 
 }  // namespace cadmorph

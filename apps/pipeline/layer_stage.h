@@ -17,10 +17,10 @@ struct MeshWithLayers {
 /// Gives the layers on the surface of a morphed mesh the heights back that they have at the base:
 /// each column of nodes (find_layer_columns) keeps its shape and turns with the surface round its
 /// foot; nodes of columns on side walls and symmetry planes slide along these. What is beyond the
-/// layers follows by an RBF warp of the corrections. Where cells would be inverted the columns
-/// round them stay as they were, and those beside these go a part of the way. Nothing where the
-/// mesh has no layers. Cost: about that of a volume morph with its set-up, more where cells were
-/// inverted. Throws what VolumeMorph throws.
+/// layers gives way (near_displacements). Where cells would be inverted the columns
+/// round them keep their lower nodes alone, or none, and those beside columns without any go a part
+/// of the way. Nothing where the mesh has no layers. Cost: a tree of the surface's nodes, and an
+/// evaluation at all nodes; up to six times that where cells were inverted.
 std::optional<MeshWithLayers> keep_layers(const MorphResult& result, const SlidingNodes& sliding,
                                           const std::vector<char>& is_on_cad);
 

@@ -83,7 +83,8 @@ struct LegReport {
 /// What PipelineOptions::keep_layers came to.
 struct KeptLayers {
   Index columns = 0;  ///< of nodes, on as many nodes of the surface
-  Index kept = 0;     ///< that have their old heights; others would have inverted cells
+  Index kept = 0;     ///< that have their old heights, all of their nodes
+  Index partly = 0;   ///< some of their nodes, or a part of the way to these heights
   double seconds = 0;
 };
 

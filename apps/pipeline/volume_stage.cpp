@@ -516,7 +516,7 @@ bool keep_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock, Morp
   clock.start("layers");
   std::optional<MeshWithLayers> kept = keep_layers(result, *sliding.nodes(), base.on_cad());
   result.report.kept_layers = kept ? kept->report : KeptLayers{};
-  if (result.report.kept_layers->kept == 0) return false;
+  if (result.report.kept_layers->kept + result.report.kept_layers->partly == 0) return false;
   result.positions = std::move(kept->positions);
   result.validity = std::move(kept->validity);
   sliding.move_to(std::move(kept->slides));

@@ -268,6 +268,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   if (report.kept_layers)
     json["kept_layers"] = {{"columns", report.kept_layers->columns},
                            {"kept", report.kept_layers->kept},
+                           {"partly", report.kept_layers->partly},
                            {"seconds", json_number(report.kept_layers->seconds)}};
   json["method"] = to_string(report.method);
   json["volume_morph"] = report.method == MorphMethod::Rbf

@@ -147,8 +147,8 @@ std::string improve_line(const ImproveReport& report) {
 std::string kept_layers_line(const KeptLayers& kept) {
   if (kept.columns == 0) return "none: no layers that grow from a wall were found";
   return with_commas(kept.kept) + " of " + with_commas(kept.columns) +
-         " columns of nodes on the wall with their old heights" +
-         (kept.kept < kept.columns ? ", those beside the others with a part of the change" : "");
+         " columns of nodes on the wall at their old heights" +
+         (kept.partly > 0 ? ", " + with_commas(kept.partly) + " in part" : "");
 }
 
 std::string best_mesh_line(const BestMeshReport& report) {

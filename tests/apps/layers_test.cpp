@@ -225,6 +225,21 @@ TEST_CASE("Layers keep their heights where that is asked for", "[apps][layers]")
     }
 }
 
+TEST_CASE("Layers in a gap that closes keep what there is room for", "[apps][layers]") {
+  const AirRound from{.radius = 2}, to{.radius = 2, .at = 7.3};
+  PipelineOptions options;
+  options.keep_layers = true;
+  const MorphResult kept = from.morphed_to(to, options);
+  REQUIRE(kept.report.outcome == Outcome::Done);
+  REQUIRE(kept.report.kept_layers);
+  const KeptLayers& layers = *kept.report.kept_layers;
+  CHECK(layers.kept > 0);
+  CHECK(layers.partly > 0);
+  CHECK(layers.kept + layers.partly == layers.columns);
+  // The first cells have room everywhere.
+  CHECK(kept.report.layers.share_kept == 1);
+}
+
 TEST_CASE("Layers that a morph sheared stand up again where that keeps more of the cells",
           "[apps][layers]") {
   const Nozzle from{10}, to{20};
