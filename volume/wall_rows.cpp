@@ -16,7 +16,7 @@ namespace {
 using Eigen::Vector3d;
 
 // A wall has few cells across it. Longer rows tell what is across and what along a wall.
-constexpr std::size_t kMostCells = 8, kFarthest = 16;
+constexpr std::size_t kMostCells = 16, kFarthest = 32;
 constexpr double kThin = 0.5;
 constexpr double kStraight = 0.1;  // off the line between its ends, of its length
 constexpr double kEven = 1.1;      // largest height of a cell over the smallest

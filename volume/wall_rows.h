@@ -11,7 +11,7 @@ namespace cadmorph {
 using NodeRow = std::vector<Index>;
 
 /// The rows of corner nodes through hexahedra and wedges, from a face of the surface to the one
-/// opposite it, over 2 to 8 cells: straight ones at `points` (N x 3) that are at most half as long
+/// opposite it, over 2 to 16 cells: straight ones at `points` (N x 3) that are at most half as long
 /// as other rows through the same nodes. Each row once; the order depends on the mesh alone.
 /// O(cells).
 std::vector<NodeRow> find_wall_rows(const Mesh& mesh, const CellNeighbours& neighbours,
