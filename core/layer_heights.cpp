@@ -9,6 +9,7 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -80,8 +81,14 @@ bool can_stand(CellType type) {
   return shape == Shape::Cube || shape == Shape::Prism;
 }
 
-Storey storey(const CellNeighbours& neighbours, Index cell, const std::vector<Facet>& facets,
-              std::size_t floor) {
+// The neighbour beyond a face of the cell; -1 where the mesh, or its region, ends.
+Index beyond(const Mesh& mesh, const CellNeighbours& neighbours, Index cell, std::size_t face) {
+  const Index other = neighbours.neighbour[neighbours.offsets[cell] + static_cast<Index>(face)];
+  return other >= 0 && mesh.region(other) != mesh.region(cell) ? -1 : other;
+}
+
+Storey storey(const Mesh& mesh, const CellNeighbours& neighbours, Index cell,
+              const std::vector<Facet>& facets, std::size_t floor) {
   Storey result{.cell = cell, .floor = corners(facets[floor]), .ceiling = {}, .above = -1};
   for (std::size_t f = 0; f < facets.size(); ++f) {
     std::vector<Index> nodes = corners(facets[f]);
@@ -89,7 +96,7 @@ Storey storey(const CellNeighbours& neighbours, Index cell, const std::vector<Fa
         nodes, [&](Index n) { return std::ranges::find(result.floor, n) != result.floor.end(); });
     if (!is_apart || nodes.size() != result.floor.size()) continue;
     result.ceiling = std::move(nodes);
-    result.above = neighbours.neighbour[neighbours.offsets[cell] + static_cast<Index>(f)];
+    result.above = beyond(mesh, neighbours, cell, f);
   }
   return result;
 }
@@ -101,7 +108,7 @@ Storey next(const Mesh& mesh, const CellNeighbours& neighbours, const Storey& un
   const std::vector<Facet> facets = cell_facets(mesh, cell);
   for (std::size_t f = 0; f < facets.size(); ++f)
     if (neighbours.neighbour[neighbours.offsets[cell] + static_cast<Index>(f)] == under.cell)
-      return storey(neighbours, cell, facets, f);
+      return storey(mesh, neighbours, cell, facets, f);
   return {};
 }
 
@@ -124,13 +131,15 @@ bool moves(const Storey& one, const Points& before, const Points& after) {
 // it, if any.
 Storey first_storey(const Mesh& mesh, const CellNeighbours& neighbours, Index cell,
                     const std::vector<char>& is_surface, const auto& counts) {
-  const auto own = neighbours.of(cell);
-  if (std::ranges::find(own, -1) == own.end()) return {};
+  const std::size_t faces = neighbours.of(cell).size();
+  const auto ends = [&](std::size_t f) { return beyond(mesh, neighbours, cell, f) < 0; };
+  const auto all = std::views::iota(std::size_t{0}, faces);
+  if (std::ranges::none_of(all, ends)) return {};
   const std::vector<Facet> facets = cell_facets(mesh, cell);
   Storey found;
-  for (std::size_t f = 0; f < facets.size(); ++f) {
-    if (own[f] != -1) continue;
-    Storey one = storey(neighbours, cell, facets, f);
+  for (const std::size_t f : all) {
+    if (!ends(f)) continue;
+    Storey one = storey(mesh, neighbours, cell, facets, f);
     if (one.above < 0 || std::ranges::any_of(one.floor, [&](Index n) { return !is_surface[n]; }) ||
         !counts(one))
       continue;

@@ -8,7 +8,8 @@ namespace cadmorph {
 /// What a morph did to the first cells of layers (nodes_of_layers) on parts of the surface that
 /// moved; where a mesh has no layers, to all that stand there: prisms and hexahedra with one face
 /// on it, or in a plane mesh triangles and quads with one edge. A face does not count where the one
-/// opposite to it is outside, too: that of a mesh of one layer.
+/// opposite to it is outside, too: that of a mesh of one layer. Here and below faces between cells
+/// of two regions are as much of the surface as those of the outside.
 struct LayerFigures {
   Index cells = 0;             ///< such first cells; the rest counts only where there are some
   double share_kept = 1;       ///< whose height changed by at most 1 %

@@ -1,4 +1,5 @@
 #include <Eigen/Geometry>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -76,6 +77,46 @@ TEST_CASE("Heights and growth of layers are compared", "[volume][layers]") {
   // Six layers from 1e-3 to 1, each 1000^(1/5) times as high, from the floor, as the one before.
   const double factor = std::pow(1000, 0.2);
   CHECK(high.growth_before == Approx(factor - 1));
+}
+
+TEST_CASE("Layers stand on the border between regions, too", "[volume][layers]") {
+  const std::vector<double> levels = {-3, -2, -1, 0, 0.1, 0.22, 0.364, 0.537, 0.744};
+  constexpr Index kSide = 4, kLevel = kSide * kSide;
+  Mesh mesh;
+  mesh.points.resize(kLevel * std::ssize(levels), 3);
+  std::vector<char> is_border(mesh.points.rows(), 0);
+  std::vector<Index> expected;
+  for (std::size_t k = 0; k < levels.size(); ++k)
+    for (Index i = 0; i < kLevel; ++i) {
+      const Index node = Index(k) * kLevel + i;
+      mesh.points.row(node) << double(i % kSide), double(i / kSide), levels[k];
+      is_border[node] = levels[k] == 0;
+      if (levels[k] >= 0) expected.push_back(node);
+    }
+  for (std::size_t k = 0; k + 1 < levels.size(); ++k)
+    for (Index j = 0; j + 1 < kSide; ++j)
+      for (Index i = 0; i + 1 < kSide; ++i) {
+        const Index a = Index(k) * kLevel + j * kSide + i, b = a + kLevel;
+        add_cell(
+            mesh, CellType::Hexahedron,
+            std::array{a, a + 1, a + kSide + 1, a + kSide, b, b + 1, b + kSide + 1, b + kSide});
+        mesh.regions.push_back(levels[k] < 0 ? 1 : 2);
+      }
+  const CellNeighbours neighbours = find_cell_neighbours(mesh);
+  CHECK(nodes_of_layers(mesh, neighbours, is_border, mesh.points) == expected);
+  const LayerColumns layers = find_layer_columns(mesh, neighbours, is_border, mesh.points);
+  CHECK(layers.columns.size() == kLevel);
+  for (const LayerColumn& column : layers.columns) CHECK(column.nodes.size() == 5);
+  Points higher = mesh.points;
+  higher.col(2) *= 2;
+  const LayerFigures none = measure_layers(mesh, neighbours, is_border, mesh.points, higher);
+  CHECK(none.cells == 0);  // the border rests
+  higher.col(2).array() += 1;
+  const LayerFigures moved = measure_layers(mesh, neighbours, is_border, mesh.points, higher);
+  CHECK(moved.cells == (kSide - 1) * (kSide - 1));
+  CHECK(moved.most == Approx(2));
+  mesh.regions.clear();
+  CHECK(nodes_of_layers(mesh, neighbours, is_border, mesh.points).empty());
 }
 
 TEST_CASE("Layers are told by their growth", "[volume][layers]") {
