@@ -21,9 +21,12 @@ namespace {
 
 // Inverted cells are few when they are at most one in so many.
 constexpr Index kFewCells = 10'000;
-// Surface nodes slide where that lifts the worst cell's quality by this factor.
-constexpr double kWorthSliding = 1.1;
+// Surface nodes slide where that lifts the worst cell's quality by the first factor. Else poor
+// cells have to become fewer by the second for nodes to move.
+constexpr double kWorthSliding = 1.1, kFewerPoor = 1.1;
 constexpr int kMostFirstRings = 4;
+// Rounds in which nodes of cells that became worse than the worst are put back.
+constexpr int kTakeBacks = 16;
 // Nodes at rest follow what moves beside them where less than this share is kept, by raising too,
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
@@ -597,8 +600,31 @@ void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
   raised.apply(sliding, result);
 }
 
+// What is nearest to its shape as a whole may leave single cells worse. Puts the nodes of cells
+// that fell below the worst there was back to where they were; returns whether none is left.
+bool take_back_worse(const BaseSide& base, const MorphResult& before, const SlidingNodes* sliding,
+                     UntangleResult& improved, QualityReport& now) {
+  const Mesh& mesh = base.mesh();
+  for (int round = 0; round < kTakeBacks && now.min < before.quality.min; ++round) {
+    for (Index c = 0; c < mesh.cell_count(); ++c) {
+      if (!(now.values[c] < before.quality.min)) continue;
+      for (const Index node : mesh.cell(c)) {
+        improved.positions.row(node) = before.positions.row(node);
+        if (!sliding) continue;
+        const auto slider = std::ranges::lower_bound(sliding->nodes, node);
+        if (slider != sliding->nodes.end() && *slider == node)
+          improved.slides.row(slider - sliding->nodes.begin()) =
+              sliding->slides.row(slider - sliding->nodes.begin());
+      }
+    }
+    now = measure_quality(mesh, improved.positions, base.orientation);
+  }
+  return now.min >= before.quality.min &&
+         check_validity(mesh, improved.positions, base.orientation).invalid == 0;
+}
+
 // Moves nodes near poor cells, the inner ones or those on CAD edges and faces, too. Returns whether
-// that lifts the worst cell; all stays as it was where it does not.
+// that lifts the worst cell, or leaves fewer poor ones; all stays as it was where it does not.
 bool raise(const BaseSide& base, Sliding* sliding, MorphResult& result) {
   UntangleOptions how;
   how.progress = base.options.progress;
@@ -610,9 +636,15 @@ bool raise(const BaseSide& base, Sliding* sliding, MorphResult& result) {
     for (const Index node : base.layer_nodes()) is_fixed[node] = 1;
   UntangleResult improved =
       untangle(base.mesh(), result.positions, is_fixed, base.orientation, how);
+  if (improved.report.after > 0) return false;
   QualityReport now = measure_quality(base.mesh(), improved.positions, base.orientation);
-  const double least = result.quality.min * (sliding ? kWorthSliding : 1);
-  if (improved.report.after > 0 || now.min <= least) return false;
+  if (now.min < result.quality.min && !take_back_worse(base, result, how.sliding, improved, now))
+    return false;
+  const auto poor = [&](const QualityReport& quality) {
+    return static_cast<double>(cells_below(*base.options.improve_below, quality).size());
+  };
+  const bool is_lifted = now.min > (sliding ? kWorthSliding : 1) * result.quality.min;
+  if (!is_lifted && kFewerPoor * poor(now) >= poor(result.quality)) return false;
   if (sliding && sliding->is_folded(improved.positions, improved.slides)) return false;
   result.positions = std::move(improved.positions);
   result.quality = std::move(now);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <gp_Ax2.hxx>
 #include <numbers>
+#include <optional>
 
 #include "apps/pipeline/morph_job.h"
 #include "cad_variants.h"
@@ -58,9 +59,11 @@ struct Disc {
     return mesh;
   }
 
-  static MorphResult moved(double by, QualityMode quality) {
+  static MorphResult moved(double by, QualityMode quality,
+                           std::optional<double> improve_below = {}) {
     PipelineOptions options;
     options.quality = quality;
+    options.improve_below = improve_below;
     return MorphJob(std::make_shared<const CadModel>(Disc{0}.cad()),
                     std::make_shared<const MeshFile>(mesh(), "disc"), options)
         .morph(Disc{by}.cad());
@@ -92,6 +95,17 @@ TEST_CASE("Raising slides both ends of a swept mesh alike, and keeps its levels"
   CHECK(slid > 0.1);
   CHECK(apart < 1e-9);
   CHECK(off_level < 1e-3);
+}
+
+TEST_CASE("Improving puts single elements back that became worse than the worst",
+          "[apps][families]") {
+  const MorphResult improved = Disc::moved(6.5, QualityMode::Fast, 0.4);
+  REQUIRE(improved.report.outcome == Outcome::Done);
+  REQUIRE(improved.report.improving);
+  const ImproveReport& report = *improved.report.improving;
+  CHECK(report.poor_before > 50);
+  CHECK(report.poor_after < report.poor_before / 5);
+  CHECK(report.min_after > report.min_before);
 }
 
 }  // namespace cadmorph
