@@ -763,12 +763,8 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
   }
   if (slide_surface(base, sliding, result)) repair_from_one_step(base, sliding, clock, result);
   const bool is_asked = base.options.keep_layers;
-  if (is_asked) {
-    if (result.validity.invalid <= base.validity.invalid)
-      keep_layers(base, sliding, clock, result);
-    else
-      result.report.kept_layers.emplace();
-  }
+  if (is_asked && result.validity.invalid <= base.validity.invalid)
+    keep_layers(base, sliding, clock, result);
   clock.start("quality after");
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
   const bool has_restored =
