@@ -48,14 +48,6 @@ void ImageSlides::average(RowMatrix& steps) const {
     }
 }
 
-std::vector<Index> ImageSlides::counts() const {
-  std::vector<Index> result(sliding_.nodes.size(), 0);
-  for (const Twins& twins : twins_)
-    for (const Index i : {twins.from, twins.to})
-      if (i >= 0) ++result[i];
-  return result;
-}
-
 std::vector<Index> ImageSlides::twins() const {
   std::vector<Index> result(sliding_.nodes.size(), -1);
   for (const Twins& twins : twins_) {
@@ -66,7 +58,10 @@ std::vector<Index> ImageSlides::twins() const {
 }
 
 std::vector<Index> ImageSlides::unpaired() const {
-  const std::vector<Index> count = counts();
+  std::vector<Index> count(sliding_.nodes.size(), 0);
+  for (const Twins& twins : twins_)
+    for (const Index i : {twins.from, twins.to})
+      if (i >= 0) ++count[i];
   std::vector<char> is_bound(count.size(), 0);
   for (const auto& [from, to, turn] : twins_) {
     const bool is_pair = from >= 0 && to >= 0 && count[from] == 1 && count[to] == 1;

@@ -34,8 +34,6 @@ class ImageSlides {
     Eigen::Matrix3d turn;  ///< of a way of the first into that of the other
   };
 
-  std::vector<Index> counts() const;
-
   const SlidingNodes& sliding_;
   std::vector<Twins> twins_;
 };

@@ -47,12 +47,12 @@ Vector2d nearest_slide(const SlidingNodes& sliding, Index i, const Vector3d& x, 
 
 class LayerKeeper {
  public:
-  LayerKeeper(const MorphResult& result, const SlidingNodes& sliding,
-              const std::vector<char>& is_on_cad)
+  LayerKeeper(const MorphResult& result, const SlidingNodes& sliding)
       : base_(*result.base),
         result_(result),
         sliding_(sliding),
-        layers_(find_layer_columns(base_.mesh(), base_.neighbours, is_on_cad, base_.mesh().points)),
+        layers_(find_layer_columns(base_.mesh(), base_.neighbours, base_.on_cad(),
+                                   base_.mesh().points)),
         images_(result.surface.images, base_.boundary, sliding) {
     if (layers_.columns.empty()) return;
     mid_nodes_ = MidNodes(mesh(), result.positions);
@@ -354,10 +354,9 @@ class LayerKeeper {
 
 }  // namespace
 
-std::optional<MeshWithLayers> keep_layers(const MorphResult& result, const SlidingNodes& sliding,
-                                          const std::vector<char>& is_on_cad) {
+std::optional<MeshWithLayers> keep_layers(const MorphResult& result, const SlidingNodes& sliding) {
   const Stopwatch watch;
-  LayerKeeper keeper(result, sliding, is_on_cad);
+  LayerKeeper keeper(result, sliding);
   if (!keeper.has_layers()) return std::nullopt;
   try {
     MeshWithLayers kept = keeper.keep();

@@ -21,7 +21,6 @@ struct MeshWithLayers {
 /// round them keep their lower nodes alone, or none, and those beside columns without any go a part
 /// of the way. Nothing where the mesh has no layers. Cost: a tree of the surface's nodes, and an
 /// evaluation at all nodes; up to six times that where cells were inverted.
-std::optional<MeshWithLayers> keep_layers(const MorphResult& result, const SlidingNodes& sliding,
-                                          const std::vector<char>& is_on_cad);
+std::optional<MeshWithLayers> keep_layers(const MorphResult& result, const SlidingNodes& sliding);
 
 }  // namespace cadmorph

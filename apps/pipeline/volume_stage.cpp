@@ -517,7 +517,7 @@ void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& resul
 // Gives layers their old heights. Returns whether any has them.
 bool keep_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
   clock.start("layers");
-  std::optional<MeshWithLayers> kept = keep_layers(result, *sliding.nodes(), base.on_cad());
+  std::optional<MeshWithLayers> kept = keep_layers(result, *sliding.nodes());
   result.report.kept_layers = kept ? kept->report : KeptLayers{};
   if (result.report.kept_layers->kept + result.report.kept_layers->partly == 0) return false;
   result.positions = std::move(kept->positions);
