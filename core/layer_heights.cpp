@@ -236,17 +236,19 @@ std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighb
   return result;
 }
 
-std::vector<Index> nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                         const std::vector<char>& is_surface,
-                                         const Points& points) {
-  std::vector<Index> result;
+LayerNodes nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                                 const std::vector<char>& is_surface, const Points& points) {
+  LayerNodes result;
   for (const Storey& first : first_storeys(mesh, neighbours, is_surface, points)) {
-    result.insert(result.end(), first.floor.begin(), first.floor.end());
+    result.feet.insert(result.feet.end(), first.floor.begin(), first.floor.end());
     for (const Storey& one : storeys_from(mesh, neighbours, first, points))
-      result.insert(result.end(), one.ceiling.begin(), one.ceiling.end());
+      result.all.insert(result.all.end(), one.ceiling.begin(), one.ceiling.end());
   }
-  std::ranges::sort(result);
-  result.erase(std::ranges::unique(result).begin(), result.end());
+  result.all.insert(result.all.end(), result.feet.begin(), result.feet.end());
+  for (std::vector<Index>* nodes : {&result.all, &result.feet}) {
+    std::ranges::sort(*nodes);
+    nodes->erase(std::ranges::unique(*nodes).begin(), nodes->end());
+  }
   return result;
 }
 
@@ -446,15 +448,16 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
   return measure_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points, moved);
 }
 
-std::vector<Index> nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                   const std::vector<char>& is_surface, const Points& points) {
+LayerNodes nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                           const std::vector<char>& is_surface, const Points& points) {
   if (!neighbours.neighbour.empty())
     return nodes_of_solid_layers(mesh, neighbours, is_surface, points);
   if (flat_axis(mesh, points) < 0) return {};
   const PlaneLayer layer(mesh, points, is_surface);
-  std::vector<Index> result =
+  LayerNodes result =
       nodes_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points);
-  std::erase_if(result, [&](Index node) { return node >= mesh.node_count(); });
+  for (std::vector<Index>* nodes : {&result.all, &result.feet})
+    std::erase_if(*nodes, [&](Index node) { return node >= mesh.node_count(); });
   return result;
 }
 

@@ -34,9 +34,13 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
 /// least a tenth higher, and on that one a third that is higher at the same rate. Cells at most
 /// half as high as the shortest edge of their face on the surface tell of a layer; higher ones
 /// belong to it where they go on from it. A layer goes up to where the rate changes or cells are
-/// higher than they are wide. Ascending.
-std::vector<Index> nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                   const std::vector<char>& is_surface, const Points& points);
+/// higher than they are wide.
+struct LayerNodes {
+  std::vector<Index> all;   ///< ascending
+  std::vector<Index> feet;  ///< of these, what the layers stand on, ascending
+};
+LayerNodes nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                           const std::vector<char>& is_surface, const Points& points);
 
 /// Nodes of a layer that stand one above the other on a node of the surface.
 struct LayerColumn {

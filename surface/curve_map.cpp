@@ -49,6 +49,10 @@ std::size_t link_index(const CadCurve& curve, EdgeId edge) {
   return static_cast<std::size_t>(it - curve.links.begin());
 }
 
+Vector3d corner_point(const CadModel& model, CornerId corner) {
+  return model.vertices()[model.skeleton().corners[corner]].point;
+}
+
 double range(const CadModel& model, const CurveLink& link) {
   const CadEdge& edge = model.edges()[link.edge];
   return edge.last - edge.first;
@@ -365,8 +369,16 @@ CurveMap::Way CurveMap::polished(Way way, const Images& to) const {
   return way;
 }
 
+// With its ends: a line that the motion shifts along itself is not.
 bool CurveMap::is_same_under(const Similarity& motion) const {
   const double tolerance = kSame * variant_.model().diagonal();
+  const auto meets = [&](CornerId corner) {
+    return (motion(corner_point(pair_->base, corner)) -
+            corner_point(pair_->variant, pair_->match.corners[corner]))
+               .norm() < tolerance;
+  };
+  if (!base_curve_->is_closed() && !(meets(base_curve_->start) && meets(base_curve_->end)))
+    return false;
   return std::all_of(probes_.begin(), probes_.end(), [&](const CurveLocation& l) {
     return variant_.nearest(motion(base_.model().evaluate_edge(l.edge, l.t).point)).distance <
            tolerance;
@@ -379,10 +391,8 @@ bool CurveMap::rests(const Points& at) const {
   if (is_same_under(alignment_) || !is_same_under({})) return false;
   if (!base_curve_->is_closed()) {
     const auto stays = [&](CornerId corner) {
-      const auto point = [](const CadModel& model, CornerId c) {
-        return model.vertices()[model.skeleton().corners[c]].point;
-      };
-      return (point(pair_->base, corner) - point(pair_->variant, pair_->match.corners[corner]))
+      return (corner_point(pair_->base, corner) -
+              corner_point(pair_->variant, pair_->match.corners[corner]))
                  .norm() < kDifferent * variant_.model().diagonal();
     };
     return stays(base_curve_->start) && stays(base_curve_->end);

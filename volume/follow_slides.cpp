@@ -15,8 +15,8 @@ using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
 // Layers of cells round those that suffer in which nodes follow: a wall's few cells shear over as
 // many as it has times the way that they are to take.
 constexpr int kLayers = 12;
-// Of the sum of a node's weights: it draws a node back that slides, so that what moves is forgotten
-// after some ten cells, but hardly within a wall of three.
+// Of the weights that a node's edges had at their mean length: it draws a node back that slides, so
+// that what moves is forgotten after some ten cells, but hardly within a wall of three.
 constexpr double kDrawnBack = 0.005;
 // A start is looked for, no solution.
 constexpr double kAccuracy = 1e-3;
@@ -65,21 +65,25 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
   std::vector<std::pair<Index, double>> row;  // node and weight
   for (Index i = 0; i < count; ++i) {
     const Index a = nodes[i];
-    double sum = 0;
+    double sum = 0, squares = 0, pairs = 0;
     row.clear();
     for (const Index c : incidence.cells(a))
       for (const Index b : mesh.cell(c)) {
         const double square = (reference.row(a) - reference.row(b)).squaredNorm();
         if (square == 0) continue;
         sum += 1 / square;
+        squares += square;
+        ++pairs;
         if (unknown[b] < 0)
           right.row(i) += way(b) / square;
         else
           row.emplace_back(unknown[b], -1 / square);
       }
     if (is_sliding[a]) {
-      right.row(i) += kDrawnBack * sum * way(a);
-      sum += kDrawnBack * sum;
+      // By the long edges: thin cells are to pass on what moves across them, too.
+      const double back = kDrawnBack * pairs * pairs / squares;
+      right.row(i) += back * way(a);
+      sum += back;
     }
     row.emplace_back(i, sum);
     std::ranges::sort(row);
@@ -91,14 +95,17 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
     }
   }
   matrix.finalize();
-  Eigen::ConjugateGradient<Matrix, Eigen::Lower | Eigen::Upper> solver;
+  Eigen::ConjugateGradient<
+      Matrix, Eigen::Lower | Eigen::Upper,
+      Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<Index>>>
+      solver;
   solver.setTolerance(kAccuracy);
   solver.setMaxIterations(kMostIterations);
   solver.compute(matrix);
   Eigen::MatrixX3d ways(count, 3);
   for (Index i = 0; i < count; ++i) ways.row(i) = way(nodes[i]);
-  for (int k = 0; k < 3; ++k)
-    ways.col(k) = solver.solveWithGuess(right.col(k), Eigen::VectorXd(ways.col(k)));
+  right -= matrix * ways;  // solved for what changes, which the accuracy is a part of
+  for (int k = 0; k < 3; ++k) ways.col(k) += solver.solve(right.col(k));
   for (Index i = 0; i < count; ++i)
     if (!is_sliding[nodes[i]])
       result.positions.row(nodes[i]) = reference.row(nodes[i]) + ways.row(i);

@@ -6,7 +6,6 @@
 #include "apps/pipeline/base_cache.h"
 #include "core/archive_types.h"
 #include "core/blas.h"
-#include "core/layer_heights.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "surface/motion_path.h"
@@ -238,7 +237,7 @@ std::vector<char> BaseSide::on_cad() const {
   return result;
 }
 
-const std::vector<Index>& BaseSide::layer_nodes() const {
+const LayerNodes& BaseSide::layer_nodes() const {
   std::call_once(has_layer_nodes_, [&] {
     layer_nodes_ = nodes_of_layers(mesh(), neighbours, on_cad(), mesh().points);
   });

@@ -10,6 +10,7 @@
 #include "core/archive.h"
 #include "core/boundary.h"
 #include "core/errors.h"
+#include "core/layer_heights.h"
 #include "core/mesh_file.h"
 
 namespace cadmorph {
@@ -46,7 +47,7 @@ struct BaseSide {
   std::vector<char> on_cad() const;
 
   /// nodes_of_layers of the mesh, found when first asked for; of any number of threads at once.
-  const std::vector<Index>& layer_nodes() const;
+  const LayerNodes& layer_nodes() const;
 
   /// The way of the prescribed nodes to `prescribed_positions`, which must outlive it: where faces
   /// turn, the surface follows them.
@@ -88,7 +89,7 @@ struct BaseSide {
   void warn_of_crossed();
 
   mutable std::once_flag has_layer_nodes_;
-  mutable std::vector<Index> layer_nodes_;
+  mutable LayerNodes layer_nodes_;
 };
 
 /// Names the file in an error about the mesh, which knows no file.

@@ -27,7 +27,7 @@ constexpr double kWorthSliding = 1.1, kFewerPoor = 1.1;
 constexpr int kMostFirstRings = 4;
 // Rounds in which nodes of cells that became worse than the worst are put back.
 constexpr int kTakeBacks = 16;
-// Nodes at rest follow what moves beside them where less than this share is kept, by raising too,
+// Surface nodes follow what moves beside them where less than this share is kept, by raising too,
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 // Layers are restored where less than the first share is kept of the mean of the worst twentieth,
@@ -364,7 +364,7 @@ bool is_worth_following(const BaseSide& base, const QualityReport& now,
          kWorthFollowing * sum_of_shares(worst_cells(before), had);
 }
 
-// The slides by which nodes at rest follow what moves beside them.
+// The slides by which surface nodes follow what moves beside them.
 struct WayToFollow {
   RowMatrix start, steps;
   ImageSlides images;
@@ -389,10 +389,9 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   for (const RowId row : surface.entity.ids())
     if (const Index node = base.boundary.nodes[row];
         std::ranges::binary_search(nodes.nodes, node) &&
-        !std::ranges::binary_search(surface.jointed, row) &&
-        result.positions.row(node) == mesh.points.row(node))
+        !std::ranges::binary_search(surface.jointed, row))
       is_fixed[node] = 0;
-  for (const Index node : base.layer_nodes()) is_fixed[node] = 1;
+  for (const Index node : base.layer_nodes().feet) is_fixed[node] = 1;
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
@@ -409,10 +408,10 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   return way;
 }
 
-// Where a rib or a boss moves along a thin wall, the cells of the wall shear: the face on its other
-// side, which stays as it is, has no reason to move. Its nodes follow then, but for the CAD's
-// vertices, if that keeps more of the cells' shape. `result.quality`: of its positions. Returns
-// whether they did.
+// Where a rib or a boss moves along a thin wall, the cells of the wall shear: nothing holds the
+// nodes of the face on its other side where its parameters put them. They follow then, but for the
+// CAD's vertices, if that keeps more of the cells' shape. `result.quality`: of its positions.
+// Returns whether they did.
 bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
                         PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();
@@ -449,7 +448,7 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   BestMeshOptions how;
   how.volumes = volumes;
   hold_nodes(base, result, how);
-  for (const Index node : base.layer_nodes()) {
+  for (const Index node : base.layer_nodes().all) {
     is_fixed[node] = 1;
     how.held.push_back(node);
   }
@@ -530,9 +529,9 @@ bool keep_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock, Morp
 // Whether half of the cells that lost more than a tenth of their shape, and are worse than the
 // worst twentieth was, are of layers.
 bool have_layers_lost(const BaseSide& base, const QualityReport& quality) {
-  if (base.layer_nodes().empty()) return false;
+  if (base.layer_nodes().all.empty()) return false;
   std::vector<char> is_layer(base.mesh().node_count(), 0);
-  for (const Index node : base.layer_nodes()) is_layer[node] = 1;
+  for (const Index node : base.layer_nodes().all) is_layer[node] = 1;
   const double worst = worst_cells(base.quality).worst_twentieth;
   Index lost = 0, of_layers = 0;
   for (Index c = 0; c < base.mesh().cell_count(); ++c) {
@@ -575,7 +574,7 @@ bool restore_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
   return false;
 }
 
-// Raises the lost cells, after surface nodes at rest followed where that promises to keep more.
+// Raises the lost cells, after surface nodes followed where that promises to keep more.
 // Where it does not, but raising leaves less than half, that is tried still, and the better one
 // taken.
 void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
@@ -633,7 +632,7 @@ bool raise(const BaseSide& base, Sliding* sliding, MorphResult& result) {
   how.poor_cells = cells_below(*base.options.improve_below, result.quality);
   std::vector<char> is_fixed = base.fixed_nodes();
   if (base.options.keep_layers)
-    for (const Index node : base.layer_nodes()) is_fixed[node] = 1;
+    for (const Index node : base.layer_nodes().all) is_fixed[node] = 1;
   UntangleResult improved =
       untangle(base.mesh(), result.positions, is_fixed, base.orientation, how);
   if (improved.report.after > 0) return false;

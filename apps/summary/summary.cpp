@@ -415,7 +415,7 @@ std::string summary_text(const PipelineReport& report) {
     text += labelled("Steps tried", attempts_line(report.stepping) + " inverted");
   if (report.followed_nodes > 0)
     text += labelled("Followed", with_commas(report.followed_nodes) +
-                                     " surface nodes at rest slid with what moves across a wall");
+                                     " surface nodes slid with what moves beside them");
   if (report.kept_layers) text += labelled("Layers", kept_layers_line(*report.kept_layers));
   if (report.best_mesh && !report.best_mesh->attempts.empty())
     text += labelled("Raised", best_mesh_line(*report.best_mesh));

@@ -24,12 +24,12 @@ using Eigen::VectorXd;
 
 // Centres are added until none misses more than kEnough spacings; each time all that miss more than
 // kWorthAdding (measured by the quality of meshes, docs/adaptive-centres.md).
-constexpr double kEnough = 0.3;
-constexpr double kWorthAdding = 0.15;
+constexpr double kEnough = 1;
+constexpr double kWorthAdding = 0.5;
 
 // Another round is not worth its solve for nodes so few, in parts of the centres, that miss no more
 // than this: the correction takes them.
-constexpr double kFew = 0.01, kEnoughOfFew = 0.5;
+constexpr double kFew = 0.01, kEnoughOfFew = 1.5;
 
 constexpr Index kFirst = 500;  // centres to start from
 constexpr Index kMost = 8000;  // then the correction takes the rest

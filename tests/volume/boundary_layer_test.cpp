@@ -103,7 +103,7 @@ TEST_CASE("Layers stand on the border between regions, too", "[volume][layers]")
         mesh.regions.push_back(levels[k] < 0 ? 1 : 2);
       }
   const CellNeighbours neighbours = find_cell_neighbours(mesh);
-  CHECK(nodes_of_layers(mesh, neighbours, is_border, mesh.points) == expected);
+  CHECK(nodes_of_layers(mesh, neighbours, is_border, mesh.points).all == expected);
   const LayerColumns layers = find_layer_columns(mesh, neighbours, is_border, mesh.points);
   CHECK(layers.columns.size() == kLevel);
   for (const LayerColumn& column : layers.columns) CHECK(column.nodes.size() == 5);
@@ -116,7 +116,7 @@ TEST_CASE("Layers stand on the border between regions, too", "[volume][layers]")
   CHECK(moved.cells == (kSide - 1) * (kSide - 1));
   CHECK(moved.most == Approx(2));
   mesh.regions.clear();
-  CHECK(nodes_of_layers(mesh, neighbours, is_border, mesh.points).empty());
+  CHECK(nodes_of_layers(mesh, neighbours, is_border, mesh.points).all.empty());
 }
 
 TEST_CASE("Layers are told by their growth", "[volume][layers]") {
@@ -139,7 +139,7 @@ TEST_CASE("Layers are told by their growth", "[volume][layers]") {
     std::vector<Index> expected;
     for (Index n = 0; n < mesh.node_count(); ++n)
       if (mesh.points(n, 2) < 1.001 * top) expected.push_back(n);
-    return std::pair(nodes_of_layers(mesh, find_cell_neighbours(mesh), is_floor, mesh.points),
+    return std::pair(nodes_of_layers(mesh, find_cell_neighbours(mesh), is_floor, mesh.points).all,
                      expected);
   };
   for (const double growth : {1.2, 1.5}) {
