@@ -8,7 +8,7 @@
 namespace cadmorph {
 namespace {
 
-// Of means over nodes with several images, as where sides of a sector meet.
+// Of means over images whose tangents differ.
 constexpr int kSweeps = 20;
 constexpr double kSame = 1e-15;  // of a way
 
@@ -27,50 +27,71 @@ ImageSlides::ImageSlides(const std::vector<ImagePair>& images, const Boundary& b
       const Twins twins{find(pair.from[i]), find(pair.to[i]), pair.after.linear};
       if (twins.from != twins.to) twins_.push_back(twins);
     }
+  find_groups();
+}
+
+void ImageSlides::find_groups() {
+  const std::size_t count = sliding_.nodes.size();
+  std::vector<std::vector<Member>> beside(count);  // by a node: its images, turned from it
+  is_bound_.assign(count, 0);
+  for (const auto& [from, to, turn] : twins_) {
+    if (from >= 0) is_bound_[from] |= to < 0;
+    if (to >= 0) is_bound_[to] |= from < 0;
+    if (from < 0 || to < 0) continue;
+    beside[from].push_back({to, turn});
+    beside[to].push_back({from, turn.transpose()});
+  }
+  std::vector<char> is_found(count, 0);
+  for (std::size_t first = 0; first < count; ++first) {
+    if (beside[first].empty() || is_found[first]) continue;
+    Group group{{static_cast<Index>(first), Eigen::Matrix3d::Identity()}};
+    is_found[first] = 1;
+    for (std::size_t k = 0; k < group.size(); ++k)
+      for (const Member& next : beside[group[k].node])
+        if (!std::exchange(is_found[next.node], 1))
+          group.push_back({next.node, next.turn * group[k].turn});
+    const bool is_bound =
+        std::ranges::any_of(group, [&](const Member& one) { return is_bound_[one.node]; });
+    for (const Member& one : group) is_bound_[one.node] = is_bound;
+    groups_.push_back(std::move(group));
+  }
 }
 
 void ImageSlides::average(RowMatrix& steps) const {
-  const auto tangents = [&](Index i) { return sliding_.at(i, sliding_.slides.row(i)).tangents; };
   bool has_changed = true;
   for (int sweep = 0; sweep < kSweeps && std::exchange(has_changed, false); ++sweep)
-    for (const auto& [from, to, turn] : twins_) {
-      if (from < 0 || to < 0 || (steps.row(from).isZero(0) && steps.row(to).isZero(0))) continue;
-      const Eigen::Matrix<double, 3, 2> along = tangents(from), there = tangents(to);
-      const Eigen::Vector3d way = (along * steps.row(from).transpose() +
-                                   turn.transpose() * there * steps.row(to).transpose()) /
-                                  2;
-      const Eigen::RowVector2d near = way.transpose() * along,
-                               far = (turn * way).transpose() * there;
-      has_changed |= (near - steps.row(from)).norm() > kSame * way.norm() ||
-                     (far - steps.row(to)).norm() > kSame * way.norm();
-      steps.row(from) = near;
-      steps.row(to) = far;
+    for (const Group& group : groups_) {
+      if (std::ranges::all_of(group,
+                              [&](const Member& one) { return steps.row(one.node).isZero(0); }))
+        continue;
+      std::vector<Eigen::Matrix<double, 3, 2>> along;  // seen from the first
+      Eigen::Vector3d way = Eigen::Vector3d::Zero();
+      for (const auto& [node, turn] : group) {
+        along.push_back(turn.transpose() * sliding_.at(node, sliding_.slides.row(node)).tangents);
+        way += along.back() * steps.row(node).transpose() / static_cast<double>(group.size());
+      }
+      for (std::size_t k = 0; k < group.size(); ++k) {
+        const Eigen::RowVector2d step = way.transpose() * along[k];
+        has_changed |= (step - steps.row(group[k].node)).norm() > kSame * way.norm();
+        steps.row(group[k].node) = step;
+      }
     }
 }
 
-std::vector<Index> ImageSlides::twins() const {
-  std::vector<Index> result(sliding_.nodes.size(), -1);
-  for (const Twins& twins : twins_) {
-    if (twins.from >= 0) result[twins.from] = twins.to;
-    if (twins.to >= 0) result[twins.to] = twins.from;
+std::vector<std::vector<Index>> ImageSlides::groups() const {
+  std::vector<std::vector<Index>> result;
+  for (const Group& group : groups_) {
+    if (is_bound_[group.front().node]) continue;
+    std::vector<Index>& nodes = result.emplace_back();
+    for (const Member& one : group) nodes.push_back(one.node);
   }
   return result;
 }
 
-std::vector<Index> ImageSlides::unpaired() const {
-  std::vector<Index> count(sliding_.nodes.size(), 0);
-  for (const Twins& twins : twins_)
-    for (const Index i : {twins.from, twins.to})
-      if (i >= 0) ++count[i];
-  std::vector<char> is_bound(count.size(), 0);
-  for (const auto& [from, to, turn] : twins_) {
-    const bool is_pair = from >= 0 && to >= 0 && count[from] == 1 && count[to] == 1;
-    for (const Index i : {from, to})
-      if (i >= 0 && !is_pair) is_bound[i] = 1;
-  }
+std::vector<Index> ImageSlides::bound() const {
   std::vector<Index> result;
-  for (std::size_t i = 0; i < is_bound.size(); ++i)
-    if (is_bound[i]) result.push_back(static_cast<Index>(i));
+  for (std::size_t i = 0; i < is_bound_.size(); ++i)
+    if (is_bound_[i]) result.push_back(static_cast<Index>(i));
   return result;
 }
 

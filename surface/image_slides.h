@@ -18,11 +18,12 @@ class ImageSlides {
   /// mean of what both ask for.
   void average(RowMatrix& steps) const;
 
-  /// Of each node (as SlidingNodes::nodes) the one that is its image; -1 where it has none.
-  std::vector<Index> twins() const;
+  /// The nodes (as in SlidingNodes::nodes) that are images of each other, where all of these can
+  /// slide: the planes of a swept mesh, one above the other, make groups of as many as there are.
+  std::vector<std::vector<Index>> groups() const;
 
-  /// Those with an image that can't slide, or with several: ascending.
-  std::vector<Index> unpaired() const;
+  /// Those with an image that can't slide, ascending.
+  std::vector<Index> bound() const;
 
   /// Puts images back to `start` (K x 2) whose ways from there to `slides` are none of each other
   /// within `tolerance`, in the mesh's unit, and those of nodes that can't slide.
@@ -34,8 +35,18 @@ class ImageSlides {
     Eigen::Matrix3d turn;  ///< of a way of the first into that of the other
   };
 
+  // Images of each other.
+  struct Member {
+    Index node;
+    Eigen::Matrix3d turn;  ///< of a way of the group's first into this one's
+  };
+  using Group = std::vector<Member>;
+  void find_groups();
+
   const SlidingNodes& sliding_;
   std::vector<Twins> twins_;
+  std::vector<Group> groups_;   ///< of those that can slide
+  std::vector<char> is_bound_;  ///< as SlidingNodes::nodes: whether an image can't
 };
 
 }  // namespace cadmorph

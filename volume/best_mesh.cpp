@@ -197,12 +197,15 @@ class BestMesh {
       if (!options_.sliding || !(sliding_ = options_.sliding())) return false;
       at_.slides = slides_ = sliding_->slides;
       if (options_.images) images_ = options_.images();
+      group_of_.assign(sliding_->nodes.size(), nullptr);
+      for (const std::vector<Index>& group : images_.groups)
+        for (const Index i : group) group_of_[i] = &group;
     }
     for (std::size_t i = 0; i < sliding_->nodes.size(); ++i)
       if (on_edges || !is_on_edge(static_cast<Index>(i)))
         is_fixed_[sliding_->nodes[i]] = is_flat_[sliding_->nodes[i]];
     for (const Index node : options_.held) is_fixed_[node] = 1;
-    for (const Index i : images_.unpaired) is_fixed_[sliding_->nodes[i]] = 1;
+    for (const Index i : images_.bound) is_fixed_[sliding_->nodes[i]] = 1;
     for (const Index node : options_.resting)
       if (!mid_nodes_.contains(node)) is_fixed_[node] = 1;  // those rest with their corners
     return true;
@@ -213,7 +216,7 @@ class BestMesh {
     std::vector<char> is_resting(is_fixed_.size(), 0);
     for (const Index node : options_.resting) is_resting[node] = !is_flat_[node];
     for (const Index node : options_.held) is_resting[node] = 0;
-    for (const Index i : images_.unpaired) is_resting[sliding_->nodes[i]] = 0;
+    for (const Index i : images_.bound) is_resting[sliding_->nodes[i]] = 0;
     bool has_any = false;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (result_.quality.values[c] < kKeptLittle * can_keep_.min)
@@ -472,18 +475,13 @@ class BestMesh {
     Patch result;
     Index cells = 0;
     const auto take = [&](Index node) {
-      if (node < 0 || is_fixed_[node] || mid_nodes_.contains(node) ||
-          std::exchange(has_node[node], 1))
-        return;
+      if (is_fixed_[node] || mid_nodes_.contains(node) || std::exchange(has_node[node], 1)) return;
       for (const Index c : incidence_->cells(node))
         if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1)) ++cells;
     };
     for (const Index seed : seeds()) {
       if (double(cells) >= most) break;
-      for (const Index node : mesh_.cell(seed)) {
-        take(node);
-        take(twin(node));
-      }
+      for (const Index node : mesh_.cell(seed)) for_images(node, take);
     }
     result.nodes = marked(has_node);
     result.cells = marked(has_cell);
@@ -605,15 +603,17 @@ class BestMesh {
     return (positions.row(node) - reference_.points.row(node)).norm();
   }
 
-  // The image of a node that slides, or -1.
-  Index twin(Index node) const {
-    if (images_.twins.empty() || !is_slider(node)) return -1;
-    const Index i = std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
-    return images_.twins[i] < 0 ? -1 : sliding_->nodes[images_.twins[i]];
+  // For a node and all its images.
+  void for_images(Index node, const auto& act) const {
+    const std::vector<Index>* group = nullptr;
+    if (!images_.groups.empty() && is_slider(node))
+      group = group_of_[std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin()];
+    if (!group) return act(node);
+    for (const Index i : *group) act(sliding_->nodes[i]);
   }
 
   void make_images_alike(const Patch& around, State& state) const {
-    if (!sliding_ || images_.twins.empty()) return;
+    if (!sliding_ || images_.groups.empty()) return;
     const RowMatrix alike = images_.alike(state.slides);
     for (Index i = 0; i < alike.rows(); ++i)
       if (alike.row(i) != state.slides.row(i))
@@ -652,11 +652,10 @@ class BestMesh {
         for (const Index node : mesh_.cell(c))
           if (!is_fixed_[node] && mid_nodes_.contains(node) == around.is_of_mid_nodes &&
               take_back(node, state, kept)) {
-            for (const Index back : {node, twin(node)})
-              if (back >= 0) {
-                const auto cells = incidence_->cells(back);
-                changed.insert(changed.end(), cells.begin(), cells.end());
-              }
+            for_images(node, [&](Index back) {
+              const auto cells = incidence_->cells(back);
+              changed.insert(changed.end(), cells.begin(), cells.end());
+            });
           }
       if (changed.empty()) break;
       carry_followers(around, state);
@@ -668,11 +667,11 @@ class BestMesh {
     return false;
   }
 
-  // Leaves the node, and its image, that share of its move; returns whether it had moved.
+  // Leaves the node, and its images, that share of its move; returns whether any had moved.
   bool take_back(Index node, State& state, double kept) const {
-    const Index image = twin(node);
-    const bool has_moved = take_back_alone(node, state, kept);
-    return (image >= 0 && take_back_alone(image, state, kept)) || has_moved;
+    bool has_moved = false;
+    for_images(node, [&](Index one) { has_moved |= take_back_alone(one, state, kept); });
+    return has_moved;
   }
   bool take_back_alone(Index node, State& state, double kept) const {
     const Eigen::RowVector3d home = result_.positions.row(node);
@@ -701,6 +700,7 @@ class BestMesh {
   MidNodes mid_nodes_;
   const SlidingNodes* sliding_ = nullptr;
   SlidingImages images_;
+  std::vector<const std::vector<Index>*> group_of_;  ///< of each sliding node, or nothing
   bool holds_flat_cells_ = false, has_raised_ = false;
   bool lost_much_ = false;  ///< by the motion that came
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole

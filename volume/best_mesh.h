@@ -55,8 +55,8 @@ struct BestMeshReport {
 
 /// Sliding nodes that are images of each other: opposite sides of a periodic mesh, of a swept one.
 struct SlidingImages {
-  std::vector<Index> twins;     ///< as SlidingNodes::nodes: the one that is its image, or -1
-  std::vector<Index> unpaired;  ///< those whose images can't follow, which stay
+  std::vector<std::vector<Index>> groups;  ///< those of each other, as in SlidingNodes::nodes
+  std::vector<Index> bound;                ///< those whose images can't follow, which stay
   /// Slides (K x 2) with those of images alike.
   std::function<RowMatrix(const RowMatrix& slides)> alike;
 };

@@ -12,21 +12,21 @@ namespace {
 
 using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
 
-// Layers of cells round those that suffer in which nodes follow: a wall's few cells shear over as
-// many as it has times the way that they are to take.
-constexpr int kLayers = 12;
-// Of the weights that a node's edges had at their mean length: it draws a node back that slides, so
-// that what moves is forgotten after some ten cells, but hardly within a wall of three.
-constexpr double kDrawnBack = 0.005;
-// A start is looked for, no solution.
-constexpr double kAccuracy = 1e-3;
+// Directions that a node can go, unit vectors, a column each.
+using Ways = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3>;
+
+// Over the square of the reach, of the weights that a node's edges had at their mean length: it
+// draws a node back that slides, so that what moves is forgotten there.
+constexpr double kDrawnBack = 0.72;
+constexpr double kAccuracy = 1e-6;
 constexpr int kMostIterations = 300;
 
-std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vector<Index> cells) {
+std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vector<Index> cells,
+                        int layers) {
   std::vector<char> has_cell(mesh.cell_count(), 0);
   for (const Index c : cells) has_cell[c] = 1;
   std::size_t first = 0;
-  for (int layer = 0; layer < kLayers; ++layer) {
+  for (int layer = 0; layer < layers; ++layer) {
     const std::size_t last = cells.size();
     for (; first < last; ++first)
       for (const Index node : mesh.cell(cells[first]))
@@ -40,9 +40,9 @@ std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vecto
 
 FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, const Points& moved,
                                  const std::vector<char>& is_fixed, const SlidingNodes& sliding,
-                                 const std::vector<Index>& cells) {
+                                 const std::vector<Index>& cells, int reach) {
   const NodeCells incidence(mesh);
-  const std::vector<Index> near = grow(mesh, incidence, cells);
+  const std::vector<Index> near = grow(mesh, incidence, cells, reach);
   std::vector<char> is_near(mesh.cell_count(), 0);
   for (const Index c : near) is_near[c] = 1;
   std::vector<Index> nodes, unknown(mesh.node_count(), -1);
@@ -58,14 +58,24 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
   const Index count = std::ssize(nodes);
   FollowingNodes result{sliding.slides, moved};
   if (count == 0) return result;
-  std::vector<char> is_sliding(mesh.node_count(), 0);
-  for (const Index n : sliding.nodes) is_sliding[n] = 1;
-  Matrix matrix(count, count);
-  RowMatrix right = RowMatrix::Zero(count, 3);
+  // Nodes that slide go along their surfaces alone.
+  std::vector<Ways> ways(count, Ways{Eigen::Matrix3d::Identity()});
+  std::vector<Index> slider(count, -1), first(count + 1, 0);
+  for (Index i = 0; i < std::ssize(sliding.nodes); ++i) {
+    const Index a = unknown[sliding.nodes[i]];
+    if (a < 0) continue;
+    slider[a] = i;
+    const auto tangents = sliding.at(i, sliding.slides.row(i).transpose()).tangents;
+    ways[a] = tangents.leftCols(tangents.col(1).isZero(0) ? 1 : 2);
+  }
+  for (Index i = 0; i < count; ++i) first[i + 1] = first[i] + ways[i].cols();
+  Matrix matrix(first[count], first[count]);
+  Eigen::VectorXd right(first[count]);
   std::vector<std::pair<Index, double>> row;  // node and weight
   for (Index i = 0; i < count; ++i) {
     const Index a = nodes[i];
     double sum = 0, squares = 0, pairs = 0;
+    Eigen::RowVector3d pull = Eigen::RowVector3d::Zero();
     row.clear();
     for (const Index c : incidence.cells(a))
       for (const Index b : mesh.cell(c)) {
@@ -74,24 +84,25 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
         sum += 1 / square;
         squares += square;
         ++pairs;
-        if (unknown[b] < 0)
-          right.row(i) += way(b) / square;
-        else
-          row.emplace_back(unknown[b], -1 / square);
+        pull += (way(b) - way(a)) / square;
+        if (unknown[b] >= 0) row.emplace_back(unknown[b], -1 / square);
       }
-    if (is_sliding[a]) {
-      // By the long edges: thin cells are to pass on what moves across them, too.
-      const double back = kDrawnBack * pairs * pairs / squares;
-      right.row(i) += back * way(a);
-      sum += back;
-    }
+    // By the long edges: thin cells are to pass on what moves across them, too.
+    if (slider[i] >= 0) sum += kDrawnBack / (reach * reach) * pairs * pairs / squares;
     row.emplace_back(i, sum);
     std::ranges::sort(row);
-    matrix.startVec(i);
-    for (std::size_t k = 0; k < row.size();) {
-      const Index j = row[k].first;
-      double& entry = matrix.insertBack(i, j);
-      for (entry = 0; k < row.size() && row[k].first == j; ++k) entry += row[k].second;
+    for (Index k = 0; k < ways[i].cols(); ++k) {
+      right(first[i] + k) = pull * ways[i].col(k);
+      matrix.startVec(first[i] + k);
+      for (std::size_t from = 0, to; from < row.size(); from = to) {
+        const Index j = row[from].first;
+        double weight = 0;
+        for (to = from; to < row.size() && row[to].first == j; ++to) weight += row[to].second;
+        for (Index l = 0; l < ways[j].cols(); ++l) {
+          const double part = i == j ? double(k == l) : ways[i].col(k).dot(ways[j].col(l));
+          if (part != 0) matrix.insertBack(first[i] + k, first[j] + l) = part * weight;
+        }
+      }
     }
   }
   matrix.finalize();
@@ -102,22 +113,19 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
   solver.setTolerance(kAccuracy);
   solver.setMaxIterations(kMostIterations);
   solver.compute(matrix);
-  Eigen::MatrixX3d ways(count, 3);
-  for (Index i = 0; i < count; ++i) ways.row(i) = way(nodes[i]);
-  right -= matrix * ways;  // solved for what changes, which the accuracy is a part of
-  for (int k = 0; k < 3; ++k) ways.col(k) += solver.solve(right.col(k));
-  for (Index i = 0; i < count; ++i)
-    if (!is_sliding[nodes[i]])
-      result.positions.row(nodes[i]) = reference.row(nodes[i]) + ways.row(i);
-  for (Index i = 0; i < std::ssize(sliding.nodes); ++i) {
-    const Index n = sliding.nodes[i];
-    if (unknown[n] < 0) continue;
-    const Eigen::RowVector2d slide = sliding.slides.row(i);
-    const SlidePlace place = sliding.at(i, slide.transpose());
-    const Eigen::RowVector2d step = (ways.row(unknown[n]) - way(n)) * place.tangents;
-    if (!sliding.is_within(i, (slide + step).transpose())) continue;
-    result.slides.row(i) += step;
-    result.positions.row(n) = sliding.at(i, result.slides.row(i).transpose()).point;
+  const Eigen::VectorXd steps = solver.solve(right);
+  for (Index i = 0; i < count; ++i) {
+    const Eigen::VectorXd step = steps.segment(first[i], ways[i].cols());
+    const Index node = nodes[i], s = slider[i];
+    if (s < 0) {
+      result.positions.row(node) += step.transpose();
+      continue;
+    }
+    Eigen::Vector2d slide = sliding.slides.row(s);
+    slide.head(step.size()) += step;
+    if (!sliding.is_within(s, slide)) continue;
+    result.slides.row(s) = slide;
+    result.positions.row(node) = sliding.at(s, slide).point;
   }
   return result;
 }

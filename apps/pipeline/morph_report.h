@@ -143,7 +143,7 @@ struct PipelineReport {
   RbfReport solver;
   SteppingReport stepping;
   std::optional<UntangleReport> untangling;
-  Index followed_nodes = 0;  ///< at rest, that slid with what moves across a thin wall
+  Index followed_nodes = 0;  ///< of the surface, that slid with what moves beside them
   std::optional<BestMeshReport> best_mesh;  ///< none where it was not looked for
   std::optional<ImproveReport> improving;
   bool can_repair = true;              ///< see PipelineOptions

@@ -29,11 +29,15 @@ constexpr int kMostFirstRings = 4;
 constexpr int kTakeBacks = 16;
 // Surface nodes follow what moves beside them where less than this share is kept, by raising too,
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
+// What moves far is to be forgotten farther away (follow_neighbours' reach, in cells), which costs
+// too much in large meshes.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 // Layers are restored where less than the first share is kept of the mean of the worst twentieth,
 // and where the figures' shares rise by the factor.
 constexpr double kKeptMost = 0.9, kWorthRestoring = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
+constexpr std::array kReaches{12, 24, 48, 96};
+constexpr Index kMostToReachFar = 300'000;
 constexpr double kSamePlace = 1e-9;  // of the diagonal: images after a slide
 // What follows is repaired where no more than so many times the cells are inverted that were
 // without: up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or took
@@ -234,7 +238,7 @@ SlidingImages sliding_images(const BaseSide& base, const SlidingNodes& nodes,
     return there;
   };
   if (result.surface.images.empty()) return {};
-  return {images->twins(), images->unpaired(), alike};
+  return {images->groups(), images->bound(), alike};
 }
 
 // Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
@@ -395,15 +399,23 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
-  const FollowingNodes found =
-      follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering);
+  FollowingNodes found;
+  QualityReport estimate;  // of the cells once they follow
+  for (const int reach : kReaches) {
+    FollowingNodes next =
+        follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering, reach);
+    QualityReport by_next = measure_quality(mesh, next.positions, base.orientation);
+    const bool is_better = reach == kReaches.front() || by_next.inverted < estimate.inverted;
+    if (is_better) found = std::move(next);
+    if (is_better) estimate = std::move(by_next);
+    if (!is_better || estimate.inverted == 0 || mesh.node_count() > kMostToReachFar) break;
+  }
   WayToFollow way{.start = nodes.slides,
                   .steps = found.slides - nodes.slides,
                   .images = ImageSlides(surface.images, base.boundary, nodes)};
   way.images.average(way.steps);
   way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
   if (way.nodes == 0) return std::nullopt;
-  const QualityReport estimate = measure_quality(mesh, found.positions, base.orientation);
   way.is_promising = is_worth_following(base, estimate, result.quality);
   return way;
 }
@@ -437,6 +449,23 @@ bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& s
   return false;
 }
 
+// A flag a node: of a row from a plane of a swept mesh to the next one, its image. These rows are
+// straightened whenever raising bent them, so that layers of theirs keep their heights.
+std::vector<char> nodes_of_sweeps(const BaseSide& base, const std::vector<NodeRow>& rows,
+                                  const std::vector<ImagePair>& images) {
+  std::vector<Index> first(base.mesh().node_count(), -1);  // of the images of a node
+  for (const ImagePair& pair : images)
+    for (std::size_t i = 0; i < pair.from.size(); ++i) {
+      const Index from = base.boundary.nodes[pair.from[i]], to = base.boundary.nodes[pair.to[i]];
+      first[from] = first[to] = first[from] < 0 ? from : first[from];
+    }
+  std::vector<char> result(base.mesh().node_count(), 0);
+  for (const NodeRow& row : rows)
+    if (first[row.front()] >= 0 && first[row.front()] == first[row.back()])
+      for (const Index node : row) result[node] = 1;
+  return result;
+}
+
 // Raises the cells that lost most against the mesh file's: their faces where `volumes` are given,
 // else their shapes.
 void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const FiniteVolumes* volumes,
@@ -448,11 +477,13 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   BestMeshOptions how;
   how.volumes = volumes;
   hold_nodes(base, result, how);
+  how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
+  const std::vector<char> is_swept = nodes_of_sweeps(base, how.wall_rows, result.surface.images);
   for (const Index node : base.layer_nodes().all) {
+    if (is_swept[node]) continue;
     is_fixed[node] = 1;
     how.held.push_back(node);
   }
-  how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
   how.validity = &result.validity;
   how.sliding = [&] { return sliding.nodes(); };
   how.images = [&] { return sliding_images(base, *sliding.nodes(), result); };

@@ -22,14 +22,14 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Centres are added until none misses more than kEnough spacings; each time all that miss more than
-// kWorthAdding (measured by the quality of meshes, docs/adaptive-centres.md).
-constexpr double kEnough = 1;
-constexpr double kWorthAdding = 0.5;
+// Centres are added until no node misses more spacings than this; each time all that miss more than
+// half of it. Many centres cost more than the correction that takes the rest does in quality
+// (docs/adaptive-centres.md).
+constexpr double kEnough = 0.3, kEnoughOfMany = 0.6;
 
 // Another round is not worth its solve for nodes so few, in parts of the centres, that miss no more
-// than this: the correction takes them.
-constexpr double kFew = 0.01, kEnoughOfFew = 1.5;
+// than this times as much: the correction takes them.
+constexpr double kFew = 0.01, kMoreOfFew = 5.0 / 3;
 
 constexpr Index kFirst = 500;  // centres to start from
 constexpr Index kMost = 8000;  // then the correction takes the rest
@@ -54,11 +54,14 @@ constexpr double kGrain = 1e-3;
 // Part of the largest value that the rounding of the sums may come to.
 constexpr double kRounding = 1e-9;
 
+double enough(Index centres) { return centres < kManyCentres ? kEnough : kEnoughOfMany; }
+
 bool is_enough(const VectorXd& missed, Index centres) {
-  const double most = missed.maxCoeff();
-  if (most <= kEnough) return true;
-  const auto over = (missed.array() > kEnough).count();
-  return most <= kEnoughOfFew && static_cast<double>(over) <= kFew * static_cast<double>(centres);
+  const double most = missed.maxCoeff(), allowed = enough(centres);
+  if (most <= allowed) return true;
+  const auto over = (missed.array() > allowed).count();
+  return most <= kMoreOfFew * allowed &&
+         static_cast<double>(over) <= kFew * static_cast<double>(centres);
 }
 
 VectorXd spacings(const Points& points, const KdTree& tree) {
@@ -206,7 +209,7 @@ std::vector<Index> AdaptiveSolver::Impl::worst(const VectorXd& missed,
   const Index most = std::min(kMost - count, (kGrowth - 1) * count);
   std::vector<Index> candidates;
   for (Index i = 0; i < missed.size(); ++i)
-    if (missed(i) > kWorthAdding) candidates.push_back(i);
+    if (missed(i) > enough(count) / 2) candidates.push_back(i);
   std::sort(candidates.begin(), candidates.end(), [&](Index a, Index b) {
     return missed(a) != missed(b) ? missed(a) > missed(b) : a < b;
   });

@@ -85,3 +85,39 @@ TEST_CASE("A node stays whose image can't slide", "[surface][images]") {
   CHECK(slides.row(0).norm() > 0.1);
   CHECK(slides.row(1).isZero(0));
 }
+
+TEST_CASE("Planes of a swept mesh slide as one, unless a node of one can't", "[surface][images]") {
+  // One above the other; all images of the first, as find_image_pairs has them.
+  Boundary boundary;
+  boundary.nodes = {10, 20, 30, 40};
+  SlidingNodes sliding;
+  sliding.nodes = boundary.nodes;
+  sliding.slides = RowMatrix::Zero(4, 2);
+  sliding.at = [](Index i, const Vector2d& slide) {
+    SlidePlace place;
+    place.tangents << 1, 0, 0, 1, 0, 0;
+    place.point = Vector3d(0, 0, double(i)) + place.tangents * slide;
+    return place;
+  };
+  std::vector<ImagePair> pairs;
+  for (const Index to : {1, 2, 3}) {
+    ImagePair& pair = pairs.emplace_back();
+    pair.from = {RowId(0)};
+    pair.to = {RowId(to)};
+    pair.inner = 1;
+  }
+  RowMatrix slides(4, 2);
+  slides << 0.4, 0, 0, 0.2, 0, 0, 0.4, 0.2;
+  const ImageSlides images(pairs, boundary, sliding);
+  CHECK(images.groups() == std::vector<std::vector<Index>>{{0, 1, 2, 3}});
+  CHECK(images.bound().empty());
+  images.average(slides);
+  for (Index i = 0; i < 4; ++i)
+    CHECK((slides.row(i) - Eigen::RowVector2d(0.2, 0.1)).norm() < 1e-15);
+
+  sliding.nodes.pop_back();
+  sliding.slides = RowMatrix::Zero(3, 2);
+  const ImageSlides held(pairs, boundary, sliding);
+  CHECK(held.groups().empty());
+  CHECK(held.bound() == std::vector<Index>{0, 1, 2});
+}
