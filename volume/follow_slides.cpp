@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/parallel.h"
 #include "volume/node_cells.h"
 
 namespace cadmorph {
@@ -18,8 +19,9 @@ using Ways = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3>;
 // Over the square of the reach, of the weights that a node's edges had at their mean length: it
 // draws a node back that slides, so that what moves is forgotten there.
 constexpr double kDrawnBack = 0.72;
-constexpr double kAccuracy = 1e-6;
+constexpr double kAccuracy = 1e-5;
 constexpr int kMostIterations = 300;
+constexpr Index kRowsAtOnce = 8192;  // of the matrix, found before they go into it
 
 std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vector<Index> cells,
                         int layers) {
@@ -69,14 +71,14 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
     ways[a] = tangents.leftCols(tangents.col(1).isZero(0) ? 1 : 2);
   }
   for (Index i = 0; i < count; ++i) first[i + 1] = first[i] + ways[i].cols();
-  Matrix matrix(first[count], first[count]);
-  Eigen::VectorXd right(first[count]);
-  std::vector<std::pair<Index, double>> row;  // node and weight
-  for (Index i = 0; i < count; ++i) {
+  struct Row {
+    std::vector<std::pair<Index, double>> weights;  // by node, ascending; its own one among them
+    Eigen::RowVector3d pull;
+  };
+  const auto row_of = [&](Index i) {
     const Index a = nodes[i];
     double sum = 0, squares = 0, pairs = 0;
-    Eigen::RowVector3d pull = Eigen::RowVector3d::Zero();
-    row.clear();
+    Row row{{}, Eigen::RowVector3d::Zero()};
     for (const Index c : incidence.cells(a))
       for (const Index b : mesh.cell(c)) {
         const double square = (reference.row(a) - reference.row(b)).squaredNorm();
@@ -84,26 +86,40 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
         sum += 1 / square;
         squares += square;
         ++pairs;
-        pull += (way(b) - way(a)) / square;
-        if (unknown[b] >= 0) row.emplace_back(unknown[b], -1 / square);
+        row.pull += (way(b) - way(a)) / square;
+        if (unknown[b] >= 0) row.weights.emplace_back(unknown[b], -1 / square);
       }
     // By the long edges: thin cells are to pass on what moves across them, too.
     if (slider[i] >= 0) sum += kDrawnBack / (reach * reach) * pairs * pairs / squares;
-    row.emplace_back(i, sum);
-    std::ranges::sort(row);
-    for (Index k = 0; k < ways[i].cols(); ++k) {
-      right(first[i] + k) = pull * ways[i].col(k);
-      matrix.startVec(first[i] + k);
-      for (std::size_t from = 0, to; from < row.size(); from = to) {
-        const Index j = row[from].first;
-        double weight = 0;
-        for (to = from; to < row.size() && row[to].first == j; ++to) weight += row[to].second;
-        for (Index l = 0; l < ways[j].cols(); ++l) {
-          const double part = i == j ? double(k == l) : ways[i].col(k).dot(ways[j].col(l));
-          if (part != 0) matrix.insertBack(first[i] + k, first[j] + l) = part * weight;
-        }
+    row.weights.emplace_back(i, sum);
+    std::ranges::sort(row.weights);
+    std::size_t last = 0;
+    for (std::size_t k = 1; k < row.weights.size(); ++k)
+      if (row.weights[k].first == row.weights[last].first)
+        row.weights[last].second += row.weights[k].second;
+      else
+        row.weights[++last] = row.weights[k];
+    row.weights.resize(last + 1);
+    return row;
+  };
+  Matrix matrix(first[count], first[count]);
+  Eigen::VectorXd right(first[count]);
+  std::vector<Row> rows(kRowsAtOnce);
+  for (Index from = 0; from < count; from += kRowsAtOnce) {
+    const Index to = std::min(from + kRowsAtOnce, count);
+    parallel_for(to - from, 256, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) rows[i] = row_of(from + i);
+    });
+    for (Index i = from; i < to; ++i)
+      for (Index k = 0; k < ways[i].cols(); ++k) {
+        right(first[i] + k) = rows[i - from].pull * ways[i].col(k);
+        matrix.startVec(first[i] + k);
+        for (const auto& [j, weight] : rows[i - from].weights)
+          for (Index l = 0; l < ways[j].cols(); ++l) {
+            const double part = i == j ? double(k == l) : ways[i].col(k).dot(ways[j].col(l));
+            if (part != 0) matrix.insertBack(first[i] + k, first[j] + l) = part * weight;
+          }
       }
-    }
   }
   matrix.finalize();
   Eigen::ConjugateGradient<

@@ -29,8 +29,8 @@ constexpr int kMostFirstRings = 4;
 constexpr int kTakeBacks = 16;
 // Surface nodes follow what moves beside them where less than this share is kept, by raising too,
 // and that makes more of it by this factor; all the way, or where they fold then, the second share.
-// What moves far is to be forgotten farther away (follow_neighbours' reach, in cells), which costs
-// too much in large meshes.
+// What moves far, so that many cells lose, is to be forgotten farther away (follow_neighbours'
+// reach, in cells); in large meshes that costs too much.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 // Layers are restored where less than the first share is kept of the mean of the worst twentieth,
 // and where the figures' shares rise by the factor.
@@ -399,6 +399,8 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
+  const bool have_many_lost = worst_cells(result.quality).worst_twentieth <
+                              kKeptHalf * worst_cells(base.quality).worst_twentieth;
   FollowingNodes found;
   QualityReport estimate;  // of the cells once they follow
   for (const int reach : kReaches) {
@@ -408,7 +410,9 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
     const bool is_better = reach == kReaches.front() || by_next.inverted < estimate.inverted;
     if (is_better) found = std::move(next);
     if (is_better) estimate = std::move(by_next);
-    if (!is_better || estimate.inverted == 0 || mesh.node_count() > kMostToReachFar) break;
+    if (!is_better || estimate.inverted == 0 || !have_many_lost ||
+        mesh.node_count() > kMostToReachFar)
+      break;
   }
   WayToFollow way{.start = nodes.slides,
                   .steps = found.slides - nodes.slides,
