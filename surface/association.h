@@ -23,7 +23,7 @@ struct AssociationOptions {
   /// refused for them alone.
   std::vector<Index> expected_off = {};
   bool expects_any_off = false;  ///< the same of all nodes
-  bool takes_strays = true;      ///< see Association::stray_nodes
+  bool takes_strays = true;      ///< see Association::stray_nodes, stranded
   Progress progress = {};
 };
 
@@ -45,6 +45,9 @@ struct Association {
   /// Of the nodes on an entity: farther off than the tolerance, few amid nodes that are not.
   Index stray_nodes = 0;
   RowId farthest_stray;
+  /// Few on no entity amid others that are on one, in small clusters, as where a mesher bridged a
+  /// gap: they follow the volume.
+  std::vector<RowId> stranded;
   double max_distance = 0;  ///< millimetres
   double mean_distance = 0;
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
@@ -58,8 +61,8 @@ struct Association {
   template <class Archive>
   void serialize(Archive& archive) {
     archive(dimension, entity, uv, distance, is_free, is_amid, facet_face, vertex_nodes, edge_nodes,
-            face_nodes, unmatched_nodes, amid_nodes, stray_nodes, farthest_stray, max_distance,
-            mean_distance, mesh_unit_mm);
+            face_nodes, unmatched_nodes, amid_nodes, stray_nodes, farthest_stray, stranded,
+            max_distance, mean_distance, mesh_unit_mm);
   }
 };
 

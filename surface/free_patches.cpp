@@ -28,6 +28,9 @@ constexpr double kLeastAngle = 1e-3;   // of two planes that meet in a line
 constexpr int kNoPatch = -1, kPartOfCurved = -2;
 // A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
 constexpr double kBeyondCad = 1.2;
+// Stranded nodes: most of them, of the outside's, and most side by side.
+constexpr double kMostStranded = 0.005;
+constexpr std::ptrdiff_t kMostInCluster = 12;
 // A mesh of this CAD covers faces of it, however many more nodes a far field has; the ends of a
 // body between two symmetry planes stay bare.
 constexpr double kLeastCovered = 0.25;
@@ -377,6 +380,31 @@ void refuse_left_behind(const CadModel& base, const Mesh& mesh, const Boundary& 
   }
 }
 
+// Clusters of nodes that nobody expects off the CAD, where these are few and small and on its
+// surface otherwise: what a mesher made of a gap that is narrower than its cells.
+std::vector<RowId> find_stranded(const SurfaceMesh& surface, const Boundary& boundary,
+                                 const Association& association, const AssociationOptions& options,
+                                 Index outside) {
+  const auto is_open = unmatched_facets(surface, boundary, association);
+  IdVector<RowId, char> is_seen(association.dimension.size(), 0);
+  std::vector<RowId> result;
+  for (const FacetId f : is_open.ids()) {
+    if (!is_open[f]) continue;
+    for (const RowId n : surface.facets[f]) {
+      if (!is_unmatched_node(association, n) || is_seen[n]) continue;
+      const auto nodes = unmatched_around(surface, association, is_open, n, is_seen);
+      if (std::ssize(nodes) > kMostInCluster || std::ranges::any_of(nodes, [&](RowId node) {
+            return std::ranges::binary_search(options.expected_off, boundary.nodes[node]);
+          }))
+        return {};
+      result.insert(result.end(), nodes.begin(), nodes.end());
+    }
+  }
+  if (double(result.size()) > kMostStranded * double(outside)) return {};
+  std::ranges::sort(result);
+  return result;
+}
+
 // Whether unmatched nodes bound a space of their own: the facets at them use no other nodes.
 bool is_hole(const SurfaceMesh& surface, const Association& association,
              const IdVector<FacetId, char>& is_open) {
@@ -519,6 +547,10 @@ void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& bou
                : "; they are of shells apart from the others, which the CAD does not have. If they "
                  "are meant, as those of a tool that no CAD tells of, say so: " +
                      words_for(Remedy::ExpectUnmatched) + ".");
+  if (options.takes_strays && unexpected == unmatched)
+    association.stranded = find_stranded(surface, boundary, association, options, outside);
+  for (const RowId n : association.stranded) association.is_free[n] = 1;
+  if (!association.stranded.empty()) return;
   if (!is_larger)
     refuse(base, mesh, boundary, surface, {example, unmatched, outside},
            "; the mesh is hardly larger than the CAD, so they are no far field. If they are meant, "

@@ -173,6 +173,16 @@ std::string describe_strays(const Mesh& mesh, const Boundary& boundary, const As
   return text.str();
 }
 
+std::string describe_stranded(const Mesh& mesh, const Boundary& boundary,
+                              const Association& found) {
+  std::ostringstream text;
+  text << found.stranded.size()
+       << " surface nodes lie on no CAD face, amid others that do (such as "
+       << node_name(mesh, boundary.nodes[found.stranded.front()])
+       << "): they go with the volume beside them";
+  return text.str();
+}
+
 std::string name_of(const CadModel& base, const TopologyMatch& match, FaceId face) {
   return "face " + std::to_string(face + 1) + " (" + to_string(base.faces()[face].type) +
          ", variant face " + std::to_string(match.faces[face] + 1) + ")";
@@ -745,6 +755,9 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   impl_->start = mesh.points(boundary.nodes, Eigen::all);
   require_groups_on_boundary(mesh, boundary, impl_->options.groups);
   impl_->constraints = find_constraints(mesh, boundary, impl_->options.groups);
+  for (const RowId row : impl_->association.stranded)
+    if (impl_->constraints[row] == GroupConstraint::None)
+      impl_->constraints[row] = GroupConstraint::Follow;
   impl_->surface = make_surface_mesh(mesh, boundary, impl_->association.mesh_unit_mm);
   const BodiesInGroups bodies = find_bodies_in_rigid_groups(
       mesh, boundary, impl_->surface, impl_->options.groups.rigid, impl_->association);
@@ -776,6 +789,8 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   std::ranges::move(unpaired, std::back_inserter(impl_->idle));
   if (impl_->association.stray_nodes > 0)
     impl_->idle.push_back(describe_strays(mesh, boundary, impl_->association));
+  if (!impl_->association.stranded.empty())
+    impl_->idle.push_back(describe_stranded(mesh, boundary, impl_->association));
   // With regions, who holds an interface takes its facets from the CAD.
   if (const FaceId face = face_between_solids_off_mesh(*impl_->base, impl_->association);
       face >= 0 && mesh.regions.empty())

@@ -102,6 +102,50 @@ TEST_CASE("few nodes off the CAD go with what is next to them, as far off as the
   CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, strict), AssociationError);
 }
 
+TEST_CASE("a few nodes far off the CAD, amid others on it, go with the volume",
+          "[surface][association][strays]") {
+  // As where a mesher bridged a gap narrower than its cells: 4 mesh edges off.
+  MorphCase c = rounded_case(16);
+  const double cell = kSize / 16;
+  const Points before = c.mesh.points;
+  const auto push_out = [&](std::size_t count) {
+    c.mesh.points = before;
+    std::vector<RowId> rows;
+    for (std::size_t i = 0; i < count; ++i) {
+      rows.push_back(RowId(Index(i) * 300));
+      const Index node = c.boundary.nodes[rows.back()];
+      c.mesh.points.row(node) *= 1 + 4 * cell / before.row(node).norm();
+    }
+    return rows;
+  };
+  REQUIRE(c.boundary.nodes.size() > 1500);
+  const std::vector<RowId> off = push_out(3);
+  const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+  const Association& a = surface.association();
+  CHECK(a.stranded == off);
+  CHECK(a.unmatched_nodes == 0);
+  for (const RowId row : off) CHECK(a.is_free[row]);
+  const auto still = surface.morph(*c.base, match_topology(*c.base, *c.base));
+  CHECK(still.positions == surface_points(c.boundary, c.mesh.points));
+  CHECK(std::ranges::any_of(still.warnings, [](const std::string& text) {
+    return text.find("3 surface nodes lie on no CAD face, amid others") != std::string::npos;
+  }));
+  SurfaceMorphOptions strict;
+  strict.unmatched = UnmatchedPolicy::Error;
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, strict), AssociationError);
+
+  // A part that the CAD does not have: nodes side by side.
+  c.mesh.points = before;
+  Index pushed = 0;
+  for (const Index node : c.boundary.nodes)
+    if (before(node, 2) > kSize / 2 - 1e-6 && before.row(node).head<2>().norm() < 2.2 * cell) {
+      c.mesh.points(node, 2) += 2 * cell;
+      ++pushed;
+    }
+  REQUIRE(pushed > 12);
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary), AssociationError);
+}
+
 TEST_CASE("a face of the mesh that is another one than the CAD's is refused",
           "[surface][association][strays]") {
   MorphCase c = rounded_case(16);
