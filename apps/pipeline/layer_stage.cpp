@@ -13,6 +13,7 @@
 #include "surface/image_slides.h"
 #include "volume/mid_nodes.h"
 #include "volume/near_displacements.h"
+#include "volume/untangle.h"
 
 namespace cadmorph {
 namespace {
@@ -81,7 +82,14 @@ class LayerKeeper {
         count_columns(shares, made.report);
         return made;
       }
-      if (!lower_columns_of(made.validity.invalid_cells)) break;
+      const bool is_last = round + 1 == kMostRounds;
+      if (!is_last && lower_columns_of(made.validity.invalid_cells)) continue;
+      if (repair(made)) {
+        made.report = kept.report;
+        count_columns(shares, made.report);
+        return made;
+      }
+      break;
     }
     return kept;
   }
@@ -308,6 +316,22 @@ class LayerKeeper {
                                       ? Eigen::RowVector3d(result_.positions.row(sliding_.nodes[i]))
                                       : sliding_.at(i, slides.row(i)).point.transpose();
     return slides;
+  }
+
+  // Makes cells beyond the layers valid, whose nodes may move. Returns whether as few are invalid
+  // as were.
+  bool repair(MeshWithLayers& made) const {
+    if (base_.options.untangle == UntangleMode::Never) return false;
+    std::vector<char> is_fixed = base_.fixed_nodes();
+    for (std::size_t i = 0; i < layers_.columns.size(); ++i)
+      for (const Index node : kept_nodes(i)) is_fixed[node] = 1;
+    UntangleOptions how;
+    how.attempts = 2;
+    how.progress = base_.options.progress;
+    UntangleResult repaired = untangle(mesh(), made.positions, is_fixed, base_.orientation, how);
+    made.positions = std::move(repaired.positions);
+    made.validity = std::move(repaired.report.validity);
+    return made.validity.invalid <= result_.validity.invalid;
   }
 
   // Returns whether any was lowered.
