@@ -77,19 +77,14 @@ class LayerKeeper {
       const std::vector<double> shares = shares_of_columns();
       if (std::ranges::all_of(shares, [](double share) { return share == 0; })) break;
       MeshWithLayers made = move(shares);
-      if (made.validity.invalid <= result_.validity.invalid) {
-        made.report = kept.report;
-        count_columns(shares, made.report);
-        return made;
+      if (made.validity.invalid > result_.validity.invalid) {
+        const bool is_last = round + 1 == kMostRounds;
+        if (!is_last && lower_columns_of(made.validity.invalid_cells)) continue;
+        if (!repair(made)) break;
       }
-      const bool is_last = round + 1 == kMostRounds;
-      if (!is_last && lower_columns_of(made.validity.invalid_cells)) continue;
-      if (repair(made)) {
-        made.report = kept.report;
-        count_columns(shares, made.report);
-        return made;
-      }
-      break;
+      made.report = kept.report;
+      count_columns(shares, made.report);
+      return made;
     }
     return kept;
   }
