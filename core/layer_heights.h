@@ -39,6 +39,7 @@ struct LayerNodes {
   std::vector<Index> all;   ///< ascending
   std::vector<Index> feet;  ///< of these, what the layers stand on, ascending
 };
+/// Of a mesh with points N x 3; `is_surface`: one a node. O(cells).
 LayerNodes nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                            const std::vector<char>& is_surface, const Points& points);
 

@@ -380,11 +380,10 @@ void refuse_left_behind(const CadModel& base, const Mesh& mesh, const Boundary& 
   }
 }
 
-// Clusters of nodes that nobody expects off the CAD, where these are few and small and on its
-// surface otherwise: what a mesher made of a gap that is narrower than its cells.
+// All unmatched nodes, where they are few, in small clusters: what a mesher made of a gap that is
+// narrower than its cells. Else none.
 std::vector<RowId> find_stranded(const SurfaceMesh& surface, const Boundary& boundary,
-                                 const Association& association, const AssociationOptions& options,
-                                 Index outside) {
+                                 const Association& association, Index outside) {
   const auto is_open = unmatched_facets(surface, boundary, association);
   IdVector<RowId, char> is_seen(association.dimension.size(), 0);
   std::vector<RowId> result;
@@ -393,10 +392,7 @@ std::vector<RowId> find_stranded(const SurfaceMesh& surface, const Boundary& bou
     for (const RowId n : surface.facets[f]) {
       if (!is_unmatched_node(association, n) || is_seen[n]) continue;
       const auto nodes = unmatched_around(surface, association, is_open, n, is_seen);
-      if (std::ssize(nodes) > kMostInCluster || std::ranges::any_of(nodes, [&](RowId node) {
-            return std::ranges::binary_search(options.expected_off, boundary.nodes[node]);
-          }))
-        return {};
+      if (std::ssize(nodes) > kMostInCluster) return {};
       result.insert(result.end(), nodes.begin(), nodes.end());
     }
   }
@@ -548,7 +544,7 @@ void check_unmatched(const CadModel& base, const Mesh& mesh, const Boundary& bou
                  "are meant, as those of a tool that no CAD tells of, say so: " +
                      words_for(Remedy::ExpectUnmatched) + ".");
   if (options.takes_strays && unexpected == unmatched)
-    association.stranded = find_stranded(surface, boundary, association, options, outside);
+    association.stranded = find_stranded(surface, boundary, association, outside);
   for (const RowId n : association.stranded) association.is_free[n] = 1;
   if (!association.stranded.empty()) return;
   if (!is_larger)

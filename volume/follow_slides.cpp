@@ -19,7 +19,7 @@ using Ways = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3>;
 // Over the square of the reach, of the weights that a node's edges had at their mean length: it
 // draws a node back that slides, so that what moves is forgotten there.
 constexpr double kDrawnBack = 0.72;
-constexpr double kAccuracy = 1e-5;
+constexpr double kAccuracy = 1e-5;  // of what changes
 constexpr int kMostIterations = 300;
 constexpr Index kRowsAtOnce = 8192;  // of the matrix, found before they go into it
 
