@@ -11,7 +11,7 @@ namespace cadmorph {
 namespace {
 
 void check_options(const SteppingOptions& options) {
-  if (options.steps < 0 || options.max_steps < 1)
+  if (options.steps < 0 || options.min_steps < 1 || options.max_steps < options.min_steps)
     throw InvalidInputError("the number of steps must be at least 1");
 }
 
@@ -131,7 +131,7 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                               const SteppingOptions& options, VolumeMorphResult* one_step) {
   check_options(options);
   Stepper stepper(mesh, first, motion, one_step);
-  const int fewest = std::max(options.steps, 1);
+  const int fewest = options.steps > 0 ? options.steps : options.min_steps;
   const int most = options.steps > 0 ? options.steps : options.max_steps;
   HeldCounter held(mesh, first.surface_nodes(), orientation);
   SteppingResult best;

@@ -11,7 +11,8 @@ namespace cadmorph {
 
 struct SteppingOptions {
   int steps = 0;      ///< number of steps; 0: one, then more while elements are inverted
-  int max_steps = 8;  ///< largest number of steps tried when `steps` is 0
+  int min_steps = 1;  ///< smallest number of steps tried when `steps` is 0
+  int max_steps = 8;  ///< largest one
   /// Ends the attempts when one more step leaves more than this share of the inverted cells; 1:
   /// goes on up to `max_steps`, as the paper does.
   double least_gain_share = 0.75;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <utility>
@@ -25,6 +26,8 @@ constexpr Index kFewCells = 10'000;
 // cells have to become fewer by the second for nodes to move.
 constexpr double kWorthSliding = 1.1, kFewerPoor = 1.1;
 constexpr int kMostFirstRings = 4;
+// Share of the inverted that an attempt leaves at most where it leaves fewer at all.
+constexpr double kAnyGain = 0.999;
 // Rounds in which nodes of cells that became worse than the worst are put back.
 constexpr int kTakeBacks = 16;
 // Surface nodes follow what moves beside them where less than this share is kept, by raising too,
@@ -188,6 +191,20 @@ bool slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) 
   return true;
 }
 
+// Steps anew from the base, with repair; what has fewer invalid elements is taken.
+void step_anew(const BaseSide& base, const SteppingOptions& how, Sliding& sliding,
+               PhaseClock& clock, MorphResult& result) {
+  MorphResult before;
+  take_volume(before, result);
+  std::vector<SteppingAttempt> attempts = before.report.stepping.attempts;
+  result.report.untangling.reset();
+  step_and_untangle(base, result.surface_positions, how, clock, result, nullptr);
+  slide_surface(base, sliding, result);
+  std::ranges::copy(result.report.stepping.attempts, std::back_inserter(attempts));
+  if (result.validity.invalid >= before.validity.invalid) take_volume(result, before);
+  result.report.stepping.attempts = std::move(attempts);
+}
+
 // Fewer inverted elements after steps are no easier to repair: where that failed, what one step
 // makes is another start.
 void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
@@ -195,17 +212,20 @@ void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& cl
   if (result.validity.invalid <= base.validity.invalid || !is_free(base) ||
       result.report.stepping.attempts.back().steps == 1)
     return;
-  MorphResult stepped;
-  take_volume(stepped, result);
   SteppingOptions how = stepping(base);
   how.steps = 1;
-  result.report.untangling.reset();
-  step_and_untangle(base, result.surface_positions, how, clock, result, nullptr);
-  slide_surface(base, sliding, result);
-  if (result.validity.invalid >= stepped.validity.invalid) return take_volume(result, stepped);
-  std::vector<SteppingAttempt>& attempts = result.report.stepping.attempts;
-  attempts.insert(attempts.begin(), stepped.report.stepping.attempts.begin(),
-                  stepped.report.stepping.attempts.end());
+  step_anew(base, how, sliding, clock, result);
+}
+
+// Attempts end where one more step leaves nearly as many inverted, which most often are repaired.
+// Where they were not, further steps are tried for as long as each leaves fewer.
+void step_further(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
+  if (result.validity.invalid <= base.validity.invalid || !is_free(base)) return;
+  SteppingOptions how = stepping(base);
+  how.least_gain_share = kAnyGain;
+  for (const SteppingAttempt& attempt : result.report.stepping.attempts)
+    how.min_steps = std::max(how.min_steps, attempt.steps + 1);
+  if (how.min_steps <= how.max_steps) step_anew(base, how, sliding, clock, result);
 }
 
 // Surface nodes that may slide to repair a mesh, but not to raise its cells: those that hold parts
@@ -795,7 +815,10 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
     if (const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result))
       let_surface_follow(base, *way, sliding, clock, result);
   }
-  if (slide_surface(base, sliding, result)) repair_from_one_step(base, sliding, clock, result);
+  if (slide_surface(base, sliding, result)) {
+    repair_from_one_step(base, sliding, clock, result);
+    step_further(base, sliding, clock, result);
+  }
   const bool is_asked = base.options.keep_layers;
   if (is_asked && result.validity.invalid <= base.validity.invalid)
     keep_layers(base, sliding, clock, result);

@@ -240,6 +240,17 @@ TEST_CASE("Layers in a gap that closes keep what there is room for", "[apps][lay
   CHECK(kept.report.layers.share_kept == 1);
 }
 
+TEST_CASE("What two steps leave inverted and no repair mends, further steps may", "[apps][steps]") {
+  const AirRound from{.radius = 2}, to{.radius = 2, .at = 7.6};
+  PipelineOptions two_steps;
+  two_steps.stepping.max_steps = 2;
+  REQUIRE(from.morphed_to(to, two_steps).report.outcome == Outcome::Inverted);
+  const MorphResult morphed = from.morphed_to(to, {});
+  CHECK(morphed.report.outcome == Outcome::Done);
+  CHECK(morphed.report.stepping.steps > 2);
+  CHECK(check_validity(from.mesh(), morphed.positions, morphed.base->orientation).invalid == 0);
+}
+
 TEST_CASE("Layers that a morph sheared stand up again where that keeps more of the cells",
           "[apps][layers]") {
   const Nozzle from{10}, to{20};
