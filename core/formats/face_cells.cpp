@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/finite_volumes.h"
 #include "core/formats/mesh_format.h"
 #include "core/parallel.h"
 #include "core/quality.h"
@@ -159,18 +160,22 @@ class SolidCells {
   std::vector<Index> nodes_;
 };
 
-/// Ids of the cells whose element has no valid map; none where points are not finite.
-std::vector<Index> cells_without_map(const Mesh& mesh) {
+/// Ids of the cells whose element has no valid map, though its faces enclose a sound volume; none
+/// where points are not finite. What is turned inside out is no sound polyhedron either.
+std::vector<Index> volumes_without_map(const Mesh& mesh) {
   if (!mesh.points.allFinite()) return {};
   const Orientation orientation = detect_orientation(mesh);
   std::vector<Index> cells = check_validity(mesh, mesh.points, orientation).invalid_cells;
   // A polynomial that is positive in the whole cell is so at the corners.
-  const auto has_other_test = [](CellType type) {
-    return type == CellType::Tetra || type == CellType::Pyramid;
-  };
-  if (std::ranges::none_of(mesh.types, has_other_test)) return cells;
-  const auto corners = measure_quality(mesh, mesh.points, orientation).inverted_cells;
-  cells.insert(cells.end(), corners.begin(), corners.end());
+  if (std::ranges::find(mesh.types, CellType::Pyramid) != mesh.types.end()) {
+    const auto corners = measure_quality(mesh, mesh.points, orientation).inverted_cells;
+    cells.insert(cells.end(), corners.begin(), corners.end());
+  }
+  std::erase_if(cells, [&](Index c) {
+    const CellType type = mesh.types[c];
+    const int sign = orientation[static_cast<std::size_t>(type)];
+    return type == CellType::Tetra || !finite_volume::is_sound(mesh, mesh.points, c, sign);
+  });
   return cells;
 }
 
@@ -224,7 +229,7 @@ void add_solid_cells(Mesh& mesh, const FaceList& faces, Index cells, const fs::p
   };
   std::vector<char> is_element(std::size_t(cells), 1);
   Mesh result = with_cells(is_element);
-  const std::vector<Index> others = cells_without_map(result);
+  const std::vector<Index> others = volumes_without_map(result);
   for (const Index c : others) is_element[std::size_t(c)] = 0;
   mesh = others.empty() ? std::move(result) : with_cells(is_element);
 }

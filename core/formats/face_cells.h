@@ -29,8 +29,9 @@ struct FaceList {
 /// Gives a mesh, of points alone so far, the solid cells 0 to `cells` - 1 that the faces bound:
 /// tetrahedra, pyramids, wedges and hexahedra where the faces are those of one and the map of such
 /// an element is valid, polyhedra else: finite volumes need no map, and warped hexahedra are sound
-/// to them. The order of the faces alone decides the order of nodes in a cell. Throws IoError,
-/// naming `path`, for a cell of less than four faces.
+/// to them. What is turned inside out stays an element, which tells it. The order of the faces
+/// alone decides the order of nodes in a cell. Throws IoError, naming `path`, for a cell of less
+/// than four faces.
 void add_solid_cells(Mesh& mesh, const FaceList& faces, Index cells,
                      const std::filesystem::path& path);
 
