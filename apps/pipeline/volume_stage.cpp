@@ -423,9 +423,18 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
                               kKeptHalf * worst_cells(base.quality).worst_twentieth;
   FollowingNodes found;
   QualityReport estimate;  // of the cells once they follow
+  // Nodes amid edges follow their corners, so that edges stay as straight as they are.
+  const MidNodes mid_nodes(mesh, moved), from_base(mesh, mesh.points);
+  const Mesh straight = mid_nodes.count() > 0 ? corners_alone(mesh) : Mesh();
   for (const int reach : kReaches) {
-    FollowingNodes next =
-        follow_neighbours(mesh, mesh.points, moved, is_fixed, nodes, suffering, reach);
+    FollowingNodes next = follow_neighbours(mid_nodes.count() > 0 ? straight : mesh, mesh.points,
+                                            moved, is_fixed, nodes, suffering, reach);
+    for (Index i = 0; i < mid_nodes.count(); ++i) {
+      if (is_fixed[mid_nodes.node(i)]) continue;
+      const auto follower = mid_nodes.follower(i, &nodes);
+      const MidNodes& start = follower.slide >= 0 ? mid_nodes : from_base;
+      start.follow(follower, &nodes, next.positions, next.slides);
+    }
     QualityReport by_next = measure_quality(mesh, next.positions, base.orientation);
     const bool is_better = reach == kReaches.front() || by_next.inverted < estimate.inverted;
     if (is_better) found = std::move(next);

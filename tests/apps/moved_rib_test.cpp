@@ -30,37 +30,49 @@ CadModel cad_of(const Plate& plate, double by) {
                       .Shape());
 }
 
-// Cubes.
-Mesh mesh_of(const Plate& plate) {
+// Cubes, of 8 nodes or 20.
+Mesh mesh_of(const Plate& plate, bool is_second_order) {
   Mesh mesh;
-  std::map<std::array<int, 3>, Index> numbers;
+  std::map<std::array<int, 3>, Index> numbers;  // by twice the coordinates
   std::vector<Eigen::RowVector3d> points;
-  const auto node = [&](int x, int y, int z) {
-    const auto [found, is_new] = numbers.try_emplace({x, y, z}, std::ssize(points));
-    if (is_new) points.emplace_back(x, y, z);
-    return found->second;
+  const auto add_cube = [&](int x, int y, int z) {
+    const std::array corners{std::array{0, 0, 0}, std::array{2, 0, 0}, std::array{2, 2, 0},
+                             std::array{0, 2, 0}, std::array{0, 0, 2}, std::array{2, 0, 2},
+                             std::array{2, 2, 2}, std::array{0, 2, 2}};
+    constexpr std::array edges{std::pair{0, 1}, std::pair{1, 2}, std::pair{2, 3}, std::pair{3, 0},
+                               std::pair{4, 5}, std::pair{5, 6}, std::pair{6, 7}, std::pair{7, 4},
+                               std::pair{0, 4}, std::pair{1, 5}, std::pair{2, 6}, std::pair{3, 7}};
+    std::vector<Index> nodes;
+    const auto add = [&](int i, int j, int k) {
+      const auto [found, is_new] =
+          numbers.try_emplace({2 * x + i, 2 * y + j, 2 * z + k}, std::ssize(points));
+      if (is_new) points.emplace_back(x + i / 2.0, y + j / 2.0, z + k / 2.0);
+      nodes.push_back(found->second);
+    };
+    for (const auto& [i, j, k] : corners) add(i, j, k);
+    if (is_second_order)
+      for (const auto& [a, b] : edges)
+        add((corners[a][0] + corners[b][0]) / 2, (corners[a][1] + corners[b][1]) / 2,
+            (corners[a][2] + corners[b][2]) / 2);
+    add_cell(mesh, is_second_order ? CellType::QuadraticHexahedron : CellType::Hexahedron, nodes);
   };
   for (int x = 0; x < plate.length; ++x)
     for (int y = 0; y < kWidth; ++y)
       for (int z = 0; z < kRibTop; ++z) {
         const bool is_rib =
             x >= plate.rib_at && x < plate.rib_at + kRibWide && y >= kRibFrom && y < kRibTo;
-        if (z > 0 && !is_rib) continue;
-        add_cell(mesh, CellType::Hexahedron,
-                 std::array{node(x, y, z), node(x + 1, y, z), node(x + 1, y + 1, z),
-                            node(x, y + 1, z), node(x, y, z + 1), node(x + 1, y, z + 1),
-                            node(x + 1, y + 1, z + 1), node(x, y + 1, z + 1)});
+        if (z == 0 || is_rib) add_cube(x, y, z);
       }
   mesh.points.resize(std::ssize(points), 3);
   for (Index n = 0; n < mesh.points.rows(); ++n) mesh.points.row(n) = points[n];
   return mesh;
 }
 
-MorphResult moved(const Plate& plate, double by, QualityMode quality) {
-  PipelineOptions options;
-  options.quality = quality;
+MorphResult moved(const Plate& plate, double by, bool is_second_order = false) {
+  const PipelineOptions options;
   return MorphJob(std::make_shared<const CadModel>(cad_of(plate, 0)),
-                  std::make_shared<const MeshFile>(mesh_of(plate), "plate"), options)
+                  std::make_shared<const MeshFile>(mesh_of(plate, is_second_order), "plate"),
+                  options)
       .morph(cad_of(plate, by));
 }
 
@@ -68,10 +80,17 @@ MorphResult moved(const Plate& plate, double by, QualityMode quality) {
 
 TEST_CASE("Where a rib moves far, the plate's edges and both its sides follow", "[apps][rib]") {
   // By 12 of the plate's cells, beside sides of two cells.
-  const MorphResult result = moved({60, 28}, 12, QualityMode::Best);
+  const MorphResult result = moved({60, 28}, 12);
   CHECK(result.report.outcome == Outcome::Done);
   CHECK(result.report.followed_nodes > 0);
   CHECK(result.quality.min > 0.7);
+}
+
+TEST_CASE("Cells of second order follow a rib as those of first order do", "[apps][rib]") {
+  const MorphResult first = moved({40, 16}, 8), second = moved({40, 16}, 8, true);
+  CHECK(second.report.outcome == Outcome::Done);
+  CHECK(second.report.followed_nodes > first.report.followed_nodes);
+  CHECK(second.quality.min > 0.9 * first.quality.min);
 }
 
 }  // namespace cadmorph
