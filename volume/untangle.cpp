@@ -212,7 +212,8 @@ struct RepairPlan {
 // A mesh under repair: tries ever larger neighbourhoods of the cells to repair.
 class Repair {
  public:
-  Repair(const Mesh& mesh, const Points& positions, std::vector<char> is_fixed,
+  /// `slides`: of options.sliding, where these nodes are at `positions`.
+  Repair(const Mesh& mesh, const Points& positions, RowMatrix slides, std::vector<char> is_fixed,
          const Orientation& orientation, const UntangleOptions& options, RepairPlan plan)
       : mesh_(mesh),
         orientation_(orientation),
@@ -220,11 +221,11 @@ class Repair {
         incidence_(mesh),
         is_fixed_(std::move(is_fixed)),
         positions_(positions),
+        slides_(std::move(slides)),
         plan_(std::move(plan)),
         work_(plan_.most_work) {
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
-    slides_ = options.sliding->slides;
   }
 
   void run(UntangleReport& report) {
@@ -347,7 +348,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   report.validity = check_validity(mesh, positions, orientation);
   report.before = report.validity.invalid;
   const auto repair_from = [&](const Points& start, RepairPlan plan = {}) {
-    Repair repair(mesh, start, is_fixed, orientation, options, std::move(plan));
+    Repair repair(mesh, start, result.slides, is_fixed, orientation, options, std::move(plan));
     repair.run(report);
     result.positions = repair.positions();
     result.slides = repair.slides();
@@ -369,15 +370,16 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     }
   }
   // Cells of second order with straight edges are valid by their corners, too, and have an eighth
-  // of the unknowns. Edges bend where these don't do.
+  // of the unknowns. Edges bend where these don't do: from there, if fewer are left, then from the
+  // start.
   const Points start = result.positions;
-  const UntangleReport plain = report;
   if (const MidNodes mid_nodes = report.validity.invalid > 0 ? MidNodes(mesh, start) : MidNodes();
       mid_nodes.count() > 0) {
     const auto is_free = [&](Index node) {
       return !is_fixed[node] ||
              (options.sliding && std::ranges::binary_search(options.sliding->nodes, node));
     };
+    UntangleResult other = result;
     std::vector<char> is_bent(mesh.node_count(), 0);
     Points straight = start;
     straighten(mesh, mid_nodes, is_fixed, straight);
@@ -389,9 +391,17 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     repair_from(straight, {.mid_nodes = MidNodes(mesh, straight),
                            .is_bent = std::move(is_bent),
                            .most_work = kAttemptWork});
-    if (report.validity.invalid > 0) report = plain;
+    const auto left = [](const UntangleResult& one) { return one.report.validity.invalid; };
+    if (left(result) > 0 && left(result) < left(other))
+      repair_from(result.positions, {.most_work = kAttemptWork});
+    if (left(result) > 0) {
+      std::swap(result, other);
+      repair_from(result.positions);
+      if (left(other) < left(result)) std::swap(result, other);
+    }
+  } else if (report.validity.invalid > 0 || !options.poor_cells.empty()) {
+    repair_from(result.positions);
   }
-  if (report.validity.invalid > 0 || !options.poor_cells.empty()) repair_from(start);
   report.after = report.validity.invalid;
   report.max_move = (result.positions - positions).rowwise().norm().maxCoeff();
   report.seconds = watch.seconds();
