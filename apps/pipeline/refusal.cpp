@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kWrongPairs = 0.05;  // of all cells: more than a large change inverts as a rule
 constexpr double kHardlyMore = 3;     // bits: a match that costs no more may be the right one
+constexpr double kCollapsed = 0.1;    // what is kept of the worst elements' quality, at most
 
 std::vector<Index> sorted_union(const std::vector<Index>& a, const std::vector<Index>& b) {
   std::vector<Index> result;
@@ -83,6 +84,18 @@ void tell_of_inverted(MorphResult& result) {
   result.report.run.warnings.push_back(
       std::to_string(count) + (count == 1 ? " element is" : " elements are") +
       " inverted, as in the input mesh (" + words_for(Remedy::InvertedInput) + ")");
+}
+
+// A valid mesh may be as useless to a solver as an inverted one.
+void tell_of_collapse(MorphResult& result) {
+  const MeshFigures &before = result.report.before, &after = result.report.after;
+  if (!(after.worst_twentieth < kCollapsed * before.worst_twentieth)) return;
+  result.report.run.warnings.push_back(
+      "the mesh is valid, but hardly of use: the scaled Jacobian of its worst 5 % fell from " +
+      short_number(before.worst_twentieth) + " to " + short_number(after.worst_twentieth) +
+      " on the mean, " + std::to_string(after.poor) + " elements are below " + short_number(kPoor) +
+      " (" + std::to_string(before.poor) + " in the input): go there by CAD models between (" +
+      words_for(Remedy::Via) + "), or mesh the variant anew");
 }
 
 std::vector<Index> poor_cells(const MorphResult& result) {
@@ -188,6 +201,7 @@ void judge(MorphResult& result) {
   const auto poor = poor_cells(result);
   const auto bad = sorted_union(inverted, poor);
   if (inverted.empty()) tell_of_inverted(result);
+  if (inverted.empty()) tell_of_collapse(result);
   if (bad.empty()) return;
   PipelineReport& figures = result.report;
   figures.min_asked = base.options.min_scaled_jacobian.value_or(0);

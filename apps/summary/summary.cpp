@@ -224,12 +224,13 @@ std::string quality_hint(const PipelineReport& report) {
            (is_lost ? "go in several steps (" + words_for(Remedy::MoreSteps) +
                           ") or by CAD models between (" + words_for(Remedy::Via) +
                           "), or mesh finer there"
-                    : "the input mesh is poor there already: mesh anew with other sizes");
+            : before < kPoor
+                ? "the input mesh has such elements already: mesh anew with other sizes"
+                : "mesh the variant anew where that is too little for the solver");
   // Improving is for solid elements.
   if (!is_poor || !report.mesh.has_solids)
     return worst + of_input + ": mesh the variant anew where that is too little for the solver";
-  return worst + of_input +
-         (is_lost || before >= kPoor ? ": " : ", which is poor there already: ") +
+  return worst + of_input + (is_lost || before >= kPoor ? ": " : ", which is poor already: ") +
          format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }
 
