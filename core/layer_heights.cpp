@@ -308,6 +308,18 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   return result;
 }
 
+double change_in_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
+                              const std::vector<char>& is_surface, const Points& before,
+                              const Points& after) {
+  const std::vector<Storey> storeys = first_storeys(mesh, neighbours, is_surface, before);
+  double sum = 0;
+  for (const Storey& first : storeys) {
+    const double ratio = first.height(after) / first.height(before);
+    if (std::abs(ratio - 1) > kKept) sum += std::abs(std::log(ratio));
+  }
+  return storeys.empty() ? 0 : sum / static_cast<double>(storeys.size());
+}
+
 // What stands on what: over the edges of the storeys' cells from floor to ceiling.
 class Stacks {
  public:
@@ -425,6 +437,14 @@ struct PlaneLayer {
     mesh.points.bottomRows(n) = points + size * (mesh.points.bottomRows(n) - points);
   }
 
+  // Where its nodes are when those of the plane move.
+  Points moved(const Points& before, const Points& after) const {
+    Points result = mesh.points;
+    result.topRows(after.rows()) = after;
+    result.bottomRows(after.rows()) += after - before;
+    return result;
+  }
+
   Mesh mesh;
   CellNeighbours neighbours = find_cell_neighbours(mesh);
   std::vector<char> is_on;
@@ -439,13 +459,21 @@ LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const Points& after) {
   if (!neighbours.neighbour.empty())
     return measure_solid_layers(mesh, neighbours, is_surface, before, after);
-  const int axis = flat_axis(mesh, before);
-  if (axis < 0) return {};
+  if (flat_axis(mesh, before) < 0) return {};
   const PlaneLayer layer(mesh, before, is_surface);
-  Points moved = layer.mesh.points;
-  moved.topRows(after.rows()) = after;
-  moved.bottomRows(after.rows()) += after - before;
-  return measure_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points, moved);
+  return measure_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points,
+                              layer.moved(before, after));
+}
+
+double change_of_heights(const Mesh& mesh, const CellNeighbours& neighbours,
+                         const std::vector<char>& is_surface, const Points& before,
+                         const Points& after) {
+  if (!neighbours.neighbour.empty())
+    return change_in_solid_layers(mesh, neighbours, is_surface, before, after);
+  if (flat_axis(mesh, before) < 0) return 0;
+  const PlaneLayer layer(mesh, before, is_surface);
+  return change_in_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points,
+                                layer.moved(before, after));
 }
 
 LayerNodes nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,

@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <iterator>
 #include <set>
 #include <span>
 #include <utility>
@@ -73,13 +74,16 @@ class LayerKeeper {
   MeshWithLayers keep() {
     MeshWithLayers kept{result_.positions, sliding_.slides, result_.validity, {}};
     kept.report.columns = std::ssize(layers_.columns);
+    most_bad_ = std::ssize(bad_cells(kept));
     for (int round = 0; round < kMostRounds; ++round) {
       const std::vector<double> shares = shares_of_columns();
       if (std::ranges::all_of(shares, [](double share) { return share == 0; })) break;
-      MeshWithLayers made = move(shares);
-      if (made.validity.invalid > result_.validity.invalid) {
+      std::optional<MeshWithLayers> moved = move(shares);
+      if (!moved) break;
+      MeshWithLayers& made = *moved;
+      if (const std::vector<Index> bad = bad_cells(made); std::ssize(bad) > most_bad_) {
         const bool is_last = round + 1 == kMostRounds;
-        if (!is_last && lower_columns_of(made.validity.invalid_cells)) continue;
+        if (!is_last && lower_columns_of(bad)) continue;
         if (!repair(made)) break;
       }
       made.report = kept.report;
@@ -101,7 +105,8 @@ class LayerKeeper {
       slide_of_[sliding_.nodes[i]] = static_cast<Index>(i);
     is_inner_.assign(mesh().node_count(), 0);
     for (Index node = 0; node < mesh().node_count(); ++node) is_inner_[node] = row_of_[node] < 0;
-    if (!plane_normal(mesh(), mesh().points, result_.positions).isZero(0)) {
+    is_in_plane_ = !plane_normal(mesh(), mesh().points, result_.positions).isZero(0);
+    if (is_in_plane_) {
       const std::vector<char> is_border = border_nodes(mesh(), mesh().points);
       for (const RowId row : base_.association().dimension.ids())
         if (base_.association().dimension[row] == CadDimension::Face)
@@ -241,7 +246,8 @@ class LayerKeeper {
     return shares;
   }
 
-  MeshWithLayers move(const std::vector<double>& shares) {
+  // Nothing where uppermost nodes nearly coincide.
+  std::optional<MeshWithLayers> move(const std::vector<double>& shares) try {
     find_prescribed();
     const Points& from = result_.positions;
     Points to = from;
@@ -266,6 +272,8 @@ class LayerKeeper {
     result.validity = check_validity(mesh(), to, base_.orientation);
     result.positions = std::move(to);
     return result;
+  } catch (const SolverError&) {
+    return std::nullopt;
   }
 
   // Those whose corners are all of the layers.
@@ -313,8 +321,18 @@ class LayerKeeper {
     return slides;
   }
 
-  // Makes cells beyond the layers valid, whose nodes may move. Returns whether as few are invalid
-  // as were.
+  // What a mesh is refused for: the exact test takes no cells of plane meshes.
+  std::vector<Index> bad_cells(const MeshWithLayers& made) const {
+    const std::vector<Index> inverted =
+        measure_quality(mesh(), made.positions, base_.orientation).inverted_cells;
+    std::vector<Index> turned, bad;
+    std::ranges::set_difference(inverted, base_.quality.inverted_cells, std::back_inserter(turned));
+    std::ranges::set_union(made.validity.invalid_cells, turned, std::back_inserter(bad));
+    return bad;
+  }
+
+  // Makes cells beyond the layers valid, whose nodes may move. Returns whether as few are bad as
+  // were.
   bool repair(MeshWithLayers& made) const {
     if (base_.options.untangle == UntangleMode::Never) return false;
     std::vector<char> is_fixed = base_.fixed_nodes();
@@ -326,7 +344,33 @@ class LayerKeeper {
     UntangleResult repaired = untangle(mesh(), made.positions, is_fixed, base_.orientation, how);
     made.positions = std::move(repaired.positions);
     made.validity = std::move(repaired.report.validity);
-    return made.validity.invalid <= result_.validity.invalid;
+    return std::ssize(bad_cells(made)) <= most_bad_;
+  }
+
+  // The columns with nodes of the cells. Cells of plane meshes beyond all columns, which no repair
+  // takes, are bad where uppermost nodes jog: these have the columns nearest to them, by cells.
+  std::set<Index> columns_at(const std::vector<Index>& cells) const {
+    std::vector<char> is_near(mesh().node_count(), 0);
+    for (const Index c : cells)
+      for (const Index node : mesh().cell(c)) is_near[node] = 1;
+    std::set<Index> columns;
+    for (bool has_grown = true; has_grown && columns.empty();) {
+      for (Index node = 0; node < mesh().node_count(); ++node)
+        if (is_near[node] && column_of_[node] >= 0 && kept_nodes_[column_of_[node]] > 0)
+          columns.insert(column_of_[node]);
+      has_grown = is_in_plane_ && add_nodes_beside(is_near);
+    }
+    return columns;
+  }
+
+  // Of all cells that have one; returns whether there are any.
+  bool add_nodes_beside(std::vector<char>& marks) const {
+    std::vector<char> more = marks;
+    for (Index c = 0; c < mesh().cell_count(); ++c)
+      if (std::ranges::any_of(mesh().cell(c), [&](Index node) { return marks[node] != 0; }))
+        for (const Index node : mesh().cell(c)) more[node] = 1;
+    std::swap(marks, more);
+    return marks != more;
   }
 
   // Returns whether any was lowered.
@@ -337,11 +381,7 @@ class LayerKeeper {
       kept_nodes_[column] = nodes;
       queue.push_back(column);
     };
-    std::set<Index> columns;
-    for (const Index c : cells)
-      for (const Index node : mesh().cell(c))
-        if (column_of_[node] >= 0) columns.insert(column_of_[node]);
-    for (const Index column : columns) lower(column, kept_nodes_[column] / 2);
+    for (const Index column : columns_at(cells)) lower(column, kept_nodes_[column] / 2);
     for (std::size_t k = 0; k < queue.size(); ++k)
       for (const Index other : beside_[queue[k]])
         lower(other, kept_nodes_[queue[k]] + kMoreEachRow);
@@ -358,16 +398,18 @@ class LayerKeeper {
   std::vector<Index> slide_of_, column_of_;  // by nodes: of SlidingNodes, of the columns; -1
   std::vector<Index> level_;                 // by nodes: in its column
   std::vector<char> is_inner_;               // by nodes: of a plane mesh within its faces, too
-  std::vector<int> patch_of_;                // by nodes: that slides; -1
-  std::vector<char> is_floor_;               // by nodes
-  std::vector<std::vector<Index>> beside_;   // columns beside a column
-  std::vector<char> is_by_bare_floor_;       // by columns
-  std::vector<Index> kept_nodes_;            // by columns: how many, from the foot on
+  bool is_in_plane_ = false;
+  std::vector<int> patch_of_;               // by nodes: that slides; -1
+  std::vector<char> is_floor_;              // by nodes
+  std::vector<std::vector<Index>> beside_;  // columns beside a column
+  std::vector<char> is_by_bare_floor_;      // by columns
+  std::vector<Index> kept_nodes_;           // by columns: how many, from the foot on
   std::set<FaceId> side_faces_;
   std::set<EdgeId> side_edges_;
   std::set<int> side_patches_;
   std::vector<Index> prescribed_;
   double highest_ = 0;  // column
+  Index most_bad_ = 0;  // cells, as many as there were
   MidNodes mid_nodes_;
 };
 
@@ -377,14 +419,9 @@ std::optional<MeshWithLayers> keep_layers(const MorphResult& result, const Slidi
   const Stopwatch watch;
   LayerKeeper keeper(result, sliding);
   if (!keeper.has_layers()) return std::nullopt;
-  try {
-    MeshWithLayers kept = keeper.keep();
-    kept.report.seconds = watch.seconds();
-    return kept;
-  } catch (const SolverError&) {
-    // Uppermost nodes that nearly coincide: the layers stay as the morph left them.
-    return std::nullopt;
-  }
+  MeshWithLayers kept = keeper.keep();
+  kept.report.seconds = watch.seconds();
+  return kept;
 }
 
 }  // namespace cadmorph

@@ -11,6 +11,7 @@
 #include "apps/pipeline/refusal.h"
 #include "core/cell_topology.h"
 #include "core/plane_mesh.h"
+#include "core/remedies.h"
 #include "surface/image_slides.h"
 #include "surface/node_slide.h"
 #include "volume/follow_slides.h"
@@ -38,6 +39,9 @@ constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 // Layers are restored where less than the first share is kept of the mean of the worst twentieth,
 // and where the figures' shares rise by the factor.
 constexpr double kKeptMost = 0.9, kWorthRestoring = 1.1;
+// Layers that are asked for come before shape where the change of their heights falls by the
+// factor.
+constexpr double kWorthKeeping = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
 constexpr std::array kReaches{12, 24, 48, 96};
 constexpr Index kMostToReachFar = 300'000;
@@ -663,6 +667,79 @@ void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
   raised.apply(sliding, result);
 }
 
+// With the layers as the morph left them, or as restore_layers does.
+void restore_and_raise(const BaseSide& base, bool is_inverted, Sliding& sliding, PhaseClock& clock,
+                       MorphResult& result) {
+  clock.start("quality after");
+  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+  const bool has_restored = !is_inverted && restore_layers(base, sliding, clock, result);
+  clock.start("quality after");
+  if (is_inverted || has_restored)
+    raise_lost_cells(base, sliding, result);
+  else
+    raise_or_follow(base, sliding, clock, result);
+}
+
+// Shares of what the base's worst faces had, where these count, else of its worst cells.
+double kept_shape(const BaseSide& base, const MorphResult& result) {
+  const Mesh& mesh = base.mesh();
+  std::optional<FiniteVolumes> volumes;
+  if (is_for_finite_volumes(base))
+    volumes.emplace(mesh, mesh.points, base.neighbours, base.orientation);
+  return volumes && volumes->has_cells()
+             ? sum_of_shares(worst_faces(*volumes, result.positions),
+                             worst_faces(*volumes, mesh.points))
+             : sum_of_shares(worst_cells(result.quality), worst_cells(base.quality));
+}
+
+double change_of_heights(const BaseSide& base, const Points& positions) {
+  return change_of_heights(base.mesh(), base.neighbours, base.on_cad(), base.mesh().points,
+                           positions);
+}
+
+void warn_of_layers(const std::string& why, MorphResult& result) {
+  result.report.run.warnings.push_back(words_for(Remedy::KeepLayers) + " changed nothing: " + why);
+}
+
+// With layers at their old heights, but where the mesh would be refused then, or their first cells
+// gain nothing and others lose shape.
+void keep_and_raise(const BaseSide& base, bool is_inverted, Sliding& sliding, PhaseClock& clock,
+                    MorphResult& result) {
+  sliding.nodes();
+  Undo morphed(sliding, result);
+  const bool has_kept = keep_layers(base, sliding, clock, result);
+  const Index columns = result.report.kept_layers->columns;
+  const auto leave = [&] {
+    restore_and_raise(base, is_inverted, sliding, clock, result);
+    if (!result.report.kept_layers) result.report.kept_layers = KeptLayers{.columns = columns};
+  };
+  if (!has_kept) {
+    warn_of_layers(columns == 0
+                       ? "no layers that grow from a wall were found"
+                       : "no column of nodes can be where it belongs with all elements valid",
+                   result);
+    return leave();
+  }
+  const bool have_gained = change_of_heights(base, morphed.kept().positions) >
+                           kWorthKeeping * change_of_heights(base, result.positions);
+  clock.start("quality after");
+  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+  raise_lost_cells(base, sliding, result);
+  const std::size_t bad = bad_cells(result).size();
+  if (bad == 0 && have_gained) return;
+  Undo kept(sliding, result);
+  const KeptLayers report = *std::exchange(result.report.kept_layers, std::nullopt);
+  morphed.apply(sliding, result);
+  leave();
+  const std::size_t plain = bad_cells(result).size();
+  if (plain < bad)
+    return warn_of_layers("elements would be refused with them at their old heights", result);
+  if (plain == bad && !have_gained && kept_shape(base, result) > kept_shape(base, kept.kept()))
+    return warn_of_layers("first cells would gain nothing, and others lose shape", result);
+  result.report.kept_layers = report;
+  kept.apply(sliding, result);
+}
+
 // What is nearest to its shape as a whole may leave single cells worse. Puts the nodes of cells
 // that fell below the worst there was back to where they were; returns whether none is left.
 bool take_back_worse(const BaseSide& base, const MorphResult& before, const SlidingNodes* sliding,
@@ -828,18 +905,10 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
     repair_from_one_step(base, sliding, clock, result);
     step_further(base, sliding, clock, result);
   }
-  const bool is_asked = base.options.keep_layers;
-  if (is_asked && result.validity.invalid <= base.validity.invalid)
-    keep_layers(base, sliding, clock, result);
-  clock.start("quality after");
-  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
-  const bool has_restored =
-      !is_asked && !is_inverted && restore_layers(base, sliding, clock, result);
-  clock.start("quality after");
-  if (is_inverted || is_asked || has_restored)
-    raise_lost_cells(base, sliding, result);
+  if (base.options.keep_layers && result.validity.invalid <= base.validity.invalid)
+    keep_and_raise(base, is_inverted, sliding, clock, result);
   else
-    raise_or_follow(base, sliding, clock, result);
+    restore_and_raise(base, is_inverted, sliding, clock, result);
   measure(base, sliding, result);
   describe_surface(base, result);
   for (const PhaseTime& phase : clock.phases()) result.report.run.phases.push_back(phase);

@@ -226,7 +226,10 @@ TEST_CASE("Layers keep their heights where that is asked for", "[apps][layers]")
 }
 
 TEST_CASE("Layers in a gap that closes keep what there is room for", "[apps][layers]") {
-  const AirRound from{.radius = 2}, to{.radius = 2, .at = 7.3};
+  const bool is_flat = GENERATE(false, true);
+  CAPTURE(is_flat);
+  const AirRound from{.radius = 2, .is_flat = is_flat},
+      to{.radius = 2, .at = 7.3, .is_flat = is_flat};
   PipelineOptions options;
   options.keep_layers = true;
   const MorphResult kept = from.morphed_to(to, options);
@@ -238,6 +241,26 @@ TEST_CASE("Layers in a gap that closes keep what there is room for", "[apps][lay
   CHECK(layers.kept + layers.partly == layers.columns);
   // The first cells have room everywhere.
   CHECK(kept.report.layers.share_kept == 1);
+}
+
+TEST_CASE("Layers stay as a morph leaves them where they would have a mesh refused",
+          "[apps][layers]") {
+  const bool is_flat = GENERATE(false, true);
+  CAPTURE(is_flat);
+  const AirRound from{.radius = 2, .is_flat = is_flat}, to{.radius = 2.5, .is_flat = is_flat};
+  const MorphResult plain = from.morphed_to(to, {});
+  PipelineOptions options;
+  options.keep_layers = true;
+  const MorphResult kept = from.morphed_to(to, options);
+  REQUIRE(kept.report.after.min_scaled_jacobian < plain.report.after.min_scaled_jacobian);
+  options.min_scaled_jacobian =
+      (kept.report.after.min_scaled_jacobian + plain.report.after.min_scaled_jacobian) / 2;
+  const MorphResult left = from.morphed_to(to, options);
+  CHECK(left.report.outcome == Outcome::Done);
+  CHECK(left.positions == plain.positions);
+  REQUIRE(left.report.kept_layers);
+  CHECK(left.report.kept_layers->kept == 0);
+  CHECK(left.report.run.warnings.size() == 1);
 }
 
 TEST_CASE("What two steps leave inverted and no repair mends, further steps may", "[apps][steps]") {

@@ -111,6 +111,10 @@ TEST_CASE("Layers stand on the border between regions, too", "[volume][layers]")
   higher.col(2) *= 2;
   const LayerFigures none = measure_layers(mesh, neighbours, is_border, mesh.points, higher);
   CHECK(none.cells == 0);  // the border rests
+  CHECK(change_of_heights(mesh, neighbours, is_border, mesh.points, higher) == Approx(std::log(2)));
+  higher.col(2) *= 0.504;
+  CHECK(change_of_heights(mesh, neighbours, is_border, mesh.points, higher) == 0);
+  higher.col(2) /= 0.504;
   higher.col(2).array() += 1;
   const LayerFigures moved = measure_layers(mesh, neighbours, is_border, mesh.points, higher);
   CHECK(moved.cells == (kSide - 1) * (kSide - 1));
