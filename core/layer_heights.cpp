@@ -29,9 +29,12 @@ constexpr double kFlat = 1.5;
 // Heights that are worth holding are those of thin cells: others grow by accident.
 constexpr double kThin = 0.5;
 constexpr double kHigh = 1;  // of the same edge: where a mesher ends its layers
-// Layers towards a wall are made with growth rates of 1.1 to 1.3, the same from one to the next;
-// other cells are as high as they happen to be.
-constexpr double kGrowth = 1.1, kSameRate = 0.1;
+// Layers towards a wall are made with growth rates of 1.05 to 1.3, the same from one to the next;
+// other cells are as high as they happen to be. Three cells at the first rate below tell of a
+// layer, at a smaller one as many as come to this multiple of the height.
+constexpr double kGrowth = 1.1, kSameRate = 0.1, kMultiple = 2;
+// Of the logarithms of either, what is enough beside such cells: no rounding parts a layer.
+constexpr double kBeside = 0.5;
 // Of the heights' weight, that of a column's direction. At a trailing edge of 20 degrees a column
 // is a sixth as high over either side as it is long: there heights count six times as much still.
 constexpr double kTurnWeight = 0.005;
@@ -170,6 +173,11 @@ void add_adjacent(const std::vector<Storey>& storeys, std::vector<std::size_t>& 
         if (!std::exchange(is_in[i], 1)) layer.push_back(i);
 }
 
+// Whether a layer of the rate goes on: the rate changes by no tenth, nor by half of what it grows.
+bool is_same_rate(double growth, double rate) {
+  return std::abs(growth / rate - 1) <= kSameRate && growth * growth >= rate;
+}
+
 // The storeys of a layer from the first one on.
 std::vector<Storey> storeys_from(const Mesh& mesh, const CellNeighbours& neighbours,
                                  const Storey& first, const Points& points) {
@@ -177,39 +185,53 @@ std::vector<Storey> storeys_from(const Mesh& mesh, const CellNeighbours& neighbo
   Storey one = next(mesh, neighbours, first);
   const double rate = one.height(points) / first.height(points);
   while (!one.ceiling.empty() && is_flat(one, points, kHigh) &&
-         std::abs(one.height(points) / result.back().height(points) / rate - 1) <= kSameRate) {
+         is_same_rate(one.height(points) / result.back().height(points), rate)) {
     result.push_back(one);
     one = next(mesh, neighbours, one);
   }
   return result;
 }
 
-// A storey on the surface that may be the lowest of a layer; on some others it is only where these
-// are one.
+// How much a storey and those on it grow at one rate: 1 or more for a layer, 0 where the third has
+// another rate.
+double growth_on(const Mesh& mesh, const CellNeighbours& neighbours, const Storey& first,
+                 const Points& points) {
+  const double height = first.height(points);
+  Storey one = next(mesh, neighbours, first);
+  const double rate = one.ceiling.empty() ? 0 : one.height(points) / height;
+  if (rate <= 1) return 0;
+  double result = 0;
+  while (result < 1) {
+    const Storey above = next(mesh, neighbours, one);
+    if (above.ceiling.empty() || !is_same_rate(above.height(points) / one.height(points), rate))
+      return result;
+    one = above;
+    result = std::max(std::log(rate) / std::log(kGrowth),
+                      std::log(one.height(points) / height) / std::log(kMultiple));
+  }
+  return result;
+}
+
+// A storey on the surface that may be the lowest of a layer; those that are not sure are only where
+// they go on from one that is.
 struct LowestStorey {
   Storey storey;
-  bool is_thin = false;
+  bool is_sure = false;
 };
 
-// The one that the cell is, if it and the two on it grow at one rate.
+// The one that the cell is, if it and those on it grow at one rate.
 std::optional<LowestStorey> growing_storey(const Mesh& mesh, const CellNeighbours& neighbours,
                                            Index cell, const std::vector<char>& is_surface,
                                            const Points& points) {
-  const auto growth = [&](const Storey& one, const Storey& above) {
-    return above.ceiling.empty() ? 0 : above.height(points) / one.height(points);
-  };
   Storey first = first_storey(mesh, neighbours, cell, is_surface,
                               [&](const Storey& one) { return is_flat(one, points, kThin); });
   const bool is_thin = !first.floor.empty();
   if (!is_thin)
     first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
   if (first.floor.empty()) return std::nullopt;
-  const Storey second = next(mesh, neighbours, first);
-  const double rate = growth(first, second);
-  if (rate < kGrowth) return std::nullopt;
-  const double next_rate = growth(second, next(mesh, neighbours, second));
-  if (std::abs(next_rate / rate - 1) > kSameRate) return std::nullopt;
-  return LowestStorey{std::move(first), is_thin};
+  const double growth = growth_on(mesh, neighbours, first, points);
+  if (growth < kBeside) return std::nullopt;
+  return LowestStorey{std::move(first), is_thin && growth >= 1};
 }
 
 // The lowest storeys of all layers.
@@ -224,10 +246,10 @@ std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighb
           found[begin / kGrain].push_back(std::move(*one));
   });
   std::vector<Storey> growing;
-  std::vector<std::size_t> layer;  // of these: the thin ones first
+  std::vector<std::size_t> layer;  // of these: the sure ones first
   for (std::vector<LowestStorey>& some : found)
     for (LowestStorey& one : some) {
-      if (one.is_thin) layer.push_back(growing.size());
+      if (one.is_sure) layer.push_back(growing.size());
       growing.push_back(std::move(one.storey));
     }
   add_adjacent(growing, layer);
@@ -280,6 +302,7 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   Index kept = 0, stacked = 0;
   std::vector<double> leans_before, leans_after;
   std::vector<Storey> storeys = first_storeys(mesh, neighbours, is_surface, before);
+  result.are_of_layers = !storeys.empty();
   if (storeys.empty()) storeys = flat_storeys(mesh, neighbours, is_surface, before);
   for (const Storey& first : storeys) {
     if (!moves(first, before, after)) continue;
@@ -452,7 +475,7 @@ struct PlaneLayer {
 
 }  // namespace
 
-bool LayerFigures::are_growing() const { return growth_before >= kGrowth; }
+bool LayerFigures::are_growing() const { return are_of_layers || growth_before >= kGrowth; }
 
 LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const std::vector<char>& is_surface, const Points& before,

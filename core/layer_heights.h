@@ -12,6 +12,7 @@ namespace cadmorph {
 /// of two regions are as much of the surface as those of the outside.
 struct LayerFigures {
   Index cells = 0;             ///< such first cells; the rest counts only where there are some
+  bool are_of_layers = false;  ///< false: all that stand there
   double share_kept = 1;       ///< whose height changed by at most 1 %
   double least = 1, most = 1;  ///< new height over old one
   double growth_before = 0;    ///< mean of the second cell's height over the first one's
@@ -37,10 +38,11 @@ double change_of_heights(const Mesh& mesh, const CellNeighbours& neighbours,
                          const Points& after);
 
 /// The nodes of layers that grow from the surface: on each first cell stands another that is at
-/// least a tenth higher, and on that one a third that is higher at the same rate. Cells at most
-/// half as high as the shortest edge of their face on the surface tell of a layer; higher ones
-/// belong to it where they go on from it. A layer goes up to where the rate changes or cells are
-/// higher than they are wide.
+/// least a tenth higher, and on that one a third that is higher at the same rate; or at a smaller
+/// rate so many that the last is twice as high as the first. Cells at most half as high as the
+/// shortest edge of their face on the surface tell of a layer; higher ones, and those that grow by
+/// half as much, belong to it where they go on from it. A layer goes up to where the rate changes
+/// or cells are higher than they are wide.
 struct LayerNodes {
   std::vector<Index> all;   ///< ascending
   std::vector<Index> feet;  ///< of these, what the layers stand on, ascending

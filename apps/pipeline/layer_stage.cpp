@@ -62,18 +62,22 @@ class LayerKeeper {
     find_rows();
     find_columns();
     find_sides();
-    for (const LayerColumn& column : layers_.columns) {
-      const auto& nodes = column.nodes;
-      const auto held = std::ranges::find_if(nodes, [&](Index node) { return !can_move(node); });
-      kept_nodes_.push_back(held == nodes.end() ? std::ssize(nodes) : 0);
+    std::set<Index> full;
+    for (std::size_t i = 0; i < layers_.columns.size(); ++i) {
+      kept_nodes_.push_back(std::ssize(layers_.columns[i].nodes));
+      if (ends_on_wall(i)) full.insert(Index(i));
     }
+    lower(full);  // what is beyond layers is to give way
+    for (std::size_t i = 0; i < layers_.columns.size(); ++i)
+      if (std::ranges::any_of(kept_nodes(i), [&](Index node) { return !can_move(node); }))
+        kept_nodes_[i] = 0;
   }
 
   bool has_layers() const { return !layers_.columns.empty(); }
 
   MeshWithLayers keep() {
     MeshWithLayers kept{result_.positions, sliding_.slides, result_.validity, {}};
-    kept.report.columns = std::ssize(layers_.columns);
+    kept.report.columns = std::ranges::count(is_floor_, 1);
     most_bad_ = std::ssize(bad_cells(kept));
     for (int round = 0; round < kMostRounds; ++round) {
       const std::vector<double> shares = shares_of_columns();
@@ -159,6 +163,19 @@ class LayerKeeper {
         else
           side_edges_.insert(association.edge(row));
       }
+  }
+
+  // Whether a column reaches from its wall to another one.
+  bool ends_on_wall(std::size_t column) const {
+    const auto free_directions = [&](Index node) {
+      const RowId row = row_of_[node];
+      if (row < 0) return 3;
+      const CadDimension on = base_.association().dimension[row];
+      return on == CadDimension::None ? 2 : static_cast<int>(on);
+    };
+    const auto& nodes = layers_.columns[column].nodes;
+    return nodes.size() > 1 &&
+           free_directions(nodes.back()) < free_directions(nodes[nodes.size() - 2]);
   }
 
   void count_columns(const std::vector<double>& shares, KeptLayers& report) const {
@@ -374,17 +391,20 @@ class LayerKeeper {
   }
 
   // Returns whether any was lowered.
-  bool lower_columns_of(const std::vector<Index>& cells) {
+  bool lower_columns_of(const std::vector<Index>& cells) { return lower(columns_at(cells)); }
+
+  // To the lower half of their nodes, and those round them.
+  bool lower(const std::set<Index>& columns) {
     std::vector<Index> queue;
-    const auto lower = [&](Index column, Index nodes) {
+    const auto lower_to = [&](Index column, Index nodes) {
       if (nodes >= kept_nodes_[column]) return;
       kept_nodes_[column] = nodes;
       queue.push_back(column);
     };
-    for (const Index column : columns_at(cells)) lower(column, kept_nodes_[column] / 2);
+    for (const Index column : columns) lower_to(column, kept_nodes_[column] / 2);
     for (std::size_t k = 0; k < queue.size(); ++k)
       for (const Index other : beside_[queue[k]])
-        lower(other, kept_nodes_[queue[k]] + kMoreEachRow);
+        lower_to(other, kept_nodes_[queue[k]] + kMoreEachRow);
     return !queue.empty();
   }
 

@@ -28,10 +28,11 @@ using std::numbers::pi;
 // Air between a body, a cylinder that ends on two walls or a circle in the plane, and a rim round
 // it; layers from the body on.
 struct AirRound {
-  static constexpr double kRim = 10, kHeight = 4, kGrowth = 1.25;
+  static constexpr double kRim = 10, kHeight = 4;
   static constexpr int kAround = 48, kLayers = 20, kSlabs = 3;
   double radius, at = 0;
   bool is_flat = false;
+  double growth = 1.25;
 
   CadModel cad() const {
     const auto cylinder = [](double x, double r) {
@@ -49,8 +50,8 @@ struct AirRound {
   }
 
   // Of node k of a column over the body.
-  static double height(int k, double radius) {
-    return (kRim - radius) * (std::pow(kGrowth, k) - 1) / (std::pow(kGrowth, kLayers) - 1);
+  double height(int k) const {
+    return (kRim - radius) * (std::pow(growth, k) - 1) / (std::pow(growth, kLayers) - 1);
   }
 
   Index node(int slab, int k, int i) const {
@@ -64,7 +65,7 @@ struct AirRound {
     for (int slab = 0; slab <= slabs; ++slab)
       for (int k = 0; k <= kLayers; ++k)
         for (int i = 0; i < kAround; ++i) {
-          const double angle = 2 * pi * i / kAround, r = radius + height(k, radius);
+          const double angle = 2 * pi * i / kAround, r = radius + height(k);
           mesh.points.row(node(slab, k, i)) << r * std::cos(angle), r * std::sin(angle),
               is_flat ? 0 : kHeight * slab / kSlabs;
         }
@@ -95,11 +96,11 @@ struct AirRound {
   double largest_change(const MorphResult& result, const AirRound& variant) const {
     double largest = 0;
     for (int slab = 0; slab <= (is_flat ? 0 : kSlabs); ++slab)
-      for (int k = 1; k <= kLayers && height(k, radius) < 0.5; ++k)
+      for (int k = 1; k <= kLayers && height(k) < 0.5; ++k)
         for (int i = 0; i < kAround; ++i) {
           const Eigen::RowVector3d x = result.positions.row(node(slab, k, i));
           const double now = std::hypot(x[0] - variant.at, x[1]) - variant.radius;
-          largest = std::max(largest, std::abs(now / height(k, radius) - 1));
+          largest = std::max(largest, std::abs(now / height(k) - 1));
         }
     return largest;
   }
@@ -260,7 +261,45 @@ TEST_CASE("Layers stay as a morph leaves them where they would have a mesh refus
   CHECK(left.positions == plain.positions);
   REQUIRE(left.report.kept_layers);
   CHECK(left.report.kept_layers->kept == 0);
-  CHECK(left.report.run.warnings.size() == 1);
+  CHECK(left.report.run.warnings.size() == plain.report.run.warnings.size() + 1);
+}
+
+TEST_CASE("Layers that grow by less, up to another wall, keep the heights of their lower half",
+          "[apps][layers]") {
+  const bool is_flat = GENERATE(false, true);
+  const double growth = GENERATE(1.06, 1.1);
+  CAPTURE(is_flat, growth);
+  const AirRound from{.radius = 5, .is_flat = is_flat, .growth = growth},
+      to{.radius = 5.5, .is_flat = is_flat, .growth = growth};
+  PipelineOptions options;
+  options.keep_layers = true;
+  const MorphResult plain = from.morphed_to(to, {}), kept = from.morphed_to(to, options);
+  CHECK(from.largest_change(plain, to) > 0.03);
+  REQUIRE(kept.report.outcome == Outcome::Done);
+  REQUIRE(kept.report.kept_layers);
+  const Index feet = AirRound::kAround * (is_flat ? 1 : AirRound::kSlabs + 1);
+  CHECK(kept.report.kept_layers->columns == feet);
+  CHECK(kept.report.kept_layers->partly == feet);
+  CHECK(from.largest_change(kept, to) < 1e-6);
+  CHECK(kept.report.layers.are_growing());
+  // The gap loses a tenth, and no cell half as much of its shape: all that is beyond gives way.
+  CHECK(kept.report.after.min_scaled_jacobian > 0.95 * kept.report.before.min_scaled_jacobian);
+}
+
+TEST_CASE("A mesh without layers is morphed as ever where they are to be kept, and that is told",
+          "[apps][layers]") {
+  const bool is_flat = GENERATE(false, true);
+  CAPTURE(is_flat);
+  const AirRound from{.radius = 5, .is_flat = is_flat, .growth = 1.001},
+      to{.radius = 5.5, .is_flat = is_flat, .growth = 1.001};
+  PipelineOptions options;
+  options.keep_layers = true;
+  const MorphResult plain = from.morphed_to(to, {}), asked = from.morphed_to(to, options);
+  CHECK(asked.report.outcome == Outcome::Done);
+  CHECK(asked.positions == plain.positions);
+  REQUIRE(asked.report.kept_layers);
+  CHECK(asked.report.kept_layers->columns == 0);
+  CHECK(asked.report.run.warnings.size() == plain.report.run.warnings.size() + 1);
 }
 
 TEST_CASE("What two steps leave inverted and no repair mends, further steps may", "[apps][steps]") {

@@ -2,6 +2,7 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <random>
 
 #include "../core/sample_meshes.h"
 #include "core/layer_heights.h"
@@ -151,8 +152,86 @@ TEST_CASE("Layers are told by their growth", "[volume][layers]") {
     CHECK(found.size() > 10);
     CHECK(found == expected);
   }
+  CHECK(on_floor(1.05).first.empty());
   CHECK(on_floor(1.0).first.empty());
   CHECK(on_floor(0.8).first.empty());
+}
+
+namespace {
+
+// Columns of cells 1 wide on a floor of kSide x kSide squares, higher from one to the next by the
+// growth of their part of the floor; nodes are shaken by `noise` of their cells' heights.
+struct Columns {
+  static constexpr Index kSide = 8, kRow = kSide + 1;
+  double first = 0.01, noise = 0;
+  int cells = 12;
+
+  Mesh mesh(double growth, double growth_beyond) const {
+    Mesh mesh;
+    mesh.points.resize(kRow * kRow * (cells + 1), 3);
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> shake(-noise, noise);
+    for (Index n = 0; n < kRow * kRow; ++n) {
+      const double rate = n % kRow <= kSide / 2 ? growth : growth_beyond;
+      double z = 0, height = first;
+      for (int k = 0; k <= cells; ++k, height *= rate) {
+        mesh.points.row(k * kRow * kRow + n) << double(n % kRow), double(n / kRow),
+            z + (k == 0 ? 0 : shake(random) * height);
+        z += height;
+      }
+    }
+    for (int k = 0; k < cells; ++k)
+      for (Index j = 0; j < kSide; ++j)
+        for (Index i = 0; i < kSide; ++i) {
+          const Index a = (k * kRow + j) * kRow + i, b = a + kRow * kRow;
+          add_cell(mesh, CellType::Hexahedron,
+                   std::array{a, a + 1, a + kRow + 1, a + kRow, b, b + 1, b + kRow + 1, b + kRow});
+        }
+    return mesh;
+  }
+
+  static LayerColumns found(const Mesh& mesh) {
+    std::vector<char> is_floor(mesh.node_count(), 0);
+    for (Index n = 0; n < kRow * kRow; ++n) is_floor[n] = 1;
+    return find_layer_columns(mesh, find_cell_neighbours(mesh), is_floor, mesh.points);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("Layers that grow by less are told by what they grow in all", "[volume][layers]") {
+  constexpr std::size_t kAll = Columns::kRow * Columns::kRow;
+  const auto found = [](const Columns& columns, double growth, double growth_beyond) {
+    return Columns::found(columns.mesh(growth, growth_beyond)).columns.size();
+  };
+  CHECK(found({.cells = 20}, 1.05, 1.05) == kAll);  // 1.05^15 = 2.08
+  CHECK(found({.cells = 12}, 1.08, 1.08) == kAll);
+  CHECK(found({.cells = 12}, 1.03, 1.03) == 0);  // 1.03^11 = 1.38
+  CHECK(found({.cells = 3}, 1.08, 1.08) == 0);
+  // Uniform cells, thin as they are, and shaken ones.
+  CHECK(found({.cells = 60}, 1, 1) == 0);
+  CHECK(found({.noise = 0.02, .cells = 60}, 1, 1) == 0);
+  // Rounding of heights at the limit parts no wall.
+  CHECK(found({.noise = 1e-3, .cells = 3}, 1.1, 1.1) == kAll);
+  CHECK(found({.noise = 1e-3, .cells = 12}, 1.1, 1.1) == kAll);
+  // A wall whose cells grow less goes on from one that is sure, but not where they don't grow.
+  CHECK(found({.cells = 3}, 1.15, 1.07) == kAll);
+  // Between the two parts of the floor the mean of both: one row more.
+  CHECK(found({.cells = 12}, 1.15, 1) == (Columns::kSide / 2 + 2) * Columns::kRow);
+}
+
+TEST_CASE("Layers that grow by less end where their cells do no longer", "[volume][layers]") {
+  // From both walls of a channel to its middle.
+  Columns half{.cells = 24};
+  Mesh mesh = half.mesh(1.08, 1.08);
+  constexpr Index kLevel = Columns::kRow * Columns::kRow;
+  const double middle = mesh.points(kLevel * 12, 2);
+  for (int k = 13; k <= 24; ++k)
+    for (Index n = 0; n < kLevel; ++n)
+      mesh.points(k * kLevel + n, 2) = 2 * middle - mesh.points((24 - k) * kLevel + n, 2);
+  const LayerColumns layers = Columns::found(mesh);
+  CHECK(layers.columns.size() == std::size_t(kLevel));
+  for (const LayerColumn& column : layers.columns) CHECK(column.nodes.size() == 12);
 }
 
 }  // namespace cadmorph
