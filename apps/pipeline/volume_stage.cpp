@@ -39,9 +39,7 @@ constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 // Layers are restored where less than the first share is kept of the mean of the worst twentieth,
 // and where the figures' shares rise by the factor.
 constexpr double kKeptMost = 0.9, kWorthRestoring = 1.1;
-// Layers that are asked for come before shape where the change of their heights falls by the
-// factor.
-constexpr double kWorthKeeping = 1.1;
+constexpr double kFullShape = 2;  // of the two figures, where nothing is lost
 constexpr std::array kSharesToFollow{1.0, 0.75};
 constexpr std::array kReaches{12, 24, 48, 96};
 constexpr Index kMostToReachFar = 300'000;
@@ -701,8 +699,8 @@ void warn_of_layers(const std::string& why, MorphResult& result) {
   result.report.run.warnings.push_back(words_for(Remedy::KeepLayers) + " changed nothing: " + why);
 }
 
-// With layers at their old heights, but where the mesh would be refused then, or their first cells
-// gain nothing and others lose shape.
+// With layers at their old heights, but where the mesh would be refused then, or where the cells'
+// shape loses by a larger factor than the change of first cells' heights.
 void keep_and_raise(const BaseSide& base, bool is_inverted, Sliding& sliding, PhaseClock& clock,
                     MorphResult& result) {
   sliding.nodes();
@@ -720,22 +718,25 @@ void keep_and_raise(const BaseSide& base, bool is_inverted, Sliding& sliding, Ph
                    result);
     return leave();
   }
-  const bool have_gained = change_of_heights(base, morphed.kept().positions) >
-                           kWorthKeeping * change_of_heights(base, result.positions);
+  const double plain_change = change_of_heights(base, morphed.kept().positions),
+               change = change_of_heights(base, result.positions);
   clock.start("quality after");
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
   raise_lost_cells(base, sliding, result);
   const std::size_t bad = bad_cells(result).size();
-  if (bad == 0 && have_gained) return;
+  const double shape = kept_shape(base, result);
+  if (bad == 0 && plain_change * shape > change * kFullShape) return;
   Undo kept(sliding, result);
   const KeptLayers report = *std::exchange(result.report.kept_layers, std::nullopt);
   morphed.apply(sliding, result);
   leave();
-  const std::size_t plain = bad_cells(result).size();
-  if (plain < bad)
+  const std::size_t plain_bad = bad_cells(result).size();
+  if (plain_bad < bad)
     return warn_of_layers("elements would be refused with them at their old heights", result);
-  if (plain == bad && !have_gained && kept_shape(base, result) > kept_shape(base, kept.kept()))
-    return warn_of_layers("first cells would gain nothing, and others lose shape", result);
+  const double plain_shape = kept_shape(base, result);
+  if (plain_bad == bad && plain_shape > shape && plain_change * shape <= change * plain_shape)
+    return warn_of_layers("the elements' shape would lose more than first cells' heights gain",
+                          result);
   result.report.kept_layers = report;
   kept.apply(sliding, result);
 }

@@ -264,6 +264,22 @@ TEST_CASE("Layers stay as a morph leaves them where they would have a mesh refus
   CHECK(left.report.run.warnings.size() == plain.report.run.warnings.size() + 1);
 }
 
+TEST_CASE("Layers stay as a morph leaves them where it keeps their heights and more of the shape",
+          "[apps][layers]") {
+  const AirRound from{.radius = 2}, near{.radius = 2, .at = 0.1}, far{.radius = 2, .at = 3};
+  PipelineOptions options;
+  options.keep_layers = true;
+  const MorphResult plain = from.morphed_to(near, {}), left = from.morphed_to(near, options);
+  REQUIRE(plain.report.layers.share_kept == 1);
+  CHECK(left.report.outcome == Outcome::Done);
+  CHECK(left.positions == plain.positions);
+  REQUIRE(left.report.kept_layers);
+  CHECK(left.report.kept_layers->kept == 0);
+  const MorphResult kept = from.morphed_to(far, options);
+  CHECK(kept.report.layers.share_kept == 1);
+  CHECK(kept.report.kept_layers->kept == kept.report.kept_layers->columns);
+}
+
 TEST_CASE("Layers that grow by less, up to another wall, keep the heights of their lower half",
           "[apps][layers]") {
   const bool is_flat = GENERATE(false, true);
