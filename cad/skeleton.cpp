@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/kd_tree.h"
+
 namespace cadmorph {
 namespace {
 
@@ -25,13 +27,27 @@ IdVector<VertexId, std::vector<EdgeEnd>> edge_ends(const CadModel& model) {
   return ends;
 }
 
-// Vertices where a seam ends: there exporters cut a curve for no reason of the design.
+// Vertices where a seam ends: there exporters cut a curve for no reason of the design. So they do
+// where the seam is that of another sheet, which may have vertices of its own in the same places.
 IdVector<VertexId, char> seam_vertices(const CadModel& model) {
-  IdVector<VertexId, char> is_seam_end(model.vertices().size(), 0);
+  const auto& vertices = model.vertices();
+  IdVector<VertexId, char> is_seam_end(vertices.size(), 0);
+  std::vector<VertexId> ends;
   for (const CadEdge& edge : model.edges())
     if (edge.is_seam)
       for (const VertexId v : {edge.start, edge.end})
-        if (v >= 0) is_seam_end[v] = 1;
+        if (v >= 0) ends.push_back(v);
+  if (ends.empty()) return is_seam_end;
+  Points places(std::ssize(ends), 3);
+  for (std::size_t i = 0; i < ends.size(); ++i)
+    places.row(static_cast<Index>(i)) = vertices[ends[i]].point;
+  const KdTree tree(places);
+  for (const VertexId v : vertices.ids()) {
+    const Neighbour near = tree.nearest(vertices[v].point.data(), 1).front();
+    const double reach =
+        vertices[v].tolerance + vertices[ends[static_cast<std::size_t>(near.index)]].tolerance;
+    is_seam_end[v] = near.squared_distance <= reach * reach;
+  }
   return is_seam_end;
 }
 

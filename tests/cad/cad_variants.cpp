@@ -164,16 +164,18 @@ class Rebuilder {
       : shape_(shape), options_(options), random_(options.seed) {}
 
   Shuffled run() {
-    std::vector<TopoDS_Shape> solids;
+    std::vector<TopoDS_Shape> bodies;
     for (TopExp_Explorer it(shape_, TopAbs_SOLID); it.More(); it.Next())
-      solids.push_back(rebuild_solid(it.Current()));
-    if (solids.empty()) throw std::logic_error("shuffle needs solids");
-    mix(solids);
-    TopoDS_Shape result = solids.front();
-    if (solids.size() > 1) {
+      bodies.push_back(rebuild_solid(it.Current()));
+    for (TopExp_Explorer it(shape_, TopAbs_FACE, TopAbs_SOLID); it.More(); it.Next())
+      bodies.push_back(rebuild_face(TopoDS::Face(it.Current())));  // a sheet
+    if (bodies.empty()) throw std::logic_error("shuffle needs faces");
+    mix(bodies);
+    TopoDS_Shape result = bodies.front();
+    if (bodies.size() > 1) {
       TopoDS_Compound compound;
       builder_.MakeCompound(compound);
-      for (const auto& solid : solids) builder_.Add(compound, solid);
+      for (const auto& body : bodies) builder_.Add(compound, body);
       result = compound;
     }
     TopTools_IndexedMapOfShape before, after;

@@ -622,6 +622,17 @@ NamedShape pierced_ring(const Sizes& s) {
       {rod("hole", upright(s("radius"), s("y"), -30), s("hole"), 60)});
 }
 
+/// The sheets of a tube and of a slanted one welded on it, nothing shared: each has vertices where
+/// the other's seam ends.
+NamedShape welded_tubes(const Sizes& s) {
+  const gp_Ax2 along(gp_Pnt(0, 0, 0), gp::DX(), gp::DZ());
+  const gp_Ax2 slanted = axes(gp_Pnt(s("x"), 0, 0), gp_Dir(s("lean"), 0, 1), s("seam"));
+  BRepPrimAPI_MakeCylinder chord(along, s("radius"), s("length"));
+  BRepPrimAPI_MakeCylinder brace(slanted, s("brace"), s("reach"));
+  return together({cut(made("chord", chord.Face()), {made("brace", brace.Solid())}),
+                   cut(made("brace", brace.Face()), {made("chord", chord.Solid())})});
+}
+
 std::vector<KnownPart> make_parts() {
   const Sizes plate{{"length", 120}, {"width", 80}, {"height", 8}, {"radius", 6}, {"pitch_x", 50},
                     {"pitch_y", 36}, {"x", 0},      {"y", 0},      {"seam", 0},   {"first", 0}};
@@ -828,6 +839,15 @@ std::vector<KnownPart> make_parts() {
       {"pierced_ring",
        {{"radius", 20}, {"tube", 6}, {"hole", 2.5}, {"y", 0.5}, {"seam", 1}},
        pierced_ring},
+      {"welded_tubes",
+       {{"length", 400},
+        {"radius", 30},
+        {"brace", 16},
+        {"x", 200},
+        {"lean", 0.9},
+        {"reach", 200},
+        {"seam", 0}},
+       welded_tubes},
       {"mirrored",
        {{"thickness", 6},
         {"leg", 50},

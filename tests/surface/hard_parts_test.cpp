@@ -35,6 +35,7 @@
 #include "cad/topology_match.h"
 #include "core/errors.h"
 #include "core/parallel.h"
+#include "known_parts.h"
 #include "morph_case.h"
 #include "triangulation.h"
 #include "warped_shape.h"
@@ -482,6 +483,32 @@ TEST_CASE("rims of a hole across a free form do not turn, wherever they begin", 
     CAPTURE(length, nodes);
     CHECK(nodes > 30);
     CHECK(most < 0.002);
+  }
+}
+
+TEST_CASE("a sheet's rim goes with the tube, whichever seams cut it", "[surface][seam]") {
+  const KnownPart& part = known_part("welded_tubes");
+  const TopoDS_Shape base = part.make(part.sizes).shape;
+  const CadModel model = to_model(base);
+  CHECK(model.skeleton().corners.empty());
+  const MorphCase c = mesh_case(model, triangulate(base, 0.5));
+  constexpr double kShift = -50;
+  for (const double seam : {0.0, pi}) {
+    Sizes sizes = part.sizes;
+    sizes["x"] += kShift;
+    sizes["seam"] = seam;
+    const SurfaceMorphResult result = morph_surface(c, to_model(part.make(sizes).shape));
+    double most = 0;
+    Index nodes = 0;
+    for (std::size_t i = 0; i < c.boundary.nodes.size(); ++i) {
+      const Vector3d from = c.mesh.points.row(c.boundary.nodes[i]), to = result.positions.row(i);
+      if (std::hypot(from.y(), from.z()) < sizes("radius") + 1e-3) continue;  // of the chord
+      ++nodes;
+      most = std::max(most, (to - from - Vector3d(kShift, 0, 0)).norm());
+    }
+    CAPTURE(seam, nodes);
+    CHECK(nodes > 20);
+    CHECK(most < 1e-6 * c.diagonal);  // the kernel's tolerance of intersections
   }
 }
 

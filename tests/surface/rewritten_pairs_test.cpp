@@ -28,6 +28,12 @@ const std::map<std::string, double>& known_differences() {
   static const std::map<std::string, double> rows{
       // Curves of intersection cut in other pieces have other centroids, by their tolerance.
       {"two_tees: scale 0.6; written with splits", 1e-7},
+      {"welded_tubes: x +8; written with order", 1e-7},
+      {"welded_tubes: x -30", 1e-7},
+      {"welded_tubes: x +35; written with order edges", 1e-7},
+      {"welded_tubes: x -50 seam +3.1415927; written with order planes edges surfaces", 1e-7},
+      {"welded_tubes: seam +3.1415927; written with order", 1e-7},
+      {"welded_tubes: scale 0.6; written with splits", 1e-7},
       // A rim that the seam cuts goes by its pieces, else as a whole.
       {"pierced_ring: tube 1.2; seams elsewhere", 2e-5},
       {"pierced_ring: hole 0.7 tube 0.9; seams elsewhere", 2e-3},
@@ -161,9 +167,10 @@ TEST_CASE("a changed part that was turned as well moves the surface alike",
   for (KnownPair row : known_pairs()) {
     row.written = row.base_written = "";
     if (has(row, "turn") || has(row, "spin") || has(row, "seam")) continue;
-    // What is round about an axis may spin as it likes, and a ball about what turned stays.
+    // What is round about an axis may spin as it likes, a ball about what turned stays, and so does
+    // a tube that another one went round.
     const std::string part = row.part;
-    if (known_part(part).is_round || part.ends_with("_in_ball") ||
+    if (known_part(part).is_round || part.ends_with("_in_ball") || part == "welded_tubes" ||
         !done.insert(to_string(row)).second)
       continue;
     const MadePair pair = make(row);
