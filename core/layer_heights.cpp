@@ -195,11 +195,11 @@ std::vector<Storey> storeys_from(const Mesh& mesh, const CellNeighbours& neighbo
 // How much a storey and those on it grow at one rate: 1 or more for a layer, 0 where the third has
 // another rate.
 double growth_on(const Mesh& mesh, const CellNeighbours& neighbours, const Storey& first,
-                 const Points& points) {
+                 const Points& points, LayerGrowth wanted) {
   const double height = first.height(points);
   Storey one = next(mesh, neighbours, first);
   const double rate = one.ceiling.empty() ? 0 : one.height(points) / height;
-  if (rate <= 1) return 0;
+  if (rate <= 1 || (wanted == LayerGrowth::Marked && rate < kGrowth)) return 0;
   double result = 0;
   while (result < 1) {
     const Storey above = next(mesh, neighbours, one);
@@ -222,27 +222,28 @@ struct LowestStorey {
 // The one that the cell is, if it and those on it grow at one rate.
 std::optional<LowestStorey> growing_storey(const Mesh& mesh, const CellNeighbours& neighbours,
                                            Index cell, const std::vector<char>& is_surface,
-                                           const Points& points) {
+                                           const Points& points, LayerGrowth wanted) {
   Storey first = first_storey(mesh, neighbours, cell, is_surface,
                               [&](const Storey& one) { return is_flat(one, points, kThin); });
   const bool is_thin = !first.floor.empty();
   if (!is_thin)
     first = first_storey(mesh, neighbours, cell, is_surface, [](const Storey&) { return true; });
   if (first.floor.empty()) return std::nullopt;
-  const double growth = growth_on(mesh, neighbours, first, points);
-  if (growth < kBeside) return std::nullopt;
+  const double growth = growth_on(mesh, neighbours, first, points, wanted);
+  if (growth < (wanted == LayerGrowth::Marked ? 1 : kBeside)) return std::nullopt;
   return LowestStorey{std::move(first), is_thin && growth >= 1};
 }
 
 // The lowest storeys of all layers.
 std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighbours,
-                                  const std::vector<char>& is_surface, const Points& points) {
+                                  const std::vector<char>& is_surface, const Points& points,
+                                  LayerGrowth growth) {
   constexpr Index kGrain = 4096;
   std::vector<std::vector<LowestStorey>> found(mesh.cell_count() / kGrain + 1);
   parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
     for (Index cell = begin; cell < end; ++cell)
       if (can_stand(mesh.types[cell]))
-        if (auto one = growing_storey(mesh, neighbours, cell, is_surface, points))
+        if (auto one = growing_storey(mesh, neighbours, cell, is_surface, points, growth))
           found[begin / kGrain].push_back(std::move(*one));
   });
   std::vector<Storey> growing;
@@ -259,9 +260,10 @@ std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighb
 }
 
 LayerNodes nodes_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                 const std::vector<char>& is_surface, const Points& points) {
+                                 const std::vector<char>& is_surface, const Points& points,
+                                 LayerGrowth growth) {
   LayerNodes result;
-  for (const Storey& first : first_storeys(mesh, neighbours, is_surface, points)) {
+  for (const Storey& first : first_storeys(mesh, neighbours, is_surface, points, growth)) {
     result.feet.insert(result.feet.end(), first.floor.begin(), first.floor.end());
     for (const Storey& one : storeys_from(mesh, neighbours, first, points))
       result.all.insert(result.all.end(), one.ceiling.begin(), one.ceiling.end());
@@ -301,7 +303,8 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   LayerFigures result;
   Index kept = 0, stacked = 0;
   std::vector<double> leans_before, leans_after;
-  std::vector<Storey> storeys = first_storeys(mesh, neighbours, is_surface, before);
+  std::vector<Storey> storeys =
+      first_storeys(mesh, neighbours, is_surface, before, LayerGrowth::Any);
   result.are_of_layers = !storeys.empty();
   if (storeys.empty()) storeys = flat_storeys(mesh, neighbours, is_surface, before);
   for (const Storey& first : storeys) {
@@ -334,7 +337,8 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
 double change_in_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                               const std::vector<char>& is_surface, const Points& before,
                               const Points& after) {
-  const std::vector<Storey> storeys = first_storeys(mesh, neighbours, is_surface, before);
+  const std::vector<Storey> storeys =
+      first_storeys(mesh, neighbours, is_surface, before, LayerGrowth::Any);
   double sum = 0;
   for (const Storey& first : storeys) {
     const double ratio = first.height(after) / first.height(before);
@@ -381,11 +385,12 @@ class Stacks {
 };
 
 LayerColumns columns_of_solid_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                                     const std::vector<char>& is_surface, const Points& points) {
+                                     const std::vector<char>& is_surface, const Points& points,
+                                     LayerGrowth growth) {
   LayerColumns result;
   Stacks stacks(mesh.node_count());
   std::vector<Index> feet;
-  for (Storey& first : first_storeys(mesh, neighbours, is_surface, points)) {
+  for (Storey& first : first_storeys(mesh, neighbours, is_surface, points, growth)) {
     for (const Storey& one : storeys_from(mesh, neighbours, first, points)) stacks.add(mesh, one);
     feet.insert(feet.end(), first.floor.begin(), first.floor.end());
     result.floors.push_back(std::move(first.floor));
@@ -500,27 +505,29 @@ double change_of_heights(const Mesh& mesh, const CellNeighbours& neighbours,
 }
 
 LayerNodes nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                           const std::vector<char>& is_surface, const Points& points) {
+                           const std::vector<char>& is_surface, const Points& points,
+                           LayerGrowth growth) {
   if (!neighbours.neighbour.empty())
-    return nodes_of_solid_layers(mesh, neighbours, is_surface, points);
+    return nodes_of_solid_layers(mesh, neighbours, is_surface, points, growth);
   if (flat_axis(mesh, points) < 0) return {};
   const PlaneLayer layer(mesh, points, is_surface);
   LayerNodes result =
-      nodes_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points);
+      nodes_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points, growth);
   for (std::vector<Index>* nodes : {&result.all, &result.feet})
     std::erase_if(*nodes, [&](Index node) { return node >= mesh.node_count(); });
   return result;
 }
 
 LayerColumns find_layer_columns(const Mesh& mesh, const CellNeighbours& neighbours,
-                                const std::vector<char>& is_surface, const Points& points) {
+                                const std::vector<char>& is_surface, const Points& points,
+                                LayerGrowth growth) {
   if (!neighbours.neighbour.empty())
-    return columns_of_solid_layers(mesh, neighbours, is_surface, points);
+    return columns_of_solid_layers(mesh, neighbours, is_surface, points, growth);
   const int axis = flat_axis(mesh, points);
   if (axis < 0) return {};
   const PlaneLayer layer(mesh, points, is_surface);
   LayerColumns result =
-      columns_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points);
+      columns_of_solid_layers(layer.mesh, layer.neighbours, layer.is_on, layer.mesh.points, growth);
   result.axis = Vector3d::Unit(axis);
   std::erase_if(result.columns,
                 [&](const LayerColumn& column) { return column.foot >= mesh.node_count(); });

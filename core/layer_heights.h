@@ -43,13 +43,18 @@ double change_of_heights(const Mesh& mesh, const CellNeighbours& neighbours,
 /// shortest edge of their face on the surface tell of a layer; higher ones, and those that grow by
 /// half as much, belong to it where they go on from it. A layer goes up to where the rate changes
 /// or cells are higher than they are wide.
+enum class LayerGrowth {
+  Any,
+  Marked  ///< of a tenth at least from cell to cell
+};
 struct LayerNodes {
   std::vector<Index> all;   ///< ascending
   std::vector<Index> feet;  ///< of these, what the layers stand on, ascending
 };
 /// Of a mesh with points N x 3; `is_surface`: one a node. O(cells).
 LayerNodes nodes_of_layers(const Mesh& mesh, const CellNeighbours& neighbours,
-                           const std::vector<char>& is_surface, const Points& points);
+                           const std::vector<char>& is_surface, const Points& points,
+                           LayerGrowth growth = LayerGrowth::Any);
 
 /// Nodes of a layer that stand one above the other on a node of the surface.
 struct LayerColumn {
@@ -67,7 +72,8 @@ struct LayerColumns {
   Eigen::Vector3d axis = Eigen::Vector3d::Zero();  ///< of a plane mesh's normal
 };
 LayerColumns find_layer_columns(const Mesh& mesh, const CellNeighbours& neighbours,
-                                const std::vector<char>& is_surface, const Points& points);
+                                const std::vector<char>& is_surface, const Points& points,
+                                LayerGrowth growth = LayerGrowth::Any);
 
 /// Where the columns' nodes come when they keep their heights over the floors round their feet, and
 /// turn with these. `before`, `after`: N x 3; returns `after` with these nodes moved.

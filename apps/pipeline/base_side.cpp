@@ -239,7 +239,7 @@ std::vector<char> BaseSide::on_cad() const {
 
 const LayerNodes& BaseSide::layer_nodes() const {
   std::call_once(has_layer_nodes_, [&] {
-    layer_nodes_ = nodes_of_layers(mesh(), neighbours, on_cad(), mesh().points);
+    layer_nodes_ = nodes_of_layers(mesh(), neighbours, on_cad(), mesh().points, layer_growth());
   });
   return layer_nodes_;
 }

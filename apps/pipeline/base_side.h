@@ -46,6 +46,11 @@ struct BaseSide {
   /// A flag a mesh node: on the base CAD, or amid straight edges of it.
   std::vector<char> on_cad() const;
 
+  /// Layers that grow little keep their heights where that is asked for; as what graded meshes lose
+  /// by the motion they are like all other cells.
+  LayerGrowth layer_growth() const {
+    return options.keep_layers ? LayerGrowth::Any : LayerGrowth::Marked;
+  }
   /// nodes_of_layers of the mesh, found when first asked for; of any number of threads at once.
   const LayerNodes& layer_nodes() const;
 

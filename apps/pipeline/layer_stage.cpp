@@ -54,7 +54,7 @@ class LayerKeeper {
         result_(result),
         sliding_(sliding),
         layers_(find_layer_columns(base_.mesh(), base_.neighbours, base_.on_cad(),
-                                   base_.mesh().points)),
+                                   base_.mesh().points, base_.layer_growth())),
         images_(result.surface.images, base_.boundary, sliding) {
     if (layers_.columns.empty()) return;
     mid_nodes_ = MidNodes(mesh(), result.positions);
@@ -67,7 +67,7 @@ class LayerKeeper {
       kept_nodes_.push_back(std::ssize(layers_.columns[i].nodes));
       if (ends_on_wall(i)) full.insert(Index(i));
     }
-    lower(full);  // what is beyond layers is to give way
+    if (base_.options.keep_layers) lower(full);  // what is beyond layers is to give way
     for (std::size_t i = 0; i < layers_.columns.size(); ++i)
       if (std::ranges::any_of(kept_nodes(i), [&](Index node) { return !can_move(node); }))
         kept_nodes_[i] = 0;

@@ -91,7 +91,8 @@ TEST_CASE("The bore's hexahedra are valid at 220 % where surface nodes may slide
   REQUIRE(result.report.untangling);
   const Index slid = result.report.untangling->slid_nodes;
   CHECK(slid > 0);
-  CHECK(result.report.run.warnings.empty());
+  for (const std::string& warning : result.report.run.warnings)  // of a fold there is none
+    CHECK_THAT(warning, Catch::Matchers::Contains("hardly of use"));
   const auto& nodes = job.base().boundary.nodes;
   Index moved = 0;
   for (const RowId i : result.surface.entity.ids()) {
