@@ -37,16 +37,18 @@ double change_of_heights(const Mesh& mesh, const CellNeighbours& neighbours,
                          const std::vector<char>& is_surface, const Points& before,
                          const Points& after);
 
+/// Which layers count.
+enum class LayerGrowth {
+  Any,
+  Marked  ///< of a tenth at least from cell to cell
+};
+
 /// The nodes of layers that grow from the surface: on each first cell stands another that is at
 /// least a tenth higher, and on that one a third that is higher at the same rate; or at a smaller
 /// rate so many that the last is twice as high as the first. Cells at most half as high as the
 /// shortest edge of their face on the surface tell of a layer; higher ones, and those that grow by
 /// half as much, belong to it where they go on from it. A layer goes up to where the rate changes
 /// or cells are higher than they are wide.
-enum class LayerGrowth {
-  Any,
-  Marked  ///< of a tenth at least from cell to cell
-};
 struct LayerNodes {
   std::vector<Index> all;   ///< ascending
   std::vector<Index> feet;  ///< of these, what the layers stand on, ascending
