@@ -289,23 +289,25 @@ double residual(const Similarity& s, const std::vector<Vector3d>& from,
   return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(from.size(), 1)));
 }
 
+bool carries_parameters(const Similarity& motion, const CadModel& base, FaceId face,
+                        const CadModel& variant, FaceId to_face) {
+  const CadFace& a = base.faces()[face];
+  const CadFace& b = variant.faces()[to_face];
+  const double tolerance = kCoincident * variant.diagonal();
+  for (const Vector2d& s : {Vector2d(0.2, 0.3), Vector2d(0.9, 0.4), Vector2d(0.4, 0.8)}) {
+    const Vector2d from = a.lower + s.cwiseProduct(a.upper - a.lower);
+    const Vector2d to = b.lower + s.cwiseProduct(b.upper - b.lower);
+    const Vector3d moved = motion(base.evaluate(face, from).point);
+    if ((moved - variant.evaluate(to_face, to).point).norm() >= tolerance) return false;
+  }
+  return true;
+}
+
 double parameter_agreement(const CadModel& base, const CadModel& variant,
                            const TopologyMatch& match) {
-  const double tolerance = kCoincident * variant.diagonal();
   int same = 0;
-  for (const FaceId f : match.faces.ids()) {
-    const CadFace& a = base.faces()[f];
-    const CadFace& b = variant.faces()[match.faces[f]];
-    bool is_same = true;
-    for (const Vector2d& s : {Vector2d(0.2, 0.3), Vector2d(0.9, 0.4), Vector2d(0.4, 0.8)}) {
-      const Vector2d from = a.lower + s.cwiseProduct(a.upper - a.lower);
-      const Vector2d to = b.lower + s.cwiseProduct(b.upper - b.lower);
-      is_same &= (match.alignment(base.evaluate(f, from).point) -
-                  variant.evaluate(match.faces[f], to).point)
-                     .norm() < tolerance;
-    }
-    same += is_same;
-  }
+  for (const FaceId f : match.faces.ids())
+    same += carries_parameters(match.alignment, base, f, variant, match.faces[f]);
   return static_cast<double>(same) / static_cast<double>(match.faces.size());
 }
 

@@ -41,6 +41,10 @@ bool is_mirror_image(const CadModel& base, const CadModel& variant, const Topolo
 /// Whether an aligned match is of models that coincide: nothing moves.
 bool stays(const TopologyMatch& match);
 
+/// Whether a motion carries points of a face onto those of equal relative parameters of another.
+bool carries_parameters(const Similarity& motion, const CadModel& base, FaceId face,
+                        const CadModel& variant, FaceId to_face);
+
 /// Part of the faces whose points of equal relative parameters match.alignment carries onto each
 /// other: of several exact alignments of a symmetric part the one that re-exports keep.
 double parameter_agreement(const CadModel& base, const CadModel& variant,

@@ -538,6 +538,7 @@ std::vector<std::pair<std::string, double>> cost_terms(const MatchCost& cost) {
           {"lengths", cost.lengths},
           {"parameters", cost.parameters},
           {"turn", cost.turn},
+          {"rest", cost.rest},
           {"order", cost.order},
           {"names", cost.names},
           {"joints", cost.joints}};

@@ -1100,6 +1100,20 @@ const std::vector<KnownPair>& known_pairs() {
       {"link", "small 1.3 turn 2.5", "order planes"},
       {"bracket", "leg 1.3 turn 2.5", ""},
       {"flange3", "shift +3 turn 2.5", "order"},
+
+      {"throttle", "", "order planes edges"},
+      {"throttle", "", "splits"},
+      {"throttle", "tilt +0.2", "order"},
+      {"throttle", "tilt -0.5", "order edges"},
+      {"throttle", "tilt -0.7", ""},
+      {"throttle", "tilt -0.6", ""},
+      {"throttle", "tilt -0.65", ""},
+      {"throttle", "tilt -0.68", ""},
+      {"throttle", "tilt -0.72", ""},
+      {"throttle", "tilt -0.7", "order planes edges"},
+      {"throttle", "radius 1.2 shaft 1.2", "splits"},
+      {"throttle", "tilt -0.7 shaft 0.8", "order"},
+      {"throttle", "turn 0.3", "order surfaces"},
   };
   // clang-format on
   return rows;

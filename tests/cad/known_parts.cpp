@@ -633,6 +633,22 @@ NamedShape welded_tubes(const Sizes& s) {
                    cut(made("brace", brace.Face()), {made("chord", chord.Solid())})});
 }
 
+/// The air in a pipe round a disc on a shaft: tilted the other way, the shape is the same turned.
+NamedShape throttle(const Sizes& s) {
+  const gp_Dir across(std::cos(s("tilt")), 0, -std::sin(s("tilt")));
+  const gp_Pnt middle = gp_Pnt(0, 0, 0).Translated(gp_Vec(across) * (-s("thickness") / 2));
+  const auto wing = [&](const char* name, const gp_Dir& from) {
+    return made(name, BRepPrimAPI_MakeCylinder(gp_Ax2(middle, across, from), 0.95 * s("radius"),
+                                               s("thickness"), std::numbers::pi)
+                          .Solid());
+  };
+  const gp_Dir down = gp::DY().Crossed(across);
+  return cut(
+      rod("pipe", axes(gp_Pnt(-s("length") / 2, 0, 0), gp::DX()), s("radius"), s("length")),
+      {wing("left", down), wing("right", down.Reversed()),
+       rod("shaft", axes(gp_Pnt(0, -2 * s("radius"), 0), gp::DY()), s("shaft"), 4 * s("radius"))});
+}
+
 std::vector<KnownPart> make_parts() {
   const Sizes plate{{"length", 120}, {"width", 80}, {"height", 8}, {"radius", 6}, {"pitch_x", 50},
                     {"pitch_y", 36}, {"x", 0},      {"y", 0},      {"seam", 0},   {"first", 0}};
@@ -848,6 +864,9 @@ std::vector<KnownPart> make_parts() {
         {"reach", 200},
         {"seam", 0}},
        welded_tubes},
+      {"throttle",
+       {{"length", 200}, {"radius", 25}, {"thickness", 2.5}, {"shaft", 4}, {"tilt", 0.35}},
+       throttle},
       {"mirrored",
        {{"thickness", 6},
         {"leg", 50},

@@ -48,8 +48,9 @@ struct Rewriting {
   ShuffleOptions options;
 
   explicit Rewriting(const KnownPair& row) {
-    // A part that turned tells by its parameters how far: they must stay as they are.
-    const bool is_turned = has(row, "turn") || has(row, "spin");
+    // A part that turned tells by its parameters how far, one that looks as if it had turned that
+    // it did not: they must stay as they are.
+    const bool is_turned = has(row, "turn") || has(row, "spin") || has(row, "tilt -0.7");
     options = {.has_reversed_planes = !is_turned,
                .has_reversed_edges = true,
                .has_reversed_surfaces = !is_turned,
