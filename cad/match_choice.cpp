@@ -38,12 +38,8 @@ constexpr double kChange = 1e-3, kDesign = 1.0 / 30;
 constexpr double kRough = 1e-4, kJump = 0.05, kRoughBits = 0.5;
 // Parts change in their own frame, a turn is an export's doing, which keeps the parameters.
 constexpr double kSmallTurn = 0.2, kTurnBits = 6;
-// What is the same shape does not move. From 5 to 12 the corpus comes out alike.
+// What is the same shape does not move.
 constexpr double kRestBits = 8;
-// Nothing moves through what is like it: faces whose sizes differ by less than the first, that come
-// nearer to each other on their ways than the second of what lies between them before and after.
-// From 3 to 12 bits the corpus comes out alike.
-constexpr double kPassBits = 4, kAlike = 0.1, kThrough = 0.25;
 // Of the logarithms of the lengths' ratios to base 2: edges alike change alike.
 constexpr double kStretch = 0.02;
 // Places of edges in their faces' parameters change with the shape, but hardly ever come together
@@ -53,9 +49,10 @@ constexpr double kParameterBits = 4;
 // has fewer bits than the second. With 2 bits holes jump over others: kernels write a pattern's
 // holes by where they lie, which may still fit the adjacency.
 constexpr double kOrder = 1, kOrderBits = 20;
-constexpr double kSamePlace = 1e-9;     // of the diagonal: coincident copies are equally near
-constexpr double kRests = 1e-6;         // of the diagonal, by which an entity at rest may be off
-constexpr double kHardlyTurned = 1e-3;  // radians: to look for other matches is of no use
+constexpr double kStill = 0.5;       // of the fitted distance: standing still fits clearly better
+constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are equally near
+constexpr double kRests = 1e-6;      // of the diagonal, by which an entity at rest may be off
+constexpr double kHardlyTurned = 1e-3;           // radians: to look for other matches is of no use
 constexpr int kSmoothing = 40, kFollowing = 12;  // neighbours: exchanged pairs among 40 stand out
 // Bits that an entity costs by its neighbours, on the mean: two that are exchanged cost fifteen.
 constexpr double kWorthImproving = 0.025;
@@ -160,17 +157,6 @@ int other_forms(const MatchSide& base, const MatchSide& variant, const TopologyM
   return others;
 }
 
-bool rests(const MatchSide& base, const MatchSide& variant, FaceId f, FaceId to) {
-  return carries_parameters({}, base.model, f, variant.model, to);
-}
-
-bool leaves_any_at_rest(const MatchSide& base, const MatchSide& variant,
-                        const TopologyMatch& match) {
-  for (const FaceId f : match.faces.ids())
-    if (rests(base, variant, f, match.faces[f])) return true;
-  return false;
-}
-
 // Faces that the match turns, though one alike lies where they lie, parameters and all.
 int turned_from_rest(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
   if (Eigen::AngleAxisd(match.alignment.rotation).angle() < kHardlyTurned) return 0;
@@ -181,35 +167,8 @@ int turned_from_rest(const MatchSide& base, const MatchSide& variant, const Topo
   for (const FaceId f : match.faces.ids()) {
     const EntityFeature& feature = base.features[f];
     const int alike = nearest.find(feature, feature.centre, 1, 1)[0].second;
-    count += rests(base, variant, f, variant.graph.face(alike));
+    count += carries_parameters({}, base.model, f, variant.model, variant.graph.face(alike));
   }
-  return count;
-}
-
-// Faces that have to pass through one alike on their way, as a hole does that jumps over others of
-// its row.
-int passing(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
-  struct Way {
-    Vector3d from, by;
-    double length, size;
-  };
-  std::vector<Way> ways;
-  for (const FaceId f : match.faces.ids()) {
-    const Vector3d from = match.alignment(base.features[f].centre);
-    const Vector3d by = variant.features[match.faces[f]].centre - from;
-    ways.push_back({from, by, by.norm(), base.features[f].size});
-  }
-  const double least = kRounding * variant.model.diagonal();
-  int count = 0;
-  for (const Way& a : ways)
-    count += a.length > least && std::ranges::any_of(ways, [&](const Way& b) {
-               if (b.length > a.length || std::abs(b.size - a.size) > kAlike * a.size) return false;
-               const Vector3d apart = b.from - a.from, change = b.by - a.by;
-               if (apart.squaredNorm() > 9 * a.length * a.length || change.isZero(0)) return false;
-               const double t = std::clamp(-apart.dot(change) / change.squaredNorm(), 0.0, 1.0);
-               return (apart + t * change).norm() <
-                      kThrough * std::min(apart.norm(), (apart + change).norm());
-             });
   return count;
 }
 
@@ -482,14 +441,14 @@ MatchCost cost_of(const MatchSide& base, const MatchSide& variant, const Topolog
   const double rough = is_exact ? 0 : roughness(base, variant, match);
   const double turned = turned_by(base, variant, match.alignment);
   const bool is_export = others == 0 && is_exact;
+  const bool looks_turned = is_exact && !is_export;
   const bool is_evidence = order_bits(base.graph, base.graph.entity_count()) >= kOrderBits;
   return {.deformation = bits(distance, kChange) + distance / kDesign,
           .neighbours = rough,
           .lengths = is_exact ? 0 : bits(stretch(base, variant, match), kStretch),
           .parameters = kParameterBits * bits(others, 1),
           .turn = is_export ? 0 : kTurnBits * bits(turned, kSmallTurn),
-          .rest = is_export ? 0 : kRestBits * bits(turned_from_rest(base, variant, match), 1),
-          .passing = is_exact ? 0 : kPassBits * bits(passing(base, variant, match), 1),
+          .rest = looks_turned ? kRestBits * bits(turned_from_rest(base, variant, match), 1) : 0,
           .order = is_evidence && !keeps_order(match.faces) ? kOrder : 0};
 }
 
@@ -497,17 +456,18 @@ MatchCost cost_of(const MatchSide& base, const MatchSide& variant, const Topolog
 
 void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match) {
   align(base.model, variant.model, match);
+  // Where most stands still, as a far field about a small body, it stands still.
+  if (!match.is_congruent && distance_after(base, variant, match, {}) <
+                                 kStill * distance_after(base, variant, match, match.alignment))
+    match.alignment = {};
   match.cost = cost_of(base, variant, match, match.is_congruent);
-  // The part may stand still while some of it moves: a small body in a far field, what turns in a
-  // ring of equals, which leaves the shape as it was, turned.
-  if (match.is_congruent && match.cost.parameters == 0) return;
-  if (!leaves_any_at_rest(base, variant, match)) return;
-  TopologyMatch still = match;
-  still.alignment = {};
-  const MatchCost cost = cost_of(base, variant, still, false);
-  if (cost.sum() >= match.cost.sum()) return;
-  match.cost = cost;
-  if (!match.is_congruent) match.alignment = {};
+  // Where the parameters did not move with a congruent shape, the design may have: what turns in a
+  // ring of equals is the shape as before, turned.
+  if (!match.is_congruent || match.cost.parameters == 0) return;
+  TopologyMatch designed = match;
+  designed.alignment = {};
+  const MatchCost cost = cost_of(base, variant, designed, false);
+  if (cost.sum() < match.cost.sum()) match.cost = cost;
 }
 
 std::optional<TopologyMatch> cheaper(std::optional<TopologyMatch> a,

@@ -1106,19 +1106,9 @@ const std::vector<KnownPair>& known_pairs() {
       {"throttle", "tilt +0.2", "order"},
       {"throttle", "tilt -0.5", "order edges"},
       {"throttle", "tilt -0.7", ""},
-      {"throttle", "tilt -0.6", ""},
-      {"throttle", "tilt -0.65", ""},
-      {"throttle", "tilt -0.68", ""},
-      {"throttle", "tilt -0.72", ""},
       {"throttle", "tilt -0.7", "order planes edges"},
       {"throttle", "radius 1.2 shaft 1.2", "splits"},
-      {"throttle", "tilt -0.7 shaft 0.8", "order"},
       {"throttle", "turn 0.3", "order surfaces"},
-
-      {"hole_row", "", "order planes edges"},
-      {"hole_row", "x +19", "order"},
-      {"hole_row", "x +20", ""},
-      {"hole_row", "x +20 radius 0.8", ""},
   };
   // clang-format on
   return rows;
