@@ -40,15 +40,13 @@ TEST_CASE("each pair of the corpus is matched as known", "[cad][match][corpus]")
 }
 
 TEST_CASE("a match tells its cost and that of the runner-up", "[cad][match][corpus]") {
-  // A hole moves to where the plate turned over would have it, too: without its parameters.
+  // A hole moves to where the plate turned over would have it, too.
   const MadePair pair = make({"drilled", "x +20", "order planes edges surfaces"});
   const TopologyMatch match = match_topology(pair.base.model, pair.variant.model);
   REQUIRE(match.runner_up);
   CHECK(match.cost.turn == 0);
   CHECK(match.cost.deformation > 5);
-  CHECK(match.runner_up->cost.deformation == 0);
   CHECK(match.runner_up->cost.turn > 8);
-  CHECK(match.runner_up->cost.parameters == Approx(4 * std::log2(1 + 7)));  // of 7 faces
   CHECK(match.cost.sum() < match.runner_up->cost.sum());
 }
 
