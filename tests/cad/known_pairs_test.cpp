@@ -1,7 +1,6 @@
 #include "known_pairs.h"
 
 #include <catch2/catch.hpp>
-#include <cmath>
 #include <map>
 #include <set>
 
