@@ -40,6 +40,9 @@ constexpr double kRough = 1e-4, kJump = 0.05, kRoughBits = 0.5;
 constexpr double kSmallTurn = 0.2, kTurnBits = 6;
 // What is the same shape does not move.
 constexpr double kRestBits = 8;
+// Nothing moves through what is like it: faces whose sizes differ by less than the first, that come
+// nearer to each other on their ways than the second of what lies between them before and after.
+constexpr double kPassBits = 4, kAlike = 0.1, kThrough = 0.25;
 // Of the logarithms of the lengths' ratios to base 2: edges alike change alike.
 constexpr double kStretch = 0.02;
 // Places of edges in their faces' parameters change with the shape, but hardly ever come together
@@ -169,6 +172,34 @@ int turned_from_rest(const MatchSide& base, const MatchSide& variant, const Topo
     const int alike = nearest.find(feature, feature.centre, 1, 1)[0].second;
     count += carries_parameters({}, base.model, f, variant.model, variant.graph.face(alike));
   }
+  return count;
+}
+
+// Faces that have to pass through one alike on their way, as a hole does that jumps over others of
+// its row. In a mirror image all do.
+int passing(const MatchSide& base, const MatchSide& variant, const TopologyMatch& match) {
+  if (is_mirror_image(base.model, variant.model, match)) return 0;
+  struct Way {
+    Vector3d from, by;
+    double length, size;
+  };
+  std::vector<Way> ways;
+  for (const FaceId f : match.faces.ids()) {
+    const Vector3d from = match.alignment(base.features[f].centre);
+    const Vector3d by = variant.features[match.faces[f]].centre - from;
+    ways.push_back({from, by, by.norm(), base.features[f].size});
+  }
+  const double least = kRounding * variant.model.diagonal();
+  int count = 0;
+  for (const Way& a : ways)
+    count += a.length > least && std::ranges::any_of(ways, [&](const Way& b) {
+               if (b.length > a.length || std::abs(b.size - a.size) > kAlike * a.size) return false;
+               const Vector3d apart = b.from - a.from, change = b.by - a.by;
+               if (apart.squaredNorm() > 9 * a.length * a.length || change.isZero(0)) return false;
+               const double t = std::clamp(-apart.dot(change) / change.squaredNorm(), 0.0, 1.0);
+               return (apart + t * change).norm() <
+                      kThrough * std::min(apart.norm(), (apart + change).norm());
+             });
   return count;
 }
 
@@ -449,6 +480,7 @@ MatchCost cost_of(const MatchSide& base, const MatchSide& variant, const Topolog
           .parameters = kParameterBits * bits(others, 1),
           .turn = is_export ? 0 : kTurnBits * bits(turned, kSmallTurn),
           .rest = looks_turned ? kRestBits * bits(turned_from_rest(base, variant, match), 1) : 0,
+          .passing = is_exact ? 0 : kPassBits * bits(passing(base, variant, match), 1),
           .order = is_evidence && !keeps_order(match.faces) ? kOrder : 0};
 }
 

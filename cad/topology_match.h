@@ -28,11 +28,13 @@ struct MatchCost {
   double parameters = 0;   ///< places of edges in their faces' parameters that are others
   double turn = 0;         ///< distance by which the part turns
   double rest = 0;         ///< faces that an exact turn takes from where one alike lies
+  double passing = 0;      ///< faces that have to pass through one alike
   double order = 0;        ///< departure from the order of the files, where that tells something
   double names = 0;        ///< names that went to other faces
   double joints = 0;       ///< corners of smooth curves that count for nothing
   double sum() const {
-    return deformation + neighbours + lengths + parameters + turn + rest + order + names + joints;
+    return deformation + neighbours + lengths + parameters + turn + rest + passing + order + names +
+           joints;
   }
 };
 

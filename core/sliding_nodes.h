@@ -29,6 +29,9 @@ struct SlidingNodes {
   /// The place of nodes[i] at `slide`; of any number of threads at once.
   std::function<SlidePlace(Index i, const Eigen::Vector2d& slide)> at;
 
+  /// The parameters of nodes[i] on its surface there, (u, v), or on its edge, (t, 0).
+  std::function<Eigen::Vector2d(Index i, const Eigen::Vector2d& slide)> parameters;
+
   /// Whether nodes[i] is still within its surface's bounds there.
   std::function<bool(Index i, const Eigen::Vector2d& slide)> is_within;
 

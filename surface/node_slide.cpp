@@ -177,6 +177,7 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
     const Place place = evaluate(variant, slider, uv_at(i, slide));
     return SlidePlace{(place.point + slider.offset) / unit, place.tangents * slider.to_uv};
   };
+  result.parameters = uv_at;
   result.is_within = [sliders, variant, uv_at](Index i, const Vector2d& slide) {
     return is_on_entity(variant, (*sliders)[i], uv_at(i, slide));
   };

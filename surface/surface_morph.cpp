@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
 #include <sstream>
 
 #include "cad/projector.h"
@@ -528,13 +529,9 @@ void SurfaceMorph::Impl::unfold(const ModelPair& pair, const CurveMaps& maps, Fa
     improve([&] { return project_face(*nodes.domain, pair, motion, nodes.points); },
             "parameter warp folded, predicted positions projected instead");
   if (!folds.empty() && !nodes.domain->is_closed()) improve([&] { return lay_out(0); }, laid_out);
-  const std::string name = name_of(pair.base, pair.match, face);
   result.folded_facets.insert(result.folded_facets.end(), folds.begin(), folds.end());
-  if (!folds.empty())
-    result.folds.push_back(name + ": " + std::to_string(folds.size()) +
-                           " of its facets are folded");
-  else if (!note.empty())
-    result.remedies[note].push_back(name);
+  if (folds.empty() && !note.empty())
+    result.remedies[note].push_back(name_of(pair.base, pair.match, face));
 }
 
 // Of the nodes on faces: how far the warp put them on the carrier surface beyond the trimmed face.
@@ -898,6 +895,22 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
   return result;
 }
 
+std::vector<FacetId> SurfaceMorph::folds_left(const CadModel& variant, const TopologyMatch& match,
+                                              const SurfaceMorphResult& moved,
+                                              const Points& positions) const {
+  const Points points = positions * impl_->association.mesh_unit_mm;
+  std::set<FaceId> faces;
+  for (const FacetId f : moved.folded_facets) faces.insert(impl_->association.facet_face[f]);
+  std::vector<FacetId> result;
+  for (const FaceId face : faces) {
+    const FaceNodes& nodes = impl_->faces[face];
+    const Parameters uv = moved.uv(nodes.rows, Eigen::all);
+    const auto folds = nodes.folds.find(impl_->surface, {variant, match.faces[face], uv, points});
+    result.insert(result.end(), folds.begin(), folds.end());
+  }
+  return result;
+}
+
 Points SurfaceMorph::slide(const Points& positions) const {
   const Impl& self = *impl_;
   Points moved = positions * self.association.mesh_unit_mm;
@@ -929,6 +942,18 @@ Points SurfaceMorph::onto_sliding_patches(const Points& from, const Points& to) 
 
 SlideDerivative SurfaceMorph::slide_derivative(const Points& positions) const {
   return {impl_->surface, impl_->sliding_patches(), positions * impl_->association.mesh_unit_mm};
+}
+
+std::vector<std::string> describe_folds(const CadModel& base, const TopologyMatch& match,
+                                        const Association& association,
+                                        const std::vector<FacetId>& folded) {
+  std::map<FaceId, int> counts;
+  for (const FacetId f : folded) ++counts[association.facet_face[f]];
+  std::vector<std::string> lines;
+  for (const auto& [face, count] : counts)
+    lines.push_back(name_of(base, match, face) + ": " + std::to_string(count) +
+                    " of its facets are folded");
+  return lines;
 }
 
 std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,

@@ -48,13 +48,17 @@ struct SurfaceMorphResult {
   std::vector<RowId> periodic;  ///< nodes of those that are named, ascending: no repair moves them
   std::vector<RowId> crossing;  ///< nodes on CAD entities that cross without an imprint, ascending
   std::vector<RowId> jointed;   ///< all on entities that meet without one (Joints), ascending
-  std::vector<std::string> folds;      ///< faces with folded facets: a line each
   std::vector<FacetId> folded_facets;  ///< by face
   std::vector<std::string> warnings;   ///< other remarks: a line each
   std::vector<std::string> notes;      ///< remarks that ask for nothing: a line each
   /// What faces took that would fold else, and the faces; nothing to do about.
   std::map<std::string, std::vector<std::string>> remedies;
 };
+
+/// A line for each base face with folded facets.
+std::vector<std::string> describe_folds(const CadModel& base, const TopologyMatch& match,
+                                        const Association& association,
+                                        const std::vector<FacetId>& folded);
 
 /// A line for each base face with nodes beyond the wires of its variant.
 std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,
@@ -83,6 +87,11 @@ class SurfaceMorph {
   /// Computes the surface node positions on `variant`. `match` maps base to variant entities (see
   /// match_topology).
   SurfaceMorphResult morph(const CadModel& variant, const TopologyMatch& match) const;
+
+  /// Those of `moved.folded_facets` and their faces' others that are folded where the nodes slid
+  /// to since: `moved.uv` and `positions` (of all surface nodes, in the mesh's unit) are of there.
+  std::vector<FacetId> folds_left(const CadModel& variant, const TopologyMatch& match,
+                                  const SurfaceMorphResult& moved, const Points& positions) const;
 
   /// Moves the nodes on patches that slide with the others: `positions` of all surface nodes, in
   /// the mesh's unit.

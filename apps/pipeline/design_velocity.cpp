@@ -162,7 +162,9 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
   result.unevenness = result.motion > 0 ? largest(bent) / largest(apart) : 0;
   for (const MorphResult* side : {&plus, &minus}) {
     add_new(result.warnings, side->report.run.warnings);
-    add_new(result.warnings, side->surface.folds);
+    add_new(result.warnings,
+            describe_folds(*side->base->cad, side->match, side->base->association(),
+                           side->surface.folded_facets));
   }
   judge(models, result);
   return result;

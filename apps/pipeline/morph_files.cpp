@@ -85,7 +85,9 @@ class Trip {
     if (leg_ > 0) options.surface.association.mesh_unit_mm = whole_.mesh.unit_mm;
     if (leg_ + 1 == targets_.size()) return options;
     options.min_scaled_jacobian.reset();
-    options.quality = QualityMode::Fast;  // nodes that slid would not go back the way they came
+    // Nodes that slid would not go back the way they came; they slide where the next leg would
+    // start from a mesh much worse than the file's.
+    if (options.quality == QualityMode::Best) options.quality = QualityMode::WhereHalfIsLost;
     return options;
   }
 

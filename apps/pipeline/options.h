@@ -23,8 +23,9 @@ enum class UntangleMode {
 
 /// What is done for the elements of a valid result.
 enum class QualityMode {
-  Best,  ///< where they lost, the worst are raised (find_best_mesh)
-  Fast,  ///< nothing: the positions are those of the volume morph
+  Best,             ///< where they lost, the worst are raised (find_best_mesh)
+  WhereHalfIsLost,  ///< as Best where less than half of the file's is left, else as Fast
+  Fast,             ///< nothing: the positions are those of the volume morph
 };
 
 /// What the mesh is for: what its solver feels of the elements.

@@ -187,8 +187,6 @@ bool slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) 
   result.positions = std::move(repaired.positions);
   result.validity = std::move(repaired.report.validity);
   sliding.move_to(std::move(repaired.slides));
-  result.surface.folds.clear();
-  result.surface.folded_facets.clear();
   settle_slid_nodes(base, result);
   return true;
 }
@@ -543,17 +541,30 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   settle_slid_nodes(base, result);
 }
 
+// The mesh file's, where a series of morphs has left it; else the base has it.
+std::optional<QualityReport> measure_left_behind(const BaseSide& base) {
+  if (!base.own) return std::nullopt;
+  return measure_quality(base.mesh(), base.mesh_file->mesh().points, base.orientation);
+}
+
+// Whether nodes may move for quality alone.
+bool may_raise(const BaseSide& base, const QualityReport& quality) {
+  const PipelineOptions& options = base.options;
+  if (options.quality == QualityMode::Fast || options.untangle == UntangleMode::Never ||
+      !options.can_repair)
+    return false;
+  if (options.quality == QualityMode::Best) return true;
+  const std::optional<QualityReport> file = measure_left_behind(base);
+  return least_share(worst_cells(quality), worst_cells(file ? *file : base.quality)) < kKeptHalf;
+}
+
 // Raises the cells that lost most against the mesh file's, also after a series of morphs. Faces of
 // finite volumes may be good where a cell is flat: shapes that lost much are raised after them,
 // where that costs the faces nothing.
 void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
-  const PipelineOptions& options = base.options;
-  if (options.quality == QualityMode::Fast || options.untangle == UntangleMode::Never ||
-      !options.can_repair || result.validity.invalid > base.validity.invalid)
-    return;
+  if (result.validity.invalid > base.validity.invalid || !may_raise(base, result.quality)) return;
   const Points& reference = base.mesh_file->mesh().points;
-  std::optional<QualityReport> moved_back;
-  if (base.own) moved_back = measure_quality(base.mesh(), reference, base.orientation);
+  const std::optional<QualityReport> moved_back = measure_left_behind(base);
   const MeasuredShape of_file{reference, moved_back ? *moved_back : base.quality};
   std::optional<FiniteVolumes> volumes;
   if (is_for_finite_volumes(base))
@@ -612,8 +623,7 @@ bool have_layers_lost(const BaseSide& base, const QualityReport& quality) {
 // shape, or of their faces'. Returns whether they did.
 bool restore_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
                     MorphResult& result) {
-  if (base.options.quality == QualityMode::Fast || !base.options.can_repair || !is_free(base) ||
-      !have_layers_lost(base, result.quality))
+  if (!is_free(base) || !may_raise(base, result.quality) || !have_layers_lost(base, result.quality))
     return false;
   const Mesh& mesh = base.mesh();
   std::optional<FiniteVolumes> volumes;
@@ -836,8 +846,23 @@ Points where_cad_puts_surface(const BaseSide& base, const MorphResult& result) {
   return surface;
 }
 
+// Folds of the surface morph are gone where nodes slid out of them.
+void recount_folds(const BaseSide& base, Sliding& sliding, MorphResult& result) {
+  SurfaceMorphResult& surface = result.surface;
+  if (surface.folded_facets.empty()) return;
+  const SlidingNodes& nodes = *sliding.nodes();
+  for (std::size_t i = 0; i < nodes.nodes.size(); ++i) {
+    const auto slot = std::ranges::lower_bound(base.boundary.nodes, nodes.nodes[i]);
+    const RowId row(slot - base.boundary.nodes.begin());
+    surface.uv.row(row) = nodes.parameters(Index(i), nodes.slides.row(Index(i)).transpose());
+  }
+  surface.folded_facets = base.surface->folds_left(
+      *result.variant, result.match, surface, result.positions(base.boundary.nodes, Eigen::all));
+}
+
 void measure(const BaseSide& base, Sliding& sliding, MorphResult& result) {
   improve_result(base, sliding, result);
+  recount_folds(base, sliding, result);
   carry_loose_nodes(base.mesh(), base.boundary, where_cad_puts_surface(base, result),
                     result.positions);
   PipelineReport& figures = result.report;
@@ -864,7 +889,9 @@ void describe_surface(const BaseSide& base, MorphResult& result) {
   figures.after.max_distance = surface.distance.maxCoeff();
   figures.after.mean_distance =
       surface.distance.sum() / static_cast<double>(std::max<Index>(matched, 1));
-  for (const std::string& line : surface.folds) figures.run.warnings.push_back(line);
+  for (std::string& line :
+       describe_folds(*base.cad, result.match, association, surface.folded_facets))
+    figures.run.warnings.push_back(std::move(line));
   for (std::string& line :
        describe_beyond_wires(*base.cad, result.match, association, surface.beyond_wires))
     figures.run.warnings.push_back(std::move(line));

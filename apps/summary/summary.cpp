@@ -539,6 +539,7 @@ std::vector<std::pair<std::string, double>> cost_terms(const MatchCost& cost) {
           {"parameters", cost.parameters},
           {"turn", cost.turn},
           {"rest", cost.rest},
+          {"passing", cost.passing},
           {"order", cost.order},
           {"names", cost.names},
           {"joints", cost.joints}};

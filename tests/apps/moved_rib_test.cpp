@@ -68,8 +68,10 @@ Mesh mesh_of(const Plate& plate, bool is_second_order) {
   return mesh;
 }
 
-MorphResult moved(const Plate& plate, double by, bool is_second_order = false) {
-  const PipelineOptions options;
+MorphResult moved(const Plate& plate, double by, bool is_second_order = false,
+                  QualityMode quality = QualityMode::Best) {
+  PipelineOptions options;
+  options.quality = quality;
   return MorphJob(std::make_shared<const CadModel>(cad_of(plate, 0)),
                   std::make_shared<const MeshFile>(mesh_of(plate, is_second_order), "plate"),
                   options)
@@ -84,6 +86,18 @@ TEST_CASE("Where a rib moves far, the plate's edges and both its sides follow", 
   CHECK(result.report.outcome == Outcome::Done);
   CHECK(result.report.followed_nodes > 0);
   CHECK(result.quality.min > 0.7);
+}
+
+TEST_CASE("On the way of a series, elements are raised where half of their shape is lost",
+          "[apps][rib][series]") {
+  const auto moved_by = [](double by, QualityMode quality) {
+    return moved({60, 28}, by, false, quality);
+  };
+  CHECK(moved_by(12, QualityMode::Fast).quality.min < 0.5);
+  CHECK(moved_by(12, QualityMode::WhereHalfIsLost).quality.min > 0.7);
+  const Points near = moved_by(1, QualityMode::WhereHalfIsLost).positions;
+  CHECK(near == moved_by(1, QualityMode::Fast).positions);
+  CHECK(near != moved_by(1, QualityMode::Best).positions);
 }
 
 TEST_CASE("Cells of second order follow a rib as those of first order do", "[apps][rib]") {

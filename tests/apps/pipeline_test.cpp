@@ -92,7 +92,7 @@ TEST_CASE("Variants morphed together are to the last bit as if alone", "[apps][p
 TEST_CASE("Where much inverts, the pairs of faces are named as a cause", "[apps][pipeline]") {
   const Workplace place;
   const std::string plate = source_file("models/shapes/plate_4_holes").string();
-  place.write("swapped.csv", "7,8\n8,7\n");  // two holes
+  place.write("swapped.csv", "7,8\n8,9\n9,7\n");  // three holes: no turn of the plate
   const RunResult run = place.run(plate + ".step " + plate + "_variant.step " + plate +
                                   ".vtu -o out.vtu --map swapped.csv");
   CHECK(run.exit_code == 5);

@@ -1109,6 +1109,11 @@ const std::vector<KnownPair>& known_pairs() {
       {"throttle", "tilt -0.7", "order planes edges"},
       {"throttle", "radius 1.2 shaft 1.2", "splits"},
       {"throttle", "turn 0.3", "order surfaces"},
+
+      {"hole_row", "", "order planes edges"},
+      {"hole_row", "x +19", "order"},
+      {"hole_row", "x +20", ""},
+      {"hole_row", "x +20 radius 0.8", ""},
   };
   // clang-format on
   return rows;

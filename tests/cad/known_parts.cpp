@@ -679,6 +679,8 @@ std::vector<KnownPart> make_parts() {
                                    s("height") + 2)});
        }},
       {"plate2", plate, [](const Sizes& s) { return drilled(s, 2, 1); }},
+      {"hole_row", with(plate, {{"pitch_x", 20}, {"radius", 5}, {"x", -10}}),
+       [](const Sizes& s) { return drilled(s, 4, 1); }},
       {"plate4", with(plate, {{"length", 80}, {"pitch_x", 36}}),
        [](const Sizes& s) { return drilled(s, 2, 2); }},
       {"plate12", with(plate, {{"pitch_x", 28}, {"pitch_y", 24}}),

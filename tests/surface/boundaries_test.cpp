@@ -804,7 +804,7 @@ TEST_CASE("half a sphere round a body on its symmetry plane that turns stays whe
   const MorphCase c = mesh_case(to_model(field), triangulate(field, 0.2));
   const auto result =
       morph_surface(c, to_model(BRepAlgoAPI_Cut(half, transformed(box, turn)).Shape()));
-  CHECK(result.folds.empty());
+  CHECK(result.folded_facets.empty());
   const Points old = surface_points(c.boundary, c.mesh.points);
   Index far = 0, near = 0;
   for (Index n = 0; n < old.rows(); ++n) {

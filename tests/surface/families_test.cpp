@@ -81,7 +81,7 @@ void check_family(const std::string& family, const std::string& mesh_name,
                                                 result.positions.row(static_cast<Index>(i))));
     CHECK(worst <= cad_tolerance(variant));
     CHECK(result.warnings.empty());
-    CHECK(result.folds.empty());
+    CHECK(result.folded_facets.empty());
     CHECK(result.beyond_wires.isZero(0));
   }
 }

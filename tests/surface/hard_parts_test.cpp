@@ -695,7 +695,7 @@ TEST_CASE("a hole that moves far leaves no fold unreported", "[surface][fold]") 
       const OnCad judged = judge(c, result.positions, match, variant, shape);
       CAPTURE(judged.folded, judged.farthest);
       // A node may leave the trimmed face only with a word about it.
-      CHECK((judged.folded == 0 || !result.folds.empty()));
+      CHECK((judged.folded == 0 || !result.folded_facets.empty()));
       CHECK((judged.farthest <= 1e-6 || !result.beyond_wires.isZero(0)));
       CHECK(result.distance.maxCoeff() == Approx(judged.farthest).margin(kUnnoticed));
       CHECK(judged.folded == 0);

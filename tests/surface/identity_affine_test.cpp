@@ -30,7 +30,7 @@ TEST_CASE("the same STEP file twice moves no node of a shape", "[surface][identi
       const Morphed m = morph(c, read_step(model_file("shapes/" + name + ".step")));
       CHECK(largest_difference(m.points, c.mesh.points) <= kIdentity * c.diagonal);
       CHECK(m.surface.warnings.empty());
-      CHECK(m.surface.folds.empty());
+      CHECK(m.surface.folded_facets.empty());
       CHECK(m.surface.beyond_wires.isZero(0));
     }
   }
@@ -45,7 +45,7 @@ TEST_CASE("the same STEP file twice moves no node of bore and pipe", "[surface][
         CHECK(largest_difference(surface.positions, surface_points(c.boundary, c.mesh.points)) <=
               kIdentity * c.diagonal);
         CHECK(surface.warnings.empty());
-        CHECK(surface.folds.empty());
+        CHECK(surface.folded_facets.empty());
         CHECK(surface.beyond_wires.isZero(0));
       }
     }

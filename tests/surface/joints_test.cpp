@@ -112,7 +112,7 @@ void check_alike(const Parts& base, const Parts& variant, double expected_move,
   REQUIRE(largest_difference(expected.positions, surface_points(split.boundary, mesh.points)) >
           0.9 * expected_move);
   CHECK(result.warnings.empty());
-  CHECK(result.folds.empty());
+  CHECK(result.folded_facets.empty());
   CHECK(largest_difference(result.positions, expected.positions) < tolerance * expected_move);
 }
 

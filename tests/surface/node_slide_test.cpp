@@ -160,6 +160,29 @@ TEST_CASE("Facets that nodes slide over each other are counted", "[surface][slid
   }
 }
 
+TEST_CASE("Folds are those where the nodes are, not where they were", "[surface][slide][fold]") {
+  const Slide s("stepped_shaft");
+  const TopologyMatch match = match_topology(*s.c.base, *s.c.base);
+  Index slid = 0;
+  for (Index i = 0; i < std::ssize(s.nodes.nodes); i += 7) {
+    const RowId row = s.row(i);
+    if (s.surface.association().dimension[row] != CadDimension::Face) continue;
+    SurfaceMorphResult there = s.moved;
+    for (FacetId f(0); f < s.c.boundary.facet_count(); ++f) there.folded_facets.push_back(f);
+    CHECK(s.surface.folds_left(*s.c.base, match, there, there.positions).empty());
+    // Over the facets round about, along the surface.
+    const Vector2d far(0.1 * s.c.diagonal / s.surface.association().mesh_unit_mm, 0);
+    there.positions.row(row) = s.nodes.at(i, far).point.transpose();
+    there.uv.row(row) = s.nodes.parameters(i, far).transpose();
+    const auto left = s.surface.folds_left(*s.c.base, match, there, there.positions);
+    ++slid;
+    CHECK_FALSE(left.empty());
+    for (const FacetId f : left)
+      CHECK(std::ranges::count(s.c.boundary.facet(f), s.nodes.nodes[i]) == 1);
+  }
+  CHECK(slid > 10);
+}
+
 TEST_CASE("Nodes stay that others depend on", "[surface][slide]") {
   Slide s("box");
   const auto slides = [&](const SlidingNodes& nodes, RowId row) {

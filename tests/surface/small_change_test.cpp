@@ -121,7 +121,7 @@ TEST_CASE("closed faces without an edge are carried in one piece", "[surface][tu
                                 Vector3d(0, 0, 1.5), Vector3d(-3, 1, -3.5)}) {
       CAPTURE(is_ball, way.transpose());
       const Change change(base, is_ball ? ball(from + way) : ring(from + way), 0.05);
-      CHECK(change.surface.folds.empty());
+      CHECK(change.surface.folded_facets.empty());
       for (Index n = 0; n < change.before.rows(); ++n) {
         const Vector3d moved = (change.surface.positions.row(n) - change.before.row(n)).transpose();
         const bool is_inside = change.before.row(n).cwiseAbs().maxCoeff() < 8 - 1e-9;
@@ -150,12 +150,12 @@ TEST_CASE("tubes whose seams jump as they tilt are not turned", "[surface][turn]
       const double most = 1.5 * (from - to) * length;
       const Change peg(branched(plate, 12, from, 0), branched(plate, 12, to, seam), 0.3);
       CHECK(peg.largest_move() < most);
-      CHECK(peg.surface.folds.empty());
+      CHECK(peg.surface.folded_facets.empty());
       const Change tee(branched(pipe, 6, from, 0), branched(pipe, 6, to, seam), 0.3);
       CHECK(tee.largest_move() < most);
-      CHECK(tee.surface.folds.empty());
+      CHECK(tee.surface.folded_facets.empty());
       const Change hole(drilled(from, 0), drilled(to, seam), 0.3);
       CHECK(hole.largest_move() < most);
-      CHECK(hole.surface.folds.empty());
+      CHECK(hole.surface.folded_facets.empty());
     }
 }
