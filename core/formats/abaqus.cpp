@@ -70,7 +70,7 @@ CellType cell_type(int dimension, int nodes) {
       {Line, QuadraticEdge},
       {Triangle, Quad, QuadraticTriangle, QuadraticQuad, BiquadraticQuad},
       {Tetra, Pyramid, Wedge, Hexahedron, QuadraticTetra, QuadraticPyramid, QuadraticWedge,
-       QuadraticHexahedron}};
+       QuadraticHexahedron, TriquadraticHexahedron}};
   for (const CellType type : kTypes[dimension - 1])
     if (type != CellType{} && cell_node_count(type) == nodes) return type;
   return CellType{};
@@ -123,6 +123,7 @@ std::span<const std::array<int, 4>> face_corners(CellType type) {
       return kTetra;
     case Hexahedron:
     case QuadraticHexahedron:
+    case TriquadraticHexahedron:
       return kHexahedron;
     case Wedge:
     case QuadraticWedge:
@@ -903,6 +904,7 @@ class Reader {
     for (const Instance& instance : instances_)
       for (Part& part : parts_)
         if (part.name == instance.part) place(part, instance);
+    assembly_.order_mid_nodes(CellType::TriquadraticHexahedron);
     // The deck of a mesh generator: its volumes are the sets of its elements.
     if (!has_sections_)
       for (Part& part : parts_)

@@ -22,6 +22,17 @@ namespace {
 /// Columns of a keyword's integers and coordinates.
 enum class Width { Standard, Long, I10 };
 
+/// Solids of second order by the option behind the keyword. P15 is gmsh's.
+const std::map<std::string, CellType> kSecondOrder = {
+    {"H20", CellType::QuadraticHexahedron},
+    {"H27", CellType::TriquadraticHexahedron},
+    {"P15", CellType::QuadraticWedge},
+};
+/// Numbers on an element's line, in columns and at most between commas; gmsh fills its first line
+/// with so many.
+constexpr std::size_t kColumns = 10, kMostFields = 100, kFilledLine = 11;
+constexpr std::size_t kMostPlainNodes = 10;
+
 /// A line that begins with '*': "ELEMENT_SOLID", its columns.
 struct Keyword {
   std::string name;
@@ -71,6 +82,7 @@ class Reader {
     end_ties();
     MeshAssembly assembly(sources_);
     assembly.add(std::move(mesh_));
+    for (const auto& [option, type] : kSecondOrder) assembly.order_mid_nodes(type);
     ReadMesh result = assembly.finish(std::move(sources_), "part");
     remark_on_left_out(left_out_, result.remarks);
     return result;
@@ -127,6 +139,7 @@ class Reader {
     std::vector<Index> nodes = {};
     int skipped = 0;  ///< lines
     bool has_more_thicknesses = false;
+    bool has_commas = false;
 
     bool is_between() const { return numbers.empty() && skipped == 0; }
     void clear() {
@@ -341,12 +354,18 @@ class Reader {
 
   void begin_elements(const std::string& name) {
     kind_ = Kind::None;
+    solid_ = CellType{};
     extra_lines_ = 0;
     has_thickness_ = false;
     if (is_of(name, "ELEMENT_SOLID")) {
       kind_ = Kind::Solid;
-      for (const std::string& option : options_of(name, "ELEMENT_SOLID"))
-        add_extra_lines(name, option, {{"ORTHO", 2}, {"DOF", 1}});
+      for (const std::string& option : options_of(name, "ELEMENT_SOLID")) {
+        const auto order = kSecondOrder.find(option);
+        if (order != kSecondOrder.end())
+          solid_ = order->second;
+        else
+          add_extra_lines(name, option, {{"ORTHO", 2}, {"DOF", 1}});
+      }
     } else if (is_of(name, "ELEMENT_TSHELL")) {
       kind_ = Kind::Solid;
       for (const std::string& option : options_of(name, "ELEMENT_TSHELL"))
@@ -381,8 +400,8 @@ class Reader {
     extra_lines_ += found->second;
   }
 
-  /// An element takes a line, or one for its number and part and one for its nodes, and what its
-  /// options add.
+  /// An element takes a line, or one for its number and part and others for its nodes, and what its
+  /// options add. Between commas gmsh fills lines, whatever they hold.
   void read_element(DeckPlace place, std::string_view line, ElementLines& element,
                     NumberedMesh& mesh) const {
     if (element.skipped > 0) {
@@ -393,7 +412,17 @@ class Reader {
     std::vector<Index>& numbers = element.numbers;
     const bool has_head = !numbers.empty();
     if (!has_head) element.place = place;
-    read_integers(place, line, element_width(), 10, numbers);
+    const bool is_of_second_order = solid_ != CellType{};
+    if (!has_head) element.has_commas = line.find(',') != std::string_view::npos;
+    if (element.has_commas) {
+      if (const auto last = line.find_last_not_of(" \t\r\n"); line[last] == ',')
+        line = line.substr(0, last);
+      read_integers(place, line, line.size(), kind_ == Kind::Solid ? kMostFields : kColumns,
+                    numbers);
+    } else {
+      read_integers(place, line, element_width(), !has_head && is_of_second_order ? 2 : kColumns,
+                    numbers);
+    }
     if (!has_head) {
       if (numbers.size() < 2)
         sources_.fail_expected(place, "the numbers of an element and of its part", line);
@@ -404,6 +433,15 @@ class Reader {
         numbers.resize(2);
         return;
       }
+    }
+    if (kind_ == Kind::Solid) {
+      const std::size_t nodes = is_of_second_order ? cell_node_count(solid_) : kMostPlainNodes;
+      const auto end = numbers.begin() + std::min(numbers.size(), 2 + nodes);
+      if (std::any_of(end, numbers.end(), [](Index number) { return number != 0; }))
+        sources_.fail(element.place, "element " + std::to_string(numbers[0]) + " has more than " +
+                                         std::to_string(nodes) + " nodes");
+      const bool is_filled = !has_head && numbers.size() == kFilledLine;
+      if (is_of_second_order ? numbers.size() < 2 + nodes : is_filled) return;
     }
     add_element(place, element, mesh);
     numbers.clear();
@@ -423,7 +461,8 @@ class Reader {
     const Index number = element.numbers[0], part = element.numbers[1];
     std::vector<Index>& nodes = element.nodes;
     nodes.assign(element.numbers.begin() + 2, element.numbers.end());
-    const CellType type = kind_ == Kind::Solid   ? solid_type(nodes)
+    const CellType type = solid_ != CellType{}   ? solid_
+                          : kind_ == Kind::Solid ? solid_type(nodes)
                           : kind_ == Kind::Shell ? shell_type(element)
                                                  : beam_type(nodes);
     if (type == CellType{} || std::ranges::any_of(nodes, [](Index node) { return node < 1; }))
@@ -624,6 +663,7 @@ class Reader {
   Kind kind_ = Kind::None;
   bool has_thickness_ = false;
   int extra_lines_ = 0;
+  CellType solid_ = {};  ///< of solids of second order that a keyword names
   ElementLines element_;
   Index* left_out_lines_ = nullptr;
   NumberedSet set_;

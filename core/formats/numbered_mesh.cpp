@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/cell_topology.h"
+#include "core/formats/mid_node_order.h"
 #include "core/parallel.h"
 
 namespace cadmorph {
@@ -268,6 +269,10 @@ MeshAssembly::Placed MeshAssembly::add(NumberedMesh part, const std::vector<Node
     records_.push_back(std::move(block));
   }
   return placed;
+}
+
+void MeshAssembly::order_mid_nodes(CellType type) {
+  cadmorph::order_mid_nodes(mesh_, Eigen::Map<const Points>(points_.data(), node_count(), 3), type);
 }
 
 ReadMesh MeshAssembly::finish(DeckSources sources, const std::string& region_array) {

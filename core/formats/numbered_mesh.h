@@ -104,6 +104,9 @@ class MeshAssembly {
   /// are missing.
   Placed add(NumberedMesh part, const std::vector<NodeFrame>& frames = {});
 
+  /// See core/formats/mid_node_order.h. Sets of faces are to be added after it.
+  void order_mid_nodes(CellType type);
+
   Mesh& mesh() { return mesh_; }
   const Mesh& mesh() const { return mesh_; }
   Index node_count() const { return std::ssize(points_) / 3; }

@@ -5,6 +5,7 @@
 
 #include "core/errors.h"
 #include "tests/core/formats/format_checks.h"
+#include "tests/core/formats/node_order_checks.h"
 
 namespace fs = std::filesystem;
 
@@ -235,6 +236,29 @@ TEST_CASE("Second-order and shell elements of Abaqus have VTK's nodes", "[core][
   CHECK(group_of(mesh, "top").nodes.size() == 8);
   for (const Index node : group_of(mesh, "side").nodes) CHECK(mesh.points(node, 0) == 0);
   CHECK(group_of(mesh, "side").nodes.size() == 8);
+  require_promise(folder / "hexa.inp", folder, "out.inp", 1e-16);
+}
+
+TEST_CASE("Hexahedra of 27 nodes of Abaqus have VTK's nodes, and their faces", "[core][formats]") {
+  const FormatFolder folder;
+  const Points places = unit_cell(CellType::TriquadraticHexahedron);
+  // Behind those of edges: the middle, then the faces S1 to S6.
+  constexpr int kLast[] = {26, 24, 25, 22, 21, 23, 20};
+  std::string deck = "*NODE\n", nodes;
+  for (int n = 0; n < 27; ++n) {
+    const int place = n < 20 ? n : kLast[n - 20];
+    deck += std::to_string(n + 1);
+    for (int k = 0; k < 3; ++k) deck += ", " + std::to_string(places(place, k));
+    deck += "\n";
+    nodes += ", " + std::to_string(n + 1) + (n == 14 ? ",\n" : "");
+  }
+  deck += "*ELEMENT, TYPE=C3D27\n1" + nodes + "\n*SURFACE, NAME=side\n1, S6\n";
+  const MeshFile file(folder.put("hexa.inp", deck));
+  const Mesh& mesh = file.mesh();
+  REQUIRE(mesh.types == std::vector{CellType::TriquadraticHexahedron});
+  require_middles(mesh, 0);
+  CHECK(group_of(mesh, "side").nodes.size() == 9);
+  for (const Index node : group_of(mesh, "side").nodes) CHECK(mesh.points(node, 0) == 0);
   require_promise(folder / "hexa.inp", folder, "out.inp", 1e-16);
 }
 

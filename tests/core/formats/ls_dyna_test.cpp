@@ -5,6 +5,7 @@
 
 #include "core/errors.h"
 #include "tests/core/formats/format_checks.h"
+#include "tests/core/formats/node_order_checks.h"
 
 namespace fs = std::filesystem;
 
@@ -235,6 +236,58 @@ TEST_CASE("Included files of an LS-DYNA deck are looked for in its folders", "[c
                   {"line 5", "in/nodes.k", "nor one in mesh"});
 }
 
+TEST_CASE("Solids of second order of LS-DYNA have VTK's nodes, whatever their order in the deck",
+          "[core][formats]") {
+  const FormatFolder folder;
+  const auto check = [&](CellType type, const std::vector<int>& order,
+                         const std::string& elements) {
+    const Points places = unit_cell(type);
+    REQUIRE(std::ssize(order) == places.rows());
+    std::string deck = "*KEYWORD\n*NODE\n";
+    for (Index n = 0; n < places.rows(); ++n) {
+      deck += std::to_string(n + 1);
+      for (int k = 0; k < 3; ++k) deck += "," + std::to_string(places(order[std::size_t(n)], k));
+      deck += "\n";
+    }
+    const MeshFile file(folder.put("deck.k", deck + elements + "*END\n"));
+    REQUIRE(file.mesh().types == std::vector{type});
+    require_middles(file.mesh(), 0);
+    require_promise(folder / "deck.k", folder, "out.k", 1e-16);
+  };
+  using enum CellType;
+  // The manual's: edges of the lower side, of the upper one, between them.
+  const std::string in_columns =
+      "       1       1\n"
+      "       1       2       3       4       5       6       7       8       9      10\n"
+      "      11      12      13      14      15      16      17      18      19      20\n";
+  check(QuadraticHexahedron, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19},
+        "*ELEMENT_SOLID_H20\n" + in_columns);
+  // gmsh's, with the edges between them before those of the upper side, and its lines.
+  const std::string between_commas =
+      "1, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9, \n10, 11, 12, 13, 14, 15, 16, 17, 18, 19, \n20";
+  check(QuadraticHexahedron, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15},
+        "*ELEMENT_SOLID_H20\n" + between_commas + "\n");
+  check(TriquadraticHexahedron, {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 16, 17,
+                                 18, 19, 12, 13, 14, 15, 26, 24, 22, 20, 21, 23, 25},
+        "*ELEMENT_SOLID_H27\n" + between_commas + ", 21, 22, 23, 24, 25, 26, 27\n");
+  check(QuadraticWedge, {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11},
+        "*ELEMENT_SOLID_P15\n1, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9, \n10, 11, 12, 13, 14, 15\n");
+}
+
+TEST_CASE("Tetrahedra of second order of LS-DYNA are read from gmsh's lines", "[core][formats]") {
+  const FormatFolder folder;
+  const std::string deck =
+      "*NODE\n1, 0, 0, 0\n2, 2, 0, 0\n3, 0, 2, 0\n4, 0, 0, 2\n5, 1, 0, 0\n6, 1, 1, 0\n"
+      "7, 0, 1, 0\n8, 0, 0, 1\n9, 1, 0, 1\n123456789, 0, 1, 1\n*ELEMENT_SOLID\n";
+  const std::string lines = "1, 7, 1, 2, 3, 4, 5, 6, 7, 8, 9, \n123456789";
+  const MeshFile file(folder.put("gmsh.k", deck + lines + "\n2, 7, 1, 2, 3, 4, 4, 4, 4, 4\n"));
+  using enum CellType;
+  REQUIRE(file.mesh().types == std::vector{QuadraticTetra, Tetra});
+  require_middles(file.mesh(), 0);
+  require_refused(folder.put("many.k", deck + lines + ", 1, 2, 3\n"),
+                  {"line 13", "element 1", "more than 10 nodes"});
+}
+
 TEST_CASE("Bad LS-DYNA decks are refused by line", "[core][formats]") {
   const FormatFolder folder;
   const auto refused = [&](const std::string& old_text, const std::string& new_text,
@@ -245,7 +298,7 @@ TEST_CASE("Bad LS-DYNA decks are refused by line", "[core][formats]") {
   refused("      30            0.50", "      3x            0.50", {"line 15", "number of a node"});
   refused("      12      40      13", "      12      41      13", {"line 23", "node 41"});
   refused("      12      40      13", "      12       0      13", {"line 23", "element 3"});
-  refused("*ELEMENT_SOLID (ten", "*ELEMENT_SOLID_H27 (ten", {"line 20", "H27"});
+  refused("*ELEMENT_SOLID (ten", "*ELEMENT_SOLID_H64 (ten", {"line 20", "H64"});
   refused("*ELEMENT_MASS", "*INCLUDE_TRANSFORM", {"line 36", "*INCLUDE_TRANSFORM"});
   refused("*ELEMENT_MASS", "*NODE_TRANSFORM", {"line 36", "*NODE_TRANSFORM"});
   refused("*ELEMENT_MASS\n", "*INCLUDE\nnone.k\n", {"line 37", "none.k"});

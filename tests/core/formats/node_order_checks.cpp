@@ -70,4 +70,21 @@ void require_middles(const Mesh& mesh, Index c) {
   }
 }
 
+Points unit_cell(CellType type) {
+  const bool is_wedge = type == QuadraticWedge;
+  Points corners(is_wedge ? 6 : 8, 3);
+  if (is_wedge)
+    corners << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 0, 1, 1;
+  else
+    corners << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1;
+  const Middles& others = middles(type);
+  Points result(corners.rows() + std::ssize(others), 3);
+  result.topRows(corners.rows()) = corners;
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    const std::vector<Index> ends(others[i].begin(), others[i].end());
+    result.row(corners.rows() + Index(i)) = corners(ends, Eigen::all).colwise().mean();
+  }
+  return result;
+}
+
 }  // namespace cadmorph::test
