@@ -453,11 +453,16 @@ std::string describe_cracks(const Mesh& mesh, const SurfaceMesh& surface, const 
   if (nodes.empty()) return {};
   std::ranges::sort(nodes);
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  // At its border its two sides meet in one node.
+  const IdVector<RowId, RowId> first = first_at_place(surface, nodes);
+  std::map<RowId, int> at_place;
+  for (const RowId n : nodes) ++at_place[first[n]];
+  std::erase_if(nodes, [&](RowId n) { return at_place[first[n]] < 2; });
   constexpr std::size_t kNamed = 10;
   std::ostringstream text;
   text << "the mesh has a crack inside: " << std::ranges::count(is_crack, 1)
        << " facets cancel in pairs, and nodes lie two at a place; both sides move together as "
-          "interior nodes do. Nodes of the crack:";
+          "interior nodes do. These nodes are:";
   for (std::size_t i = 0; i < std::min(nodes.size(), kNamed); ++i)
     text << (i > 0 ? ", " : " ") << node_name(mesh, boundary.nodes[nodes[i]]).substr(5);
   if (nodes.size() > kNamed) text << " and " << nodes.size() - kNamed << " more";
