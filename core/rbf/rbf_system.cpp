@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 #include <mutex>
+#include <optional>
+#include <sstream>
 #include <utility>
 
 #include "core/archive_types.h"
@@ -144,11 +146,17 @@ struct RbfSystem::Impl {
   void prepare(const RowMatrix& values, Problem& problem) const;
   void solve(std::vector<Problem>& problems) const;
   void take_fast(FastSolution solution, Problem& problem) const;
-  UnitField solve_adaptive(const Problem& problem, RbfReport& into) const;
+  std::unique_ptr<AdaptiveSolver> make_adaptive() const;
+  const AdaptiveSolver& adaptive_fallback() const;
+  std::optional<UnitField> solve_adaptive(const AdaptiveSolver& solver, const Problem& problem,
+                                          RbfReport& into) const;
+  UnitField adaptive_or_dense(const Problem& problem, RbfReport& into) const;
+  UnitField dense_or_adaptive(const Problem& problem, RbfReport& into) const;
   UnitField solve_qr(const Problem& problem, RbfReport& into) const;
   UnitField solve_dense(const DenseSolver& solver, const Problem& problem, RbfReport& into) const;
   MatrixXd residual(const MatrixXd& values, const SaddleSolution& solution) const;
   double in_local_lengths(const MatrixXd& residual) const;
+  std::string closest_centres() const;
 
   Kernel kernel;
   RbfOptions options;
@@ -163,9 +171,10 @@ struct RbfSystem::Impl {
   std::unique_ptr<IncrementalQr> qr;
   std::unique_ptr<AdaptiveSolver> adaptive;
   RbfReport report;
-  // For value sets that the fast solver failed on, made when first needed.
+  // For value sets that the solver failed on, made when first needed.
   struct Fallback {
     std::unique_ptr<DenseSolver> dense;
+    std::unique_ptr<AdaptiveSolver> adaptive;
     RbfReport report;  // solver, condition, and what more the reason has to say
   };
   mutable std::mutex fallback_mutex;
@@ -196,9 +205,7 @@ RbfSystem::Impl::Impl(const RowMatrix& given, const Kernel& given_kernel, RbfOpt
   report.reason = choice.reason;
   if (report.solver == SolverKind::Fast) set_up_fast();
   if (report.solver == SolverKind::Iqr) set_up_qr();
-  if (report.solver == SolverKind::Adaptive)
-    adaptive =
-        std::make_unique<AdaptiveSolver>(*centres, local_length / frame.unit(), adaptive_options());
+  if (report.solver == SolverKind::Adaptive) adaptive = make_adaptive();
   if (!fast && !qr && !adaptive) dense = factor_dense(report);
   report.seconds = watch.seconds();
 }
@@ -230,6 +237,11 @@ void RbfSystem::Impl::store(OutputArchive& archive) const {
   if (fast) fast->store(archive);
   if (adaptive) adaptive->store(archive);
   if (dense) dense->store(archive);
+}
+
+std::unique_ptr<AdaptiveSolver> RbfSystem::Impl::make_adaptive() const {
+  return std::make_unique<AdaptiveSolver>(*centres, local_length / frame.unit(),
+                                          adaptive_options());
 }
 
 // Its columns come with the first value set.
@@ -322,6 +334,24 @@ double RbfSystem::Impl::in_local_lengths(const MatrixXd& residual) const {
              : (residual.rowwise().norm().array() / local_length.array()).maxCoeff();
 }
 
+// Which two centres are closest to each other, and where.
+std::string RbfSystem::Impl::closest_centres() const {
+  if (centres->rows() < 2) return "";
+  const RowMatrix points = *centres;
+  Index one = 0;
+  const double distance = nearest_distances(points).minCoeff(&one);
+  const auto near = KdTree(points).nearest(points.row(one).data(), 2);
+  const Index other = near.front().index == one ? near.back().index : near.front().index;
+  const Eigen::RowVectorXd place = frame.centre() + frame.unit() * centres->row(one);
+  std::ostringstream text;
+  text << "; centres " << std::min(distinct.rows[one], distinct.rows[other]) << " and "
+       << std::max(distinct.rows[one], distinct.rows[other]) << " are closest, "
+       << frame.unit() * distance << " apart, at (";
+  for (Index d = 0; d < place.size(); ++d) text << (d > 0 ? ", " : "") << place(d);
+  text << ")";
+  return text.str();
+}
+
 // The linear fit apart: affine values are then reproduced to rounding by every solver.
 void RbfSystem::Impl::prepare(const RowMatrix& values, Problem& problem) const {
   if (values.rows() != static_cast<Index>(distinct.group.size()))
@@ -351,24 +381,56 @@ void RbfSystem::Impl::solve(std::vector<Problem>& problems) const {
       attempt(problem, [&] {
         RbfReport& into = problem.report;
         if (adaptive)
-          problem.field = solve_adaptive(problem, into);
+          problem.field = adaptive_or_dense(problem, into);
         else
-          problem.field = qr ? solve_qr(problem, into) : solve_dense(*dense, problem, into);
+          problem.field = qr ? solve_qr(problem, into) : dense_or_adaptive(problem, into);
       });
   }
 }
 
-UnitField RbfSystem::Impl::solve_adaptive(const Problem& problem, RbfReport& into) const {
-  AdaptiveSolution solution = adaptive->solve(problem.values);
+const AdaptiveSolver& RbfSystem::Impl::adaptive_fallback() const {
+  const std::lock_guard lock(fallback_mutex);
+  if (!fallback_.adaptive) fallback_.adaptive = make_adaptive();
+  return *fallback_.adaptive;
+}
+
+// Nothing where it fails; the reason then says why.
+std::optional<UnitField> RbfSystem::Impl::solve_adaptive(const AdaptiveSolver& solver,
+                                                         const Problem& problem,
+                                                         RbfReport& into) const {
+  AdaptiveSolution solution = solver.solve(problem.values);
   if (!solution.field) {
     into.reason = "adaptive solver failed: " + solution.error;
-    return solve_dense(fallback(into), problem, into);
+    return {};
   }
   into.iterations = static_cast<int>(solution.centres.size());
   into.max_residual = solution.in_local_lengths;
   into.reason += "; " + std::to_string(solution.centres.size()) + " kernels miss at most " +
                  scientific(solution.missed) + " spacings, the correction takes that";
-  return std::move(*solution.field);
+  return std::move(solution.field);
+}
+
+UnitField RbfSystem::Impl::adaptive_or_dense(const Problem& problem, RbfReport& into) const {
+  std::optional<UnitField> field = solve_adaptive(*adaptive, problem, into);
+  return field ? std::move(*field) : solve_dense(fallback(into), problem, into);
+}
+
+// Centres that nearly coincide and move apart by far more than their distance take weights whose
+// sums round to more than is allowed. The adaptive solver leaves one of them to the correction.
+UnitField RbfSystem::Impl::dense_or_adaptive(const Problem& problem, RbfReport& into) const {
+  try {
+    return solve_dense(*dense, problem, into);
+  } catch (const SolverError&) {
+    if (options.solver != SolverKind::Auto || !is_triharmonic_3d(kernel, centres->cols())) throw;
+    RbfReport report = into;
+    report.solver = SolverKind::Adaptive;
+    report.reciprocal_condition = 0;
+    report.reason += "; the dense solver misses values (centres nearly coincide and move apart)";
+    std::optional<UnitField> field = solve_adaptive(adaptive_fallback(), problem, report);
+    if (!field) throw;
+    into = std::move(report);
+    return std::move(*field);
+  }
 }
 
 // Takes the true residual, too: rounding must not have spoilt what the QR promises.
@@ -432,8 +494,10 @@ UnitField RbfSystem::Impl::solve_dense(const DenseSolver& solver, const Problem&
   if (!(largest(missed) <= kDenseAccuracy * scale) && !(into.max_residual <= kHarmless))
     throw SolverError("the interpolation matrix of " + std::to_string(centres->rows()) +
                       " centres is singular to rounding (reciprocal condition " +
-                      scientific(solver.reciprocal_condition()) +
-                      "); remove centres that nearly coincide, or choose another kernel or shape");
+                      scientific(solver.reciprocal_condition()) + closest_centres() +
+                      "); remove centres that nearly coincide, or choose another " +
+                      (is_triharmonic_3d(kernel, centres->cols()) ? "solver, " : "") +
+                      "kernel or shape");
   UnitField field;
   field.centres = centres;
   field.weights = std::move(solution.weights);
@@ -498,19 +562,20 @@ RbfDerivative RbfSystem::derivative(std::vector<Index> rows, const RowMatrix& ta
     throw InvalidInputError("RBF derivative: targets of dimension " +
                             std::to_string(targets.cols()) + " for centres of dimension " +
                             std::to_string(s.frame.dimension()));
-  const double from = s.adaptive ? s.adaptive->correction_from()
-                      : s.fast   ? s.fast->correction_from()
-                                 : 0;
+  const double from = s.adaptive                 ? s.adaptive->correction_from()
+                      : s.fast                   ? s.fast->correction_from()
+                      : s.dense && !rows.empty() ? s.adaptive_fallback().correction_from()
+                                                 : 0;
   RbfDerivative result;
   result.map_ = std::make_shared<const FieldDerivative>(
       FrozenField{.points = s.centres,
-                  .centres = std::move(rows),
+                  .centres = rows,
                   .correction_from = from,
                   .frame = s.frame,
                   .kernel = in_units(s.kernel, s.frame.unit()),
                   .log_scale = log_scale(s.kernel, s.frame.unit()),
                   .memory_limit = s.options.memory_limit,
-                  .solver = s.dense},
+                  .solver = rows.empty() ? s.dense : nullptr},
       s.frame.to_unit(targets));
   result.rows_ = s.distinct.rows;
   result.count_ = static_cast<Index>(s.distinct.group.size());

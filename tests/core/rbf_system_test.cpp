@@ -239,5 +239,39 @@ TEST_CASE("noise on centres that nearly coincide is interpolated to a part of th
   CHECK((field.evaluate(centres) - values).cwiseAbs().maxCoeff() < 1e-10);
   CHECK(field.report().max_residual <= 1e-5);
   // Values as large as the set is wide would be missed by more.
-  CHECK_THROWS_AS(RbfSystem(centres, Kernel::triharmonic_3d()).solve(1e10 * values), SolverError);
+  CHECK_THROWS_AS(RbfSystem(centres, Kernel::triharmonic_3d(), {.solver = SolverKind::Cholesky})
+                      .solve(1e10 * values),
+                  SolverError);
+}
+
+TEST_CASE("centres that nearly coincide and move apart are left to the adaptive solver",
+          "[core][rbf]") {
+  // A flat body of nodes 3 apart that turns; two nodes 6e-5 apart, one of which moves by 0.1 more.
+  const Index count = 800, twin = 400;
+  RowMatrix centres(count, 3);
+  const double radius = 30, golden_angle = 2.4;
+  for (Index i = 0; i < count; ++i) {
+    const double z = 1 - (2. * static_cast<double>(i) + 1) / count, r = std::sqrt(1 - z * z),
+                 angle = golden_angle * static_cast<double>(i);
+    centres.row(i) << radius * r * std::cos(angle), 0.1 * radius * r * std::sin(angle), radius * z;
+  }
+  centres.row(twin + 1) = centres.row(twin) + Eigen::RowVector3d(0, 0, 6e-5);
+  RowMatrix values = 0.3 * centres;
+  values.col(2) = values.col(0).cwiseProduct(values.col(2)) / radius;
+  values(twin, 0) += 0.1;
+  const Kernel kernel = Kernel::triharmonic_3d();
+  try {
+    RbfSystem(centres, kernel, {.solver = SolverKind::Ldlt}).solve(values);
+    FAIL("a dense solver met the values");
+  } catch (const SolverError& error) {  // names the two
+    CHECK_THAT(error.what(), Catch::Contains("centres 400 and 401 are closest"));
+  }
+  const RbfSystem system(centres, kernel);
+  const RbfField field = system.solve(values);
+  CHECK(field.report().solver == SolverKind::Adaptive);
+  CHECK(field.report().max_residual <= 1e-5);
+  CHECK(largest(field.evaluate(centres) - values) < 1e-4);
+  CHECK(largest(RowMatrix(system.derivative(field, centres).forward(values)) - values) < 1e-4);
+  // What goes well by the dense solver still does.
+  CHECK(system.solve(0.3 * centres).report().solver == SolverKind::Cholesky);
 }
