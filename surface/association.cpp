@@ -279,11 +279,16 @@ class Associator {
     return faces;
   }
 
+  // Of the corner or edge that a node lies on.
+  std::vector<FaceId> bounded_faces(RowId n) const {
+    if (result_.dimension[n] == CadDimension::Edge) return faces_of(result_.edge(n));
+    if (result_.dimension[n] == CadDimension::Vertex) return faces_at(n, result_.vertex(n));
+    return {};
+  }
+
   // Faces that a node may belong to, by its feet or by the corner or edge it lies on.
   std::vector<FaceId> possible_faces(RowId n) const {
-    std::vector<FaceId> faces;
-    if (result_.dimension[n] == CadDimension::Edge) faces = faces_of(result_.edge(n));
-    if (result_.dimension[n] == CadDimension::Vertex) faces = faces_at(n, result_.vertex(n));
+    std::vector<FaceId> faces = bounded_faces(n);
     for (const FaceCandidate& c : feet_[n].faces) faces.push_back(c.face);
     std::sort(faces.begin(), faces.end());
     faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
@@ -344,7 +349,8 @@ class Associator {
   }
 
   // CAD face of a facet: common to its corners; of several, the one that its corners, centroid and
-  // normal fit; of the coincident faces of two touching solids, the one of the facet's own side.
+  // normal fit; of coincident faces the one of a solid on the facet's own side, not that of one
+  // that touches it, nor a sketch's.
   FaceId vote(FacetId f) const {
     const auto common = common_faces(f);
     if (common.empty()) return {};
@@ -359,7 +365,8 @@ class Associator {
       const FaceFoot foot = project_on_face(model_, face, x, seed(f, face, x));
       const double tilt = 1 - std::abs(normal.dot(model_.normal(face, foot.uv)));
       const double outside = model_.is_inside(face, foot.uv) ? 0 : 1;
-      const bool is_other_side = senses_[body_[f]] * facing(normal, face, foot.uv) < -0.5;
+      const double sense = senses_[body_[f]];
+      const bool is_other_side = sense != 0 && sense * facing(normal, face, foot.uv) < 0.5;
       const double cost = (foot.distance + kCorners * corner_gap(f, face)) / size + tilt + outside +
                           (is_other_side ? kOtherSide : 0);
       if (cost < least) {
@@ -382,8 +389,10 @@ class Associator {
     for (const FacetId f : surface_.facets_at(n)) ++votes[result_.facet_face[f]];
     votes.erase(FaceId());
     if (votes.empty() || result_.dimension[n] == CadDimension::None) return;
-    if (result_.dimension[n] == CadDimension::Vertex) return take_voted_corner(n, votes);
-    if (result_.dimension[n] == CadDimension::Edge) return take_voted_edge(n, votes);
+    if (result_.dimension[n] == CadDimension::Vertex) take_voted_corner(n, votes);
+    if (result_.dimension[n] == CadDimension::Edge || is_of_sketch(n, votes))
+      take_voted_edge(n, votes);
+    if (result_.dimension[n] != CadDimension::Face && !is_of_sketch(n, votes)) return;
     is_off_voted_[n] = votes.size() > 1 && is_off_any(n, votes);
     if (is_off_voted_[n] && take_voted_entity(n, votes)) return;
     take_voted_face(n, votes);
@@ -430,9 +439,17 @@ class Associator {
       }
   }
 
+  // Whether a node is on a corner or an edge between faces of no solid, and no facet lies on them.
+  bool is_of_sketch(RowId n, const Votes& votes) const {
+    const std::vector<FaceId> faces = bounded_faces(n);
+    return !faces.empty() && count_voted(faces, votes) == 0 &&
+           std::ranges::none_of(faces,
+                                [&](FaceId face) { return model_.faces()[face].solid >= 0; });
+  }
+
   // The same for edges.
   void take_voted_edge(RowId n, const Votes& votes) {
-    int most = count_voted(faces_of(result_.edge(n)), votes);
+    int most = count_voted(bounded_faces(n), votes);
     for (const EdgeFoot& foot : feet_[n].edges) {
       if (foot.distance > on_entity(n, model_.edges()[foot.edge].tolerance)) continue;
       const int voted = count_voted(faces_of(foot.edge), votes);

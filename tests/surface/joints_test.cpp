@@ -165,6 +165,24 @@ TEST_CASE("Ordinary parts have no joints", "[surface][joints]") {
   }
 }
 
+TEST_CASE("A sketch on a solid's side has no part in it", "[surface][joints]") {
+  // The sketch comes first and stays where it was, as the plate grows.
+  const auto plate = [](double height) { return block({0, 0, 0}, {60, 40, height}); };
+  const auto with_sketch = [&](double height) {
+    return to_model(
+        together({sheet(gp_Ax3(gp_Pnt(10, 5, 6), gp_Dir(0, 0, 1), gp_Dir(1, 0, 0)), 30, 25),
+                  plate(height)}));
+  };
+  const Mesh mesh = hex_grid(
+      {12, 8, 2}, [](const Vector3d& x) { return Vector3d(60 * x[0], 40 * x[1], 6 * x[2]); });
+  const SurfaceMorphResult result = morph_surface(mesh_case(with_sketch(6), mesh), with_sketch(8));
+  CHECK(result.warnings.empty());
+  CHECK(result.jointed.empty());
+  const SurfaceMorphResult expected =
+      morph_surface(mesh_case(to_model(plate(6)), mesh), to_model(plate(8)));
+  CHECK(largest_difference(result.positions, expected.positions) < 1e-9);
+}
+
 TEST_CASE("Nodes on sheets that cross are told, all of them", "[surface][joints]") {
   const Parts base = three_sheets(22);
   const MorphCase c = mesh_case(to_model(together(base)), triangulate(imprinted(base), 0.05, 0.2));
