@@ -581,15 +581,15 @@ class BestMesh {
     is_at_result_ = false;
     at_ = std::move(next);
     const WorstCells now = attempt.after = worst_cells(at_.quality);
-    // Straight rows are worth having where they cost next to nothing.
-    const bool is_of_rows = attempt.by == RaiseBy::WallRows;
-    const double kept = !is_of_rows ? 1 : has_raised_ ? kForRowsRaised : kForRows;
+    // Straight rows and edges are worth having where they cost next to nothing.
+    const bool is_straight = attempt.by == RaiseBy::WallRows || attempt.by == RaiseBy::MidNodes;
+    const double kept = !is_straight ? 1 : has_raised_ ? kForRowsRaised : kForRows;
     const double before = sum_of_shares(report.best, report.base);
     const double sum = sum_of_shares(now, report.base);
     const double worth = attempt.power > 0 ? kWorthwhile * before : before;
     if (now.min < kept * report.plain.min ||
         now.worst_twentieth < kept * report.plain.worst_twentieth ||
-        (is_of_rows ? sum < kept * before : sum <= worth))
+        (is_straight ? sum < kept * before : sum <= worth))
       return;
     attempt.is_taken = is_at_result_ = true;
     is_rising_ = lost_much_ && sum > kRising * before;

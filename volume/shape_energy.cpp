@@ -160,7 +160,7 @@ const ShapeEnergy::Samples* ShapeEnergy::samples_of(Index cell) {
       const double unit = unit_of(element.shape);
       for (const NodeRows& slopes : element.samples) {
         result->push_back({{}, slopes, unit});
-        if (element.shape != Shape::Triangle) continue;
+        if (element.shape != Shape::Triangle && element.shape != Shape::Prism) continue;
         NodeRows turned = slopes;  // the other two corners of the triangle that the tangents span
         for (int corner = 1; corner < 3; ++corner) {
           const VectorXd first = turned.col(0);

@@ -19,6 +19,9 @@ struct UntangleOptions {
   std::vector<Index> poor_cells = {};
   /// Fixed nodes that may slide, if not null: they move within their surfaces.
   const SlidingNodes* sliding = nullptr;
+  /// Whether all edges of second-order cells may bend where no repair with straight ones does: it
+  /// takes ten times as long as these, and mostly comes to nothing.
+  bool may_bend_all = true;
   Progress progress = {};
 };
 

@@ -58,10 +58,14 @@ SteppingOptions stepping(const BaseSide& base) {
   return result;
 }
 
-void untangle_result(const BaseSide& base, MorphResult& result) {
+// Whether a repair may bend all edges of second-order cells (UntangleOptions::may_bend_all).
+enum class Bending { Some, All };
+
+void untangle_result(const BaseSide& base, Bending bending, MorphResult& result) {
   if (base.options.untangle == UntangleMode::Never || result.validity.invalid == 0) return;
   UntangleOptions how;
   how.progress = base.options.progress;
+  how.may_bend_all = bending == Bending::All;
   UntangleResult repaired =
       untangle(base.mesh(), result.positions, base.fixed_nodes(), base.orientation, how);
   result.report.untangling = repaired.report;
@@ -86,7 +90,7 @@ void step_and_untangle(const BaseSide& base, const Points& surface_positions,
                        VolumeMorphResult* one_step) {
   step(base, surface_positions, how, clock, result, one_step);
   clock.start("untangling");
-  untangle_result(base, result);
+  untangle_result(base, Bending::Some, result);
 }
 
 bool is_free(const BaseSide& base) {
@@ -162,7 +166,7 @@ class Sliding {
 
 // Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
 // Returns false where that came nowhere near, so that another start is no better.
-bool slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) {
+bool slide_surface(const BaseSide& base, Bending bending, Sliding& sliding, MorphResult& result) {
   const auto& left = result.validity.invalid_cells;
   if (base.options.untangle == UntangleMode::Never ||
       std::ranges::includes(base.validity.invalid_cells, left))  // for the input mesh to repair
@@ -170,6 +174,7 @@ bool slide_surface(const BaseSide& base, Sliding& sliding, MorphResult& result) 
   UntangleOptions how;
   how.progress = base.options.progress;
   how.sliding = sliding.nodes();
+  how.may_bend_all = bending == Bending::All;
   how.attempts = 6;
   std::optional<UntangleResult> found;
   // Few rings first: surface nodes stay where the CAD's parameters put them, but where they can't.
@@ -199,7 +204,7 @@ void step_anew(const BaseSide& base, const SteppingOptions& how, Sliding& slidin
   std::vector<SteppingAttempt> attempts = before.report.stepping.attempts;
   result.report.untangling.reset();
   step_and_untangle(base, result.surface_positions, how, clock, result, nullptr);
-  slide_surface(base, sliding, result);
+  slide_surface(base, Bending::Some, sliding, result);
   std::ranges::copy(result.report.stepping.attempts, std::back_inserter(attempts));
   if (result.validity.invalid >= before.validity.invalid) take_volume(result, before);
   result.report.stepping.attempts = std::move(attempts);
@@ -226,6 +231,20 @@ void step_further(const BaseSide& base, Sliding& sliding, PhaseClock& clock, Mor
   for (const SteppingAttempt& attempt : result.report.stepping.attempts)
     how.min_steps = std::max(how.min_steps, attempt.steps + 1);
   if (how.min_steps <= how.max_steps) step_anew(base, how, sliding, clock, result);
+}
+
+// Edges of second-order cells bend where nothing else has repaired them.
+void repair_by_bending(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+                       MorphResult& result) {
+  if (result.validity.invalid <= base.validity.invalid || !result.report.untangling ||
+      MidNodes(base.mesh(), result.positions).count() == 0)
+    return;
+  clock.start("untangling");
+  const UntangleReport before = *result.report.untangling;
+  untangle_result(base, Bending::All, result);
+  result.report.untangling->before = before.before;
+  result.report.untangling->seconds += before.seconds;
+  slide_surface(base, Bending::All, sliding, result);
 }
 
 // Surface nodes that may slide to repair a mesh, but not to raise its cells: those that hold parts
@@ -370,8 +389,8 @@ void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& 
   settle_slid_nodes(base, result);
   if (result.validity.invalid <= kMostInverted * inverted) {
     clock.start("untangling");
-    untangle_result(base, result);
-    slide_surface(base, sliding, result);
+    untangle_result(base, Bending::Some, result);
+    slide_surface(base, Bending::Some, sliding, result);
   }
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
 }
@@ -929,10 +948,11 @@ void move_volume(MorphResult& result, VolumeMorphResult* one_step) {
     if (const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result))
       let_surface_follow(base, *way, sliding, clock, result);
   }
-  if (slide_surface(base, sliding, result)) {
+  if (slide_surface(base, Bending::Some, sliding, result)) {
     repair_from_one_step(base, sliding, clock, result);
     step_further(base, sliding, clock, result);
   }
+  repair_by_bending(base, sliding, clock, result);
   if (base.options.keep_layers && result.validity.invalid <= base.validity.invalid)
     keep_and_raise(base, is_inverted, sliding, clock, result);
   else
