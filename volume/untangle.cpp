@@ -404,12 +404,15 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   // with all samples: an eighth of the unknowns. Edges bend where these don't do: from there, if
   // fewer are left, then from the start. Where the corners find no room, straight edges have none.
   const Points start = result.positions;
-  if (const MidNodes mid_nodes = report.validity.invalid > 0 ? MidNodes(mesh, start) : MidNodes();
+  std::vector<char> is_held_fast = is_fixed;
+  if (options.sliding)
+    for (const Index node : options.sliding->nodes) is_held_fast[node] = 0;
+  const auto is_free = [&](Index node) { return !is_held_fast[node]; };
+  const bool may_repair = std::ranges::any_of(report.validity.invalid_cells, [&](Index c) {
+    return !is_held(mesh, start, is_held_fast, orientation, c);
+  });
+  if (const MidNodes mid_nodes = may_repair ? MidNodes(mesh, start) : MidNodes();
       mid_nodes.count() > 0) {
-    const auto is_free = [&](Index node) {
-      return !is_fixed[node] ||
-             (options.sliding && std::ranges::binary_search(options.sliding->nodes, node));
-    };
     UntangleResult other = result;
     std::vector<char> is_bent(mesh.node_count(), 0);
     Points straight = start;
