@@ -75,6 +75,13 @@ CadModel CadModel::with_joined_edges() const {
   return joined;
 }
 
+CadModel CadModel::with_corners(std::size_t count) const {
+  CadModel result = *this;
+  result.skeleton_ =
+      std::make_shared<CadSkeleton>(build_skeleton(*this, JoinEdges::AtSeams, count));
+  return result;
+}
+
 const IdVector<FaceId, CadFace>& CadModel::faces() const { return impl_->faces; }
 const IdVector<EdgeId, CadEdge>& CadModel::edges() const { return impl_->edges; }
 const IdVector<VertexId, CadVertex>& CadModel::vertices() const { return impl_->vertices; }

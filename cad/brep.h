@@ -116,6 +116,10 @@ class CadModel {
   /// geometry is shared.
   CadModel with_joined_edges() const;
 
+  /// The same model whose skeleton has so many corners, if other angles than usual make it so
+  /// (build_skeleton): for pairs whose joints turn by a little more in one of them. Cheap.
+  CadModel with_corners(std::size_t count) const;
+
   /// The same model with faces made one that touch and lie on one surface, for pairs of which one
   /// exporter cut faces that the other did not; merged faces have no name. Nothing when there are
   /// none, or OCCT can't merge them.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "core/kd_tree.h"
 
@@ -75,19 +76,22 @@ bool is_traced(const CadModel& model, EdgeId edge) {
              faces, [&](FaceId face) { return model.faces()[face].type != SurfaceType::Plane; });
 }
 
-bool is_corner(const CadModel& model, const std::vector<EdgeEnd>& ends, bool may_join) {
-  if (ends.empty()) return false;
-  if (ends.size() != 2) return true;
+// Minus the cosine of the angle by which a joint turns; more where it is a corner, and less where
+// it is none, whatever the angle.
+double sharpness(const CadModel& model, const std::vector<EdgeEnd>& ends, bool may_join) {
+  constexpr double kCorner = 2, kNone = -2;
+  if (ends.empty()) return kNone;
+  if (ends.size() != 2) return kCorner;
   may_join |= is_traced(model, ends[0].edge) && is_traced(model, ends[1].edge);
-  if (!may_join && ends[0].edge != ends[1].edge) return true;
-  if (adjacent_faces(model, ends[0].edge) != adjacent_faces(model, ends[1].edge)) return true;
-  return inward_tangent(model, ends[0]).dot(inward_tangent(model, ends[1])) > -kSmoothCosine;
+  if (!may_join && ends[0].edge != ends[1].edge) return kCorner;
+  if (adjacent_faces(model, ends[0].edge) != adjacent_faces(model, ends[1].edge)) return kCorner;
+  return inward_tangent(model, ends[0]).dot(inward_tangent(model, ends[1]));
 }
 
 class Chainer {
  public:
-  Chainer(const CadModel& model, JoinEdges join)
-      : model_(model), join_(join), ends_(edge_ends(model)) {}
+  Chainer(const CadModel& model, JoinEdges join, std::optional<std::size_t> corners)
+      : model_(model), join_(join), wanted_corners_(corners), ends_(edge_ends(model)) {}
 
   CadSkeleton build() {
     mark_corners();
@@ -100,12 +104,27 @@ class Chainer {
  private:
   void mark_corners() {
     const IdVector<VertexId, char> is_seam_end = seam_vertices(model_);
+    IdVector<VertexId, double> sharp;
+    for (const VertexId v : model_.vertices().ids())
+      sharp.push_back(
+          sharpness(model_, ends_[v], join_ == JoinEdges::WhereSmooth || is_seam_end[v]));
+    const double least = least_corner(sharp);
     skeleton_.corner_of_vertex.assign(model_.vertices().size(), {});
     for (const VertexId v : model_.vertices().ids())
-      if (is_corner(model_, ends_[v], join_ == JoinEdges::WhereSmooth || is_seam_end[v])) {
+      if (sharp[v] > least) {
         skeleton_.corner_of_vertex[v] = CornerId(skeleton_.corners.size());
         skeleton_.corners.push_back(v);
       }
+  }
+
+  // Joints that are sharper are corners.
+  double least_corner(const IdVector<VertexId, double>& sharp) const {
+    if (!wanted_corners_) return -kSmoothCosine;
+    constexpr double kStraight = -1, kBack = 1;  // the angle decides within these
+    std::vector<double> turns(sharp.begin(), sharp.end());
+    std::ranges::sort(turns, std::greater());
+    const double next = *wanted_corners_ < turns.size() ? turns[*wanted_corners_] : kStraight;
+    return std::clamp(next, kStraight, kBack);
   }
 
   VertexId end_vertex(const CurveLink& link) const {
@@ -150,14 +169,16 @@ class Chainer {
 
   const CadModel& model_;
   JoinEdges join_;
+  std::optional<std::size_t> wanted_corners_;
   IdVector<VertexId, std::vector<EdgeEnd>> ends_;
   CadSkeleton skeleton_;
 };
 
 }  // namespace
 
-CadSkeleton build_skeleton(const CadModel& model, JoinEdges join) {
-  return Chainer(model, join).build();
+CadSkeleton build_skeleton(const CadModel& model, JoinEdges join,
+                           std::optional<std::size_t> corners) {
+  return Chainer(model, join, corners).build();
 }
 
 }  // namespace cadmorph

@@ -317,9 +317,23 @@ std::optional<MatchedModels> match_without_slivers(const CadModel& base, const C
   return best;
 }
 
+// What a joint of smooth curves is, its angle tells in the base; in the variant the sharpest are
+// corners, as many as there.
+std::optional<MatchedModels> match_other_angles(const CadModel& base, const CadModel& variant,
+                                                const MatchOptions& options) {
+  const std::size_t corners = base.skeleton().corners.size();
+  if (corners == variant.skeleton().corners.size()) return std::nullopt;
+  const CadModel other = variant.with_corners(corners);
+  auto match = match_skeletons(base, other, options);
+  if (!match) return std::nullopt;
+  return MatchedModels{base, other, std::move(*match)};
+}
+
 MatchedModels find_models(const CadModel& base, const CadModel& variant,
                           const MatchOptions& options) {
   auto match = find_match(base, variant, options);
+  if (!match)
+    if (auto found = match_other_angles(base, variant, options)) return std::move(*found);
   if (!options.given_faces.empty()) {
     if (match) return {base, variant, std::move(*match)};
   } else {
@@ -351,8 +365,11 @@ void use_analytic_faces(MatchedModels& models) {
       faces.push_back(image);
   }
   if (faces.empty()) return;
+  const std::size_t corners = models.variant.skeleton().corners.size();
   if (auto analytic = models.variant.with_analytic_faces(faces))
-    models.variant = std::move(*analytic);
+    models.variant = analytic->skeleton().corners.size() == corners
+                         ? std::move(*analytic)
+                         : analytic->with_corners(corners);
 }
 
 }  // namespace

@@ -91,7 +91,8 @@ struct MatchedModels {
 /// pairs are given, whose numbers are those of the files' faces. Where nothing of that matches,
 /// slivers that the variant alone has are taken for points. Faces that are planes, cylinders,
 /// cones or spheres in the base and exactly such in the variant, but written as B-splines, are
-/// analytic there, too.
+/// analytic there, too. Where joints of smooth curves turn by a little more in one of the models,
+/// the variant's corners are as many as the base's.
 MatchedModels match_models(const CadModel& base, const CadModel& variant,
                            const MatchOptions& options = {});
 

@@ -4,9 +4,11 @@
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepAlgoAPI_Fuse.hxx>
 #include <BRepBuilderAPI_Copy.hxx>
+#include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepBuilderAPI_MakeSolid.hxx>
+#include <BRepBuilderAPI_MakeWire.hxx>
 #include <BRepBuilderAPI_Sewing.hxx>
 #include <BRepFilletAPI_MakeFillet.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
@@ -14,6 +16,9 @@
 #include <BRepPrimAPI_MakePrism.hxx>
 #include <BRepPrimAPI_MakeTorus.hxx>
 #include <BRep_Builder.hxx>
+#include <GeomAPI_Interpolate.hxx>
+#include <Geom_BSplineCurve.hxx>
+#include <TColgp_HArray1OfPnt.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_ListOfShape.hxx>
 #include <TopoDS.hxx>
@@ -587,6 +592,38 @@ TEST_CASE("faces that both models cut alike are not merged", "[cad][match]") {
   }
   // Where seams went elsewhere, they are.
   CHECK(match_models(base, flange(4, 48, 0.7)).variant.merged_face_count() == 6);
+}
+
+TEST_CASE("a joint that turns by a little more is a corner in both models, or in none",
+          "[cad][match]") {
+  // A prism over an oval, one closed edge that turns at its only vertex.
+  const auto oval = [](double turn_deg) {
+    constexpr int kPoints = 16;
+    const auto along = [](double angle) { return gp_Vec(-std::sin(angle), std::cos(angle), 0); };
+    Handle(TColgp_HArray1OfPnt) points = new TColgp_HArray1OfPnt(1, kPoints + 1);
+    for (int i = 0; i <= kPoints; ++i) {
+      const double angle = i % kPoints * 2 * std::numbers::pi / kPoints;
+      points->SetValue(i + 1, gp_Pnt(20 * std::cos(angle), 12 * std::sin(angle), 0));
+    }
+    GeomAPI_Interpolate curve(points, false, 1e-6);
+    const double half = turn_deg / 2 * std::numbers::pi / 180;
+    curve.Load(along(half), along(-half));
+    curve.Perform();
+    const TopoDS_Edge edge = BRepBuilderAPI_MakeEdge(curve.Curve());
+    const TopoDS_Face face =
+        BRepBuilderAPI_MakeFace(gp_Pln(), BRepBuilderAPI_MakeWire(edge).Wire());
+    return to_model(BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 5)).Shape());
+  };
+  REQUIRE(oval(19).skeleton().corners.empty());
+  REQUIRE(oval(21).skeleton().corners.size() == 2);
+  for (const auto& [from, to] : {std::pair(19., 21.), {21., 19.}, {0., 60.}}) {
+    CAPTURE(from, to);
+    const CadModel base = oval(from);
+    const MatchedModels matched = match_models(base, oval(to));
+    CHECK(matched.match.corners.size() == base.skeleton().corners.size());
+    CHECK(matched.variant.skeleton().corners.size() == base.skeleton().corners.size());
+    CHECK(matched.variant.faces().size() == 3);
+  }
 }
 
 TEST_CASE("faces of the parts of an assembly are merged where these are placed", "[cad][match]") {
