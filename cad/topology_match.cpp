@@ -251,7 +251,8 @@ std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& va
 }
 
 // Whether the edges between two faces of one round surface, where seams cut it, lie in these as
-// they did: no seam went elsewhere, nor did the pieces turn or change their shapes.
+// they did: no seam went elsewhere, nor did the pieces turn, change their shapes or come to be
+// written in other surfaces.
 bool keeps_seams(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
   const auto from = entity_features(base), to = entity_features(variant);
   const auto faces = base.faces().size(), variant_faces = variant.faces().size();
@@ -260,6 +261,8 @@ bool keeps_seams(const CadModel& base, const CadModel& variant, const TopologyMa
     if (sides.size() != 2 || sides[0] == sides[1]) continue;
     const SurfaceType type = base.faces()[sides[0]].type;
     if (type == SurfaceType::Plane || type != base.faces()[sides[1]].type) continue;
+    for (const FaceId side : sides)
+      if (variant.faces()[match.faces[side]].type != type) return false;
     const auto vectors = [&](const std::vector<EntityFeature>& features, FaceId one, FaceId other,
                              std::size_t curve) {
       const Eigen::Vector3d& a = features[std::size_t(int(one))].centre;

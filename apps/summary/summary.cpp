@@ -227,11 +227,13 @@ std::string quality_hint(const PipelineReport& report) {
             : before < kPoor
                 ? "the input mesh has such elements already: mesh anew with other sizes"
                 : "mesh the variant anew where that is too little for the solver");
+  // What the input has already, improving hardly raises.
+  if (!is_lost && before < kPoor)
+    return worst + of_input + ", which is poor already: mesh anew with other sizes";
   // Improving is for solid elements.
   if (!is_poor || !report.mesh.has_solids)
     return worst + of_input + ": mesh the variant anew where that is too little for the solver";
-  return worst + of_input + (is_lost || before >= kPoor ? ": " : ", which is poor already: ") +
-         format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
+  return worst + of_input + ": " + format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }
 
 }  // namespace
