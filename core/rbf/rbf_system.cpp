@@ -562,20 +562,21 @@ RbfDerivative RbfSystem::derivative(std::vector<Index> rows, const RowMatrix& ta
     throw InvalidInputError("RBF derivative: targets of dimension " +
                             std::to_string(targets.cols()) + " for centres of dimension " +
                             std::to_string(s.frame.dimension()));
-  const double from = s.adaptive                 ? s.adaptive->correction_from()
-                      : s.fast                   ? s.fast->correction_from()
-                      : s.dense && !rows.empty() ? s.adaptive_fallback().correction_from()
+  const bool is_of_all = rows.empty();
+  const double from = s.adaptive              ? s.adaptive->correction_from()
+                      : s.fast                ? s.fast->correction_from()
+                      : s.dense && !is_of_all ? s.adaptive_fallback().correction_from()
                                                  : 0;
   RbfDerivative result;
   result.map_ = std::make_shared<const FieldDerivative>(
       FrozenField{.points = s.centres,
-                  .centres = rows,
+                  .centres = std::move(rows),
                   .correction_from = from,
                   .frame = s.frame,
                   .kernel = in_units(s.kernel, s.frame.unit()),
                   .log_scale = log_scale(s.kernel, s.frame.unit()),
                   .memory_limit = s.options.memory_limit,
-                  .solver = rows.empty() ? s.dense : nullptr},
+                  .solver = is_of_all ? s.dense : nullptr},
       s.frame.to_unit(targets));
   result.rows_ = s.distinct.rows;
   result.count_ = static_cast<Index>(s.distinct.group.size());
