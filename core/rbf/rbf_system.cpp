@@ -566,7 +566,7 @@ RbfDerivative RbfSystem::derivative(std::vector<Index> rows, const RowMatrix& ta
   const double from = s.adaptive              ? s.adaptive->correction_from()
                       : s.fast                ? s.fast->correction_from()
                       : s.dense && !is_of_all ? s.adaptive_fallback().correction_from()
-                                                 : 0;
+                                              : 0;
   RbfDerivative result;
   result.map_ = std::make_shared<const FieldDerivative>(
       FrozenField{.points = s.centres,
