@@ -32,8 +32,6 @@ constexpr double kInPlane = 1e-6;
 constexpr double kOfOtherKind = 0.8;
 // Short edges that are looked through for slivers: 20 pairs of models to match at most.
 constexpr std::size_t kMostSlivers = 6;
-// Of the size of two faces: by so much their middles, which are sampled, tell apart where they lie.
-constexpr double kKept = 1e-3;
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
 // Colours with the first `count` of the pairs given, or nothing where these can't be.
@@ -250,43 +248,10 @@ std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& va
   return cheaper(std::move(cut), std::move(joined));
 }
 
-// Whether the edges between two faces of one round surface, where seams cut it, lie in these as
-// they did: no seam went elsewhere, nor did the pieces turn, change their shapes or come to be
-// written in other surfaces.
-bool keeps_seams(const CadModel& base, const CadModel& variant, const TopologyMatch& match) {
-  const auto from = entity_features(base), to = entity_features(variant);
-  const auto faces = base.faces().size(), variant_faces = variant.faces().size();
-  for (const CurveId c : base.skeleton().curves.ids()) {
-    const std::vector<FaceId>& sides = base.skeleton().curves[c].faces;
-    if (sides.size() != 2 || sides[0] == sides[1]) continue;
-    const SurfaceType type = base.faces()[sides[0]].type;
-    if (type == SurfaceType::Plane || type != base.faces()[sides[1]].type) continue;
-    for (const FaceId side : sides)
-      if (variant.faces()[match.faces[side]].type != type) return false;
-    const auto vectors = [&](const std::vector<EntityFeature>& features, FaceId one, FaceId other,
-                             std::size_t curve) {
-      const Eigen::Vector3d& a = features[std::size_t(int(one))].centre;
-      const Eigen::Vector3d& b = features[std::size_t(int(other))].centre;
-      Eigen::Matrix<double, 3, 2> result;
-      result << b - a, features[curve].centre - (a + b) / 2;
-      return result;
-    };
-    const auto before = vectors(from, sides[0], sides[1], faces + std::size_t(int(c)));
-    const auto after = vectors(to, match.faces[sides[0]], match.faces[sides[1]],
-                               variant_faces + std::size_t(int(match.curves[c])));
-    const double scale = after.norm() / before.norm();
-    if (!((after - scale * (match.alignment.rotation * before)).norm() < kKept * after.norm()) &&
-        !((after - scale * before).norm() < kKept * after.norm()))
-      return false;
-  }
-  return true;
-}
-
 // A seam cuts a bore with a keyway in two faces, another export's seam elsewhere: then the edge
 // between them can be matched, but is no place of the part.
 std::optional<MatchedModels> match_across_seams(const CadModel& base, const CadModel& variant,
                                                 const std::optional<TopologyMatch>& cut) {
-  if (cut && keeps_seams(base, variant, *cut)) return std::nullopt;
   const auto b = base.with_merged_faces(FaceMerge::AcrossSeams);
   const auto v = variant.with_merged_faces(FaceMerge::AcrossSeams);
   if (!b || !v) return std::nullopt;

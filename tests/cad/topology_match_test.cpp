@@ -568,32 +568,6 @@ TEST_CASE("pieces of an opened cylinder are merged wherever its seam lies", "[ca
   }
 }
 
-TEST_CASE("faces that both models cut alike are not merged", "[cad][match]") {
-  // A flange whose holes are drilled in halves.
-  const auto flange = [](double radius, double circle, double start) {
-    TopoDS_Shape shape = BRepPrimAPI_MakeCylinder(60, 10);
-    for (int hole = 0; hole < 6; ++hole) {
-      const double angle = hole * std::numbers::pi / 3;
-      for (const double half : {0.0, std::numbers::pi}) {
-        gp_Ax2 axes(gp_Pnt(circle * std::cos(angle), circle * std::sin(angle), 0), gp::DZ());
-        axes.Rotate(axes.Axis(), start + half);
-        shape =
-            BRepAlgoAPI_Cut(shape, BRepPrimAPI_MakeCylinder(axes, radius, 10, std::numbers::pi));
-      }
-    }
-    return to_model(shape);
-  };
-  const CadModel base = flange(4, 45, 0);
-  REQUIRE(base.faces().size() == 3 + 12);
-  for (const auto& [radius, circle] : {std::pair(4.0, 48.0), {5.0, 43.0}}) {
-    const MatchedModels matched = match_models(base, flange(radius, circle, 0));
-    CHECK(matched.variant.merged_face_count() == 0);
-    CHECK(matched.base.merged_face_count() == 0);
-  }
-  // Where seams went elsewhere, they are.
-  CHECK(match_models(base, flange(4, 48, 0.7)).variant.merged_face_count() == 6);
-}
-
 TEST_CASE("a joint that turns by a little more is a corner in both models, or in none",
           "[cad][match]") {
   // A prism over an oval, one closed edge that turns at its only vertex.
