@@ -162,12 +162,7 @@ AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& 
   return result;
 }
 
-// Of a node's shortest edge: as far off the CAD, it may bound cells that are missing inside the
-// mesh, and there is no room to put it on the CAD.
-constexpr double kBeneathCells = 0.9;
-
-std::string describe_strays(const Mesh& mesh, const Boundary& boundary, const Association& found,
-                            const SurfaceMesh& surface) {
+std::string describe_strays(const Mesh& mesh, const Boundary& boundary, const Association& found) {
   const RowId row = found.farthest_stray;
   std::ostringstream text;
   text.precision(4);
@@ -175,9 +170,7 @@ std::string describe_strays(const Mesh& mesh, const Boundary& boundary, const As
        << " surface nodes lie farther off the CAD than the tolerance, by up to "
        << found.distance[row] << " mm (" << node_name(mesh, boundary.nodes[row])
        << "): amid nodes that lie on it they go with what is nearest, as far off as they are ("
-       << (found.distance[row] < kBeneathCells * surface.local_length[row]
-               ? words_for(Remedy::Snap) + " puts them on it)"
-               : "look whether cells are missing in the mesh there)");
+       << words_for(Remedy::Snap) << " puts them on it)";
   return text.str();
 }
 
@@ -792,7 +785,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                                      impl_->patches);
   std::ranges::move(unpaired, std::back_inserter(impl_->idle));
   if (impl_->association.stray_nodes > 0)
-    impl_->idle.push_back(describe_strays(mesh, boundary, impl_->association, impl_->surface));
+    impl_->idle.push_back(describe_strays(mesh, boundary, impl_->association));
   if (!impl_->association.stranded.empty())
     impl_->idle.push_back(describe_stranded(mesh, boundary, impl_->association));
   // With regions, who holds an interface takes its facets from the CAD.
