@@ -195,6 +195,7 @@ int passing(const MatchSide& base, const MatchSide& variant, const TopologyMatch
     count += a.length > least && std::ranges::any_of(ways, [&](const Way& b) {
                if (b.length > a.length || std::abs(b.size - a.size) > kAlike * a.size) return false;
                const Vector3d apart = b.from - a.from, change = b.by - a.by;
+               // Farther apart than three ways, two come no nearer than a third of that.
                if (apart.squaredNorm() > 9 * a.length * a.length || change.isZero(0)) return false;
                const double t = std::clamp(-apart.dot(change) / change.squaredNorm(), 0.0, 1.0);
                return (apart + t * change).norm() <
