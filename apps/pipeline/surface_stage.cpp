@@ -32,6 +32,19 @@ void warn_of_merge(const CadModel& model, PipelineReport& figures) {
       "elsewhere");
 }
 
+void tell_of_merges(const CadModel& base, const CadModel& variant, PipelineReport& figures) {
+  const int count = base.merged_face_count();
+  if (count == 0 || count != variant.merged_face_count()) {
+    warn_of_merge(base, figures);
+    warn_of_merge(variant, figures);
+    return;
+  }
+  figures.run.notes.push_back(
+      std::to_string(count) +
+      (count == 1 ? " face of both models counts" : " faces of both models count") +
+      " as one with others of the same surface: where it is cut is no place of the part");
+}
+
 void warn_of_slivers(const CadModel& variant, PipelineReport& figures) {
   const int count = variant.edges_as_points();
   if (count == 0) return;
@@ -66,8 +79,7 @@ MorphResult begin_result(std::shared_ptr<const BaseSide> base, const CadModel& v
   PipelineReport& figures = result.report;
   figures.cad.variant = figures_of(variant);
   check_unit(*base->cad, variant, figures);
-  warn_of_merge(*base->cad, figures);
-  warn_of_merge(variant, figures);
+  tell_of_merges(*base->cad, variant, figures);
   warn_of_slivers(variant, figures);
   warn_of_unclear_match(*base->cad, variant, match, figures);
   figures.cad.matched_by = match.how;

@@ -4,6 +4,8 @@
 #include "cad_variants.h"
 #include "command_line.h"
 #include "core/mesh_file.h"
+#include "known_parts.h"
+#include "triangulation.h"
 
 using namespace cadmorph;
 using namespace cadmorph::testing;
@@ -61,6 +63,25 @@ TEST_CASE("Faces that one exporter cut are merged, with a warning", "[apps][cut]
   };
   morph(bore.base + "step20_cut.step ", "step20_cut.step");
   morph("base_cut.step " + bore.variant, "base_cut.step");
+}
+
+TEST_CASE("Faces that both models cut, each elsewhere, are told of without a warning",
+          "[apps][cut]") {
+  const KnownPart& hub = known_part("keyed_hub");
+  Sizes wider = hub.sizes;  // its seam cuts the bore beside the key
+  wider["bore"] *= 1.15;
+  wider["seam"] = 1;
+  const TopoDS_Shape base = hub.make(hub.sizes).shape;
+  const Workplace place;
+  write_step(place.folder() / "base.step", base);
+  write_step(place.folder() / "wider.step", hub.make(wider).shape);
+  write_mesh(place.folder() / "mesh.vtu", triangulate(base, 0.3));
+  const RunResult run = place.run("base.step wider.step mesh.vtu -o out.vtu --json -");
+  INFO(run.err);
+  REQUIRE(run.exit_code == 0);
+  const auto report = nlohmann::json::parse(run.out);
+  CHECK(report["warnings"].empty());
+  CHECK_THAT(report["notes"].dump(), Contains("of both models count"));
 }
 
 TEST_CASE("A batch serves variants with cut faces beside others", "[apps][batch][cut]") {

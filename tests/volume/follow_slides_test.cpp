@@ -112,8 +112,8 @@ TEST_CASE("Nodes next to one that would leave its surface do not pass it", "[vol
   std::vector<Index> all(wall.mesh.cell_count());
   std::iota(all.begin(), all.end(), Index{0});
   const RowMatrix slides = wall.follow(all);
-  std::map<long, std::map<double, double>>
-      rows;  // by y: x where they start, and where they come to
+  // By y: x where they start, and where they come to.
+  std::map<long, std::map<double, double>> rows;
   for (Index i = 0; i < slides.rows(); ++i) {
     const auto x = wall.mesh.points.row(wall.lower.nodes[i]);
     rows[std::lround(1e6 * x(1))][x(0)] = x(0) + slides(i, 0);
