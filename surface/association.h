@@ -48,7 +48,8 @@ struct Association {
   /// Few on no entity amid others that are on one, in small clusters, as where a mesher bridged a
   /// gap: they follow the volume.
   std::vector<RowId> stranded;
-  double max_distance = 0;  ///< millimetres
+  std::vector<FaceId> held_faces;  ///< whose facets are held, ascending: facet_face is -1 there
+  double max_distance = 0;         ///< millimetres
   double mean_distance = 0;
   double mesh_unit_mm = 1;  ///< millimetres per mesh unit, given or detected
 
@@ -62,7 +63,7 @@ struct Association {
   void serialize(Archive& archive) {
     archive(dimension, entity, uv, distance, is_free, is_amid, facet_face, vertex_nodes, edge_nodes,
             face_nodes, unmatched_nodes, amid_nodes, stray_nodes, farthest_stray, stranded,
-            max_distance, mean_distance, mesh_unit_mm);
+            held_faces, max_distance, mean_distance, mesh_unit_mm);
   }
 };
 

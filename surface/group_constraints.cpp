@@ -209,8 +209,13 @@ void apply_constraints(const IdVector<RowId, GroupConstraint>& constraints,
     const auto is_taken = [&](Index node) {
       return is_taken_from_cad(constraints[row_of(boundary, node)]);
     };
-    if (std::ranges::any_of(boundary.facet(f), is_taken)) association.facet_face[f] = {};
+    if (association.facet_face[f] < 0 || std::ranges::none_of(boundary.facet(f), is_taken))
+      continue;
+    association.held_faces.push_back(std::exchange(association.facet_face[f], FaceId()));
   }
+  std::ranges::sort(association.held_faces);
+  const auto doubled = std::ranges::unique(association.held_faces);
+  association.held_faces.erase(doubled.begin(), doubled.end());
 }
 
 std::vector<char> mark_parts_inside(const Mesh& mesh, const Boundary& boundary,

@@ -763,6 +763,8 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
       if (impl_->constraints[row] == GroupConstraint::Rigid)
         impl_->constraints[row] = GroupConstraint::None;
   impl_->held = held_on_faces(impl_->constraints, impl_->association);
+  // Before: what is taken from the CAD is no crack.
+  impl_->crack = describe_cracks(mesh, impl_->surface, boundary, impl_->association);
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);
   impl_->tolerance = plane_tolerance(impl_->surface);
@@ -780,7 +782,6 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                                                  held, impl_->options.groups, unpaired))
     impl_->periodic.push_back(std::move(sides));
   impl_->find_forms();
-  impl_->crack = describe_cracks(mesh, impl_->surface, boundary, impl_->association);
   impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association,
                                      impl_->patches);
   std::ranges::move(unpaired, std::back_inserter(impl_->idle));

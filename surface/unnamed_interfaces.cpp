@@ -57,6 +57,7 @@ class Search {
         is_sought_(base.faces().size(), 1) {
     for (const FaceId face : association.facet_face)
       if (face >= 0) is_sought_[face] = 0;
+    for (const FaceId face : association.held_faces) is_sought_[face] = 0;
     for (const RowId row : association.entity.ids())
       if (association.dimension[row] == CadDimension::Face) is_sought_[association.face(row)] = 0;
   }
