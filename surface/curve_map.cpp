@@ -245,6 +245,13 @@ CurveLocation CurveMap::apply(const Way& way, const CurveLocation& base) const {
   return {foot.edge, foot.t};
 }
 
+CurveMap::Images CurveMap::places() const {
+  Images points;
+  for (const CurveLocation& l : probes_)
+    points.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
+  return points;
+}
+
 CurveMap::Images CurveMap::images(const Way& way) const {
   Images points;
   for (const CurveLocation& probe : probes_) {
@@ -262,9 +269,7 @@ double CurveMap::deviation(const Way& way, const Images& from) const {
 // similarity.
 double CurveMap::bend(const Way& way) const {
   const Images to = images(way);
-  Images turned;
-  for (const CurveLocation& l : probes_)
-    turned.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
+  Images turned = places();
   const Similarity fit = fit_similarity(turned, to);
   for (Vector3d& point : turned) point = fit(point);
   const double size = root_mean_square(to, Images(kProbes, mean(to)));
@@ -552,9 +557,8 @@ bool CurveMap::is_reparametrised(const Way& way, const Way& same) const {
 
 // The phase of a curve that turns by a motion, wherever it goes.
 CurveMap::Way CurveMap::turned_by(const Similarity& motion) const {
-  Images to;
-  for (const CurveLocation& l : probes_)
-    to.push_back(motion(base_.model().evaluate_edge(l.edge, l.t).point));
+  Images to = places();
+  for (Vector3d& point : to) point = motion(point);
   const Vector3d shift = mean(images(turned_)) - mean(to);
   for (Vector3d& point : to) point += shift;
   return best_phase(turned_, to);
@@ -586,22 +590,24 @@ double CurveMap::turn(const Way& way, const Images& against) const {
   return deviation(way, against) / root_mean_square(against, Images(kProbes, mean(against)));
 }
 
-void CurveMap::rate_starts(const std::optional<Similarity>& around) {
+void CurveMap::rate_starts(const std::optional<MotionAround>& around) {
   auto& [by_parameters, in_place, with_part, predicted] = starts_;
-  predicted = around ? turned_by(*around) : best_phase(turned_, predicted_);
+  predicted = around ? turned_by(around->motion) : best_phase(turned_, predicted_);
   Images expected = images(*predicted);
   if (is_same_ && !around)
     for (int i = 0; i < kProbes; ++i) expected[i] = variant_.nearest(predicted_[i]).point;
   const auto bits = [&](const Way& way) { return std::log2(1 + turn(way, expected) / kTurnUnit); };
   costs_[1] = bits(*in_place) + bend(*in_place);
   costs_[2] = bits(*with_part) + bend(*with_part);
-  costs_[3] = kPredictedBits + bend(*predicted);
+  // What other curves' centres tell is no guess.
+  is_told_by_places_ = around && around->is_of_places;
+  costs_[3] = (is_told_by_places_ ? 0 : kPredictedBits) + bend(*predicted);
   if (!by_parameters) {
     costs_[0] = *std::min_element(costs_.begin() + 1, costs_.end());
     return;
   }
-  const bool agrees = turn(*by_parameters, images(*in_place)) < kAgrees ||
-                      turn(*by_parameters, images(*with_part)) < kAgrees;
+  const bool agrees = !is_told_by_places_ && (turn(*by_parameters, images(*in_place)) < kAgrees ||
+                                              turn(*by_parameters, images(*with_part)) < kAgrees);
   costs_[0] = bend(*by_parameters);
   if (!agrees)
     costs_[0] += std::max(bits(*by_parameters) - (is_free_form_ ? kFreeFormBits : 0), 0.0);
@@ -613,10 +619,22 @@ void CurveMap::take(Start start) {
   way_ = starts_[wanted] ? *starts_[wanted] : *starts_[static_cast<std::size_t>(cheapest)];
 }
 
+Vector3d CurveMap::centre() const { return mean(places()); }
+
+Vector3d CurveMap::image_of_centre() const { return mean(images(way_)); }
+
+double CurveMap::off_axis(const Vector3d& x) const {
+  const Images places = this->places();
+  const Vector3d centre = mean(places);
+  Vector3d area = Vector3d::Zero();
+  for (int i = 0; i < kProbes; ++i)
+    area += (places[i] - centre).cross(places[(i + 1) % kProbes] - centre);
+  return area.normalized().cross(x - centre).norm() /
+         root_mean_square(places, Images(kProbes, centre));
+}
+
 void CurveMap::add_images(Images& from, Images& to) const {
-  Images own;
-  for (const CurveLocation& l : probes_)
-    own.push_back(base_.model().evaluate_edge(l.edge, l.t).point);
+  const Images own = places();
   const Images images = this->images(way_);
   const Vector3d before = mean(own), after = mean(images);
   for (int i = 0; i < kProbes; ++i) {
@@ -625,18 +643,23 @@ void CurveMap::add_images(Images& from, Images& to) const {
   }
 }
 
-// A face lies to the left of its coedges as seen from outside, in both models.
+// A face lies to the left of its coedges as seen from outside, in both models. Where its two faces
+// contradict each other, a file's wire runs the wrong way round (a ball between two circles).
 std::optional<bool> CurveMap::runs_backward_by_faces() const {
   if (!pair_->match.is_oriented) return std::nullopt;
   const CurveLink& from = base_curve_->links.front();
   const CurveLink& to = variant_curve_->links.front();
+  std::optional<bool> result;
   for (const FaceId face : base_curve_->faces) {
     if (pair_->base.faces()[face].other_solid >= 0) continue;  // both sides are outside
     const std::optional<bool> before = runs_against(pair_->base, from, face);
     const std::optional<bool> after = runs_against(pair_->variant, to, pair_->match.faces[face]);
-    if (before && after) return *before != *after;
+    if (!before || !after) continue;
+    const bool is_backward = *before != *after;
+    if (result && *result != is_backward) return std::nullopt;
+    result = is_backward;
   }
-  return std::nullopt;
+  return result;
 }
 
 bool CurveMap::runs_backward() const {

@@ -34,6 +34,12 @@ enum class Start {
 };
 inline constexpr int kStarts = 4;  // of Start
 
+/// The motion of what is round a closed curve.
+struct MotionAround {
+  Similarity motion;
+  bool is_of_places = false;  ///< of closed curves' centres round it, not of curves between corners
+};
+
 /// Maps locations on a base curve to its variant: by equal relative parameters (Sieger et al. 2013,
 /// sect. 4), those of a face beside it where its own tell nothing of the part; by equal length
 /// fractions where the chains of edges differ; by length or shape (CurveMeasure) where the
@@ -58,18 +64,28 @@ class CurveMap {
   bool is_closed() const { return base_curve_->is_closed(); }
 
   /// Judges the starts of a closed curve by how far they turn it against what is round it: by
-  /// `around`, the motion of the curves beside it, or where there are none by the prediction.
-  void rate_starts(const std::optional<Similarity>& around);
+  /// `around`, or where nothing is there by the prediction.
+  void rate_starts(const std::optional<MotionAround>& around);
 
   /// What a start of a closed curve costs, in bits (docs/cad-and-surface.md); where the parameters
   /// don't correspond, theirs costs what the cheapest of the others does.
   double cost(Start start) const { return costs_[static_cast<std::size_t>(start)]; }
+
+  /// Whether its turn is told by the centres of the curves round it.
+  bool is_told_by_places() const { return is_told_by_places_; }
 
   /// Whether a closed curve is the same one in both models under the alignment.
   bool is_same() const { return is_same_; }
 
   /// Maps by that start, or where the parameters don't correspond by the cheapest.
   void take(Start start);
+
+  /// The mean of a closed curve's places, and that of their images, wherever it starts.
+  Eigen::Vector3d centre() const;
+  Eigen::Vector3d image_of_centre() const;
+
+  /// How far from the axis of a closed curve of the base a point lies, in the curve's sizes.
+  double off_axis(const Eigen::Vector3d& x) const;
 
   /// Appends places of the base's curve and their images, each seen from their mean.
   void add_images(std::vector<Eigen::Vector3d>& from, std::vector<Eigen::Vector3d>& to) const;
@@ -95,6 +111,7 @@ class CurveMap {
   CurveLocation by_parameter(const Way& way, const CurveLocation& base) const;
   CurveLocation by_range(const Way& way, const CurveLocation& base) const;
   bool has_equal_range() const;
+  Images places() const;
   Images images(const Way& way) const;
   double deviation(const Way& way, const Images& from) const;
   double turn(const Way& way, const Images& against) const;
@@ -131,7 +148,7 @@ class CurveMap {
   Way turned_;                                      // of a closed curve: any phase
   std::array<std::optional<Way>, kStarts> starts_;  // of a closed curve
   std::array<double, kStarts> costs_{};
-  bool rests_ = false, is_same_ = false, is_free_form_ = false;
+  bool rests_ = false, is_same_ = false, is_free_form_ = false, is_told_by_places_ = false;
   std::vector<Stretch> stretches_;  // in order, from end to end; closed: from a joint round to it
 };
 

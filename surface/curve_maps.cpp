@@ -23,6 +23,10 @@ constexpr std::array kAllStarts{Start::Parameters, Start::InPlace, Start::WithPa
 // four times as little turn; curves that are the same need none. The prediction explains less.
 constexpr double kMovedSeamBits = 2, kAsAroundBits = 3;
 constexpr double kTie = 1e-3;  // bits
+// Farther from a curve's axis than that, in its sizes, holes tell of its turn if they lie round it:
+// if their mean is nearer.
+constexpr double kLever = 0.5;
+constexpr std::size_t kMostBeside = 64;  // closed curves of a face that are asked
 
 bool runs_through(const CadModel& model, CurveId curve, VertexId vertex) {
   return std::ranges::any_of(model.skeleton().curves[curve].links, [&](const CurveLink& link) {
@@ -61,21 +65,25 @@ std::vector<std::vector<CurveId>> linked_curves(const CadModel& model) {
 }
 
 // The motions of the curves between corners that share a face with each closed curve: nothing
-// leaves them open. The same for all holes of a plate.
+// leaves them open. The same for all holes of a plate. Where there are none, that of the other
+// closed curves' centres, where these lie round it: a ring's rims turn with the pockets between.
 class MotionsAround {
  public:
   MotionsAround(const CadModel& model, const CurveMaps& maps)
-      : model_(model), maps_(maps), open_of_face_(model.faces().size()) {
+      : model_(model),
+        maps_(maps),
+        open_of_face_(model.faces().size()),
+        closed_of_face_(model.faces().size()) {
     for (const CurveId c : maps.ids())
-      if (!maps[c].is_closed())
-        for (const FaceId f : model.skeleton().curves[c].faces) open_of_face_[f].push_back(c);
+      for (const FaceId f : model.skeleton().curves[c].faces)
+        (maps[c].is_closed() ? closed_of_face_ : open_of_face_)[f].push_back(c);
   }
 
   /// Nothing where there are no such curves.
-  std::optional<Similarity> of(CurveId closed) {
+  std::optional<MotionAround> of(CurveId closed) {
     std::vector<FaceId> faces = model_.skeleton().curves[closed].faces;
     std::erase_if(faces, [&](FaceId f) { return open_of_face_[f].empty(); });
-    if (faces.empty()) return std::nullopt;
+    if (faces.empty()) return of_places(closed);
     const auto [known, is_new] = motions_.try_emplace(faces);
     if (is_new) {
       std::vector<Vector3d> from, to;
@@ -83,13 +91,38 @@ class MotionsAround {
         for (const CurveId c : open_of_face_[f]) maps_[c].add_images(from, to);
       known->second = fit_similarity(from, to);
     }
-    return known->second;
+    return MotionAround{known->second};
   }
 
  private:
+  std::optional<MotionAround> of_places(CurveId closed) const {
+    const CurveMap& own = maps_[closed];
+    const Vector3d centre = own.centre(), image = own.image_of_centre();
+    std::vector<Vector3d> from, to;
+    Vector3d sum = Vector3d::Zero();
+    double farthest = 0;
+    for (const FaceId f : model_.skeleton().curves[closed].faces) {
+      const std::vector<CurveId>& beside = closed_of_face_[f];
+      const std::size_t step = 1 + beside.size() / kMostBeside;
+      for (std::size_t i = 0; i < beside.size(); i += step) {
+        if (beside[i] == closed) continue;
+        const Vector3d there = maps_[beside[i]].centre();
+        const Vector3d way = there - centre,
+                       way_of_image = maps_[beside[i]].image_of_centre() - image;
+        farthest = std::max(farthest, own.off_axis(there));
+        sum += there;
+        from.insert(from.end(), {way, -way});  // about the centre
+        to.insert(to.end(), {way_of_image, -way_of_image});
+      }
+    }
+    if (farthest < kLever || own.off_axis(2.0 / double(from.size()) * sum) > kLever)
+      return std::nullopt;
+    return MotionAround{fit_similarity(from, to), true};
+  }
+
   const CadModel& model_;
   const CurveMaps& maps_;
-  IdVector<FaceId, std::vector<CurveId>> open_of_face_;
+  IdVector<FaceId, std::vector<CurveId>> open_of_face_, closed_of_face_;
   std::map<std::vector<FaceId>, Similarity> motions_;  // of faces
 };
 
@@ -106,7 +139,9 @@ double moved_seam(Start start, const std::vector<CurveId>& linked, const CurveMa
     case Start::Predicted:
       break;
   }
-  return kAsAroundBits;
+  return std::ranges::any_of(linked, [&](CurveId c) { return maps[c].is_told_by_places(); })
+             ? kMovedSeamBits
+             : kAsAroundBits;
 }
 
 // One start for all curves of a group: the cheapest.
@@ -126,7 +161,7 @@ void choose_start(const std::vector<CurveId>& linked, CurveMaps& maps) {
 // Which of several possible places a closed curve starts at, that no corner holds.
 void choose_starts(const CadModel& model, CurveMaps& maps) {
   MotionsAround motions(model, maps);
-  std::vector<std::pair<CurveMap*, std::optional<Similarity>>> closed;
+  std::vector<std::pair<CurveMap*, std::optional<MotionAround>>> closed;
   for (const CurveId c : maps.ids())
     if (maps[c].is_closed()) closed.emplace_back(&maps[c], motions.of(c));
   parallel_for(std::ssize(closed), 1, [&](Index begin, Index end) {

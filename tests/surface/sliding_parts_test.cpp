@@ -1,4 +1,6 @@
+#include <BRepAlgoAPI_Cut.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -396,4 +398,34 @@ TEST_CASE("on facets points that follow each other over the surface keep their o
       }
       CHECK(equal == 0);
     }
+}
+
+TEST_CASE("A ring's rims turn with the pockets between them", "[surface][curves]") {
+  const auto cage = [](double turn, double radius, double height) {
+    const auto cylinder = [&](double r, double h) {
+      return BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(0, 0, -h / 2), gp_Dir(0, 0, 1)), r, h).Shape();
+    };
+    TopoDS_Shape ring = BRepAlgoAPI_Cut(cylinder(42, height), cylinder(38, 2 * height)).Shape();
+    for (int i = 0; i < 8; ++i) {
+      const double a = turn + i * std::numbers::pi / 4;
+      const gp_Pnt at(40 * std::cos(a), 40 * std::sin(a), 0);
+      ring = BRepAlgoAPI_Cut(ring, BRepPrimAPI_MakeSphere(at, radius).Shape()).Shape();
+    }
+    return ring;
+  };
+  constexpr double kTurn = 0.3;
+  const TopoDS_Shape base = cage(0, 6, 16);
+  const MorphCase c = mesh_case(through_step(base), triangulate(base, 0.3));
+  const SurfaceMorphResult moved = morph_surface(c, through_step(cage(kTurn, 7, 18)));
+  for (const std::string& warning : moved.warnings) FAIL_CHECK(warning);
+  const Eigen::AngleAxisd turned(kTurn, Vector3d::UnitZ());
+  Index rims = 0;
+  for (Index i = 0; i < moved.positions.rows(); ++i) {
+    const Vector3d x = c.mesh.points.row(c.boundary.nodes[RowId(i)]);
+    if (std::abs(x.z()) < 8 - 1e-9) continue;
+    ++rims;
+    const Vector3d to = turned * x + Vector3d(0, 0, std::copysign(1, x.z()));
+    CHECK((Vector3d(moved.positions.row(i)) - to).norm() < 1e-4);
+  }
+  CHECK(rims > 50);
 }
