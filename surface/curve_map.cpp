@@ -619,18 +619,14 @@ void CurveMap::take(Start start) {
   way_ = starts_[wanted] ? *starts_[wanted] : *starts_[static_cast<std::size_t>(cheapest)];
 }
 
-Vector3d CurveMap::centre() const { return mean(places()); }
-
-Vector3d CurveMap::image_of_centre() const { return mean(images(way_)); }
-
-double CurveMap::off_axis(const Vector3d& x) const {
+ClosedPlace CurveMap::place() const {
   const Images places = this->places();
   const Vector3d centre = mean(places);
   Vector3d area = Vector3d::Zero();
   for (int i = 0; i < kProbes; ++i)
     area += (places[i] - centre).cross(places[(i + 1) % kProbes] - centre);
-  return area.normalized().cross(x - centre).norm() /
-         root_mean_square(places, Images(kProbes, centre));
+  return {centre, mean(images(way_)), area.normalized(),
+          root_mean_square(places, Images(kProbes, centre))};
 }
 
 void CurveMap::add_images(Images& from, Images& to) const {

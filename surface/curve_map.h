@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <optional>
 #include <vector>
@@ -33,6 +34,16 @@ enum class Start {
   Predicted    ///< turned as predicted from what is round it
 };
 inline constexpr int kStarts = 4;  // of Start
+
+/// Where a closed curve lies in the base, and goes.
+struct ClosedPlace {
+  Eigen::Vector3d centre, image;  ///< means of its places and of their images, millimetres
+  Eigen::Vector3d axis;           ///< of the area it runs round, length 1
+  double size;                    ///< root mean square distance from the centre
+
+  /// How far from the curve's axis a point lies, in its sizes.
+  double off_axis(const Eigen::Vector3d& x) const { return axis.cross(x - centre).norm() / size; }
+};
 
 /// The motion of what is round a closed curve.
 struct MotionAround {
@@ -80,12 +91,8 @@ class CurveMap {
   /// Maps by that start, or where the parameters don't correspond by the cheapest.
   void take(Start start);
 
-  /// The mean of a closed curve's places, and that of their images, wherever it starts.
-  Eigen::Vector3d centre() const;
-  Eigen::Vector3d image_of_centre() const;
-
-  /// How far from the axis of a closed curve of the base a point lies, in the curve's sizes.
-  double off_axis(const Eigen::Vector3d& x) const;
+  /// Where a closed curve lies, and goes, wherever it starts.
+  ClosedPlace place() const;
 
   /// Appends places of the base's curve and their images, each seen from their mean.
   void add_images(std::vector<Eigen::Vector3d>& from, std::vector<Eigen::Vector3d>& to) const;

@@ -77,6 +77,11 @@ class MotionsAround {
     for (const CurveId c : maps.ids())
       for (const FaceId f : model.skeleton().curves[c].faces)
         (maps[c].is_closed() ? closed_of_face_ : open_of_face_)[f].push_back(c);
+    place_of_.resize(maps.size());
+    parallel_for(std::ssize(maps), 1, [&](Index begin, Index end) {
+      for (CurveId c(begin); c < end; ++c)
+        if (maps[c].is_closed()) place_of_[c] = maps[c].place();
+    });
   }
 
   /// Nothing where there are no such curves.
@@ -96,8 +101,7 @@ class MotionsAround {
 
  private:
   std::optional<MotionAround> of_places(CurveId closed) const {
-    const CurveMap& own = maps_[closed];
-    const Vector3d centre = own.centre(), image = own.image_of_centre();
+    const ClosedPlace& own = place_of_[closed];
     std::vector<Vector3d> from, to;
     Vector3d sum = Vector3d::Zero();
     double farthest = 0;
@@ -106,13 +110,12 @@ class MotionsAround {
       const std::size_t step = 1 + beside.size() / kMostBeside;
       for (std::size_t i = 0; i < beside.size(); i += step) {
         if (beside[i] == closed) continue;
-        const Vector3d there = maps_[beside[i]].centre();
-        const Vector3d way = there - centre,
-                       way_of_image = maps_[beside[i]].image_of_centre() - image;
-        farthest = std::max(farthest, own.off_axis(there));
-        sum += there;
+        const ClosedPlace& other = place_of_[beside[i]];
+        const Vector3d way = other.centre - own.centre, image = other.image - own.image;
+        farthest = std::max(farthest, own.off_axis(other.centre));
+        sum += other.centre;
         from.insert(from.end(), {way, -way});  // about the centre
-        to.insert(to.end(), {way_of_image, -way_of_image});
+        to.insert(to.end(), {image, -image});
       }
     }
     if (farthest < kLever || own.off_axis(2.0 / double(from.size()) * sum) > kLever)
@@ -123,6 +126,7 @@ class MotionsAround {
   const CadModel& model_;
   const CurveMaps& maps_;
   IdVector<FaceId, std::vector<CurveId>> open_of_face_, closed_of_face_;
+  IdVector<CurveId, ClosedPlace> place_of_;            // of closed ones
   std::map<std::vector<FaceId>, Similarity> motions_;  // of faces
 };
 
