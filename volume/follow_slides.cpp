@@ -46,8 +46,8 @@ std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vecto
 }
 
 // Lowers `most` (N): from a node to another of its cells it rises by kShareOfRoom of their distance
-// at most. `starts`: the nodes where it was lowered.
-void spread(const Mesh& mesh, const NodeCells& incidence, const Points& points,
+// at most, as long as that limits anything. `starts`: the nodes where it was lowered.
+void spread(const Mesh& mesh, const NodeCells& incidence, const Points& points, double longest,
             const std::vector<Index>& starts, std::vector<double>& most) {
   using Reached = std::pair<double, Index>;
   std::priority_queue<Reached, std::vector<Reached>, std::greater<>> front;
@@ -59,7 +59,7 @@ void spread(const Mesh& mesh, const NodeCells& incidence, const Points& points,
     for (const Index c : incidence.cells(a))
       for (const Index b : mesh.cell(c)) {
         const double next = value + kShareOfRoom * (points.row(a) - points.row(b)).norm();
-        if (next >= most[b]) continue;
+        if (next >= std::min(most[b], longest)) continue;
         most[b] = next;
         front.emplace(next, b);
       }
@@ -165,7 +165,9 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
   };
   std::vector<double> most(mesh.node_count(), std::numeric_limits<double>::infinity());
   std::vector<Index> near_rim;
+  double longest = 0;
   for (Index i = 0; i < count; ++i) {
+    longest = std::max(longest, steps.segment(first[i], ways[i].cols()).norm());
     if (slider[i] < 0 || sliding.is_within(slider[i], slide_of(i, 1))) continue;
     double within = 0, outside = 1;
     for (int k = 0; k < kHalvings; ++k) {
@@ -175,7 +177,7 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
     most[nodes[i]] = kShareOfRoom * within * steps.segment(first[i], ways[i].cols()).norm();
     near_rim.push_back(nodes[i]);
   }
-  spread(mesh, incidence, moved, near_rim, most);
+  spread(mesh, incidence, moved, longest, near_rim, most);
   for (Index i = 0; i < count; ++i) {
     const Eigen::VectorXd step = steps.segment(first[i], ways[i].cols());
     const Index node = nodes[i], s = slider[i];
