@@ -24,8 +24,8 @@ constexpr std::array kAllStarts{Start::Parameters, Start::InPlace, Start::WithPa
 constexpr double kMovedSeamBits = 2, kAsAroundBits = 3;
 constexpr double kTie = 1e-3;  // bits
 // Farther from a curve's axis than that, in its sizes, holes tell of its turn if they lie round it:
-// if their mean is nearer.
-constexpr double kLever = 0.5;
+// if their mean is nearer, and they turn as one, up to this part of their distances.
+constexpr double kLever = 0.5, kAsOne = 0.05;
 constexpr std::size_t kMostBeside = 64;  // closed curves of a face that are asked
 
 bool runs_through(const CadModel& model, CurveId curve, VertexId vertex) {
@@ -120,7 +120,14 @@ class MotionsAround {
     }
     if (farthest < kLever || own.off_axis(2.0 / double(from.size()) * sum) > kLever)
       return std::nullopt;
-    return MotionAround{fit_similarity(from, to), true};
+    const Similarity motion = fit_similarity(from, to);
+    double off = 0, squares = 0;
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      off += (motion(from[i]) - to[i]).squaredNorm();
+      squares += to[i].squaredNorm();
+    }
+    if (off > kAsOne * kAsOne * squares) return std::nullopt;
+    return MotionAround{motion, true};
   }
 
   const CadModel& model_;
