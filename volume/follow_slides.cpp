@@ -3,9 +3,6 @@
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
 #include <algorithm>
-#include <functional>
-#include <limits>
-#include <queue>
 #include <utility>
 
 #include "core/parallel.h"
@@ -24,10 +21,6 @@ using Ways = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3>;
 constexpr double kDrawnBack = 0.72;
 constexpr double kAccuracy = 1e-5;  // of what changes
 constexpr int kMostIterations = 300;
-// Share of its way to its surface's rim that a node goes at most, and by which those at a distance
-// go farther: the nodes between the rim and a node come to lie in no less than half of the room.
-constexpr double kShareOfRoom = 0.5;
-constexpr int kHalvings = 10;        // that find where a node leaves its surface
 constexpr Index kRowsAtOnce = 8192;  // of the matrix, found before they go into it
 
 std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vector<Index> cells,
@@ -43,27 +36,6 @@ std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vecto
           if (!std::exchange(has_cell[c], 1)) cells.push_back(c);
   }
   return cells;
-}
-
-// Lowers `most` (N): from a node to another of its cells it rises by kShareOfRoom of their distance
-// at most, as long as that limits anything. `starts`: the nodes where it was lowered.
-void spread(const Mesh& mesh, const NodeCells& incidence, const Points& points, double longest,
-            const std::vector<Index>& starts, std::vector<double>& most) {
-  using Reached = std::pair<double, Index>;
-  std::priority_queue<Reached, std::vector<Reached>, std::greater<>> front;
-  for (const Index node : starts) front.emplace(most[node], node);
-  while (!front.empty()) {
-    const auto [value, a] = front.top();
-    front.pop();
-    if (value > most[a]) continue;
-    for (const Index c : incidence.cells(a))
-      for (const Index b : mesh.cell(c)) {
-        const double next = value + kShareOfRoom * (points.row(a) - points.row(b)).norm();
-        if (next >= std::min(most[b], longest)) continue;
-        most[b] = next;
-        front.emplace(next, b);
-      }
-  }
 }
 
 }  // namespace
@@ -158,35 +130,15 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
   solver.setMaxIterations(kMostIterations);
   solver.compute(matrix);
   const Eigen::VectorXd steps = solver.solve(right);
-  const auto slide_of = [&](Index i, double share) {
-    Eigen::Vector2d slide = sliding.slides.row(slider[i]);
-    slide.head(ways[i].cols()) += share * steps.segment(first[i], ways[i].cols());
-    return slide;
-  };
-  std::vector<double> most(mesh.node_count(), std::numeric_limits<double>::infinity());
-  std::vector<Index> near_rim;
-  double longest = 0;
-  for (Index i = 0; i < count; ++i) {
-    longest = std::max(longest, steps.segment(first[i], ways[i].cols()).norm());
-    if (slider[i] < 0 || sliding.is_within(slider[i], slide_of(i, 1))) continue;
-    double within = 0, outside = 1;
-    for (int k = 0; k < kHalvings; ++k) {
-      const double share = (within + outside) / 2;
-      (sliding.is_within(slider[i], slide_of(i, share)) ? within : outside) = share;
-    }
-    most[nodes[i]] = kShareOfRoom * within * steps.segment(first[i], ways[i].cols()).norm();
-    near_rim.push_back(nodes[i]);
-  }
-  spread(mesh, incidence, moved, longest, near_rim, most);
   for (Index i = 0; i < count; ++i) {
     const Eigen::VectorXd step = steps.segment(first[i], ways[i].cols());
     const Index node = nodes[i], s = slider[i];
-    const double share = std::min(1.0, most[node] / step.norm());
     if (s < 0) {
-      result.positions.row(node) += share * step.transpose();
+      result.positions.row(node) += step.transpose();
       continue;
     }
-    const Eigen::Vector2d slide = slide_of(i, share);
+    Eigen::Vector2d slide = sliding.slides.row(s);
+    slide.head(step.size()) += step;
     if (!sliding.is_within(s, slide)) continue;
     result.slides.row(s) = slide;
     result.positions.row(node) = sliding.at(s, slide).point;

@@ -17,10 +17,9 @@ struct FollowingNodes {
 /// Displacements u from `reference` to `moved` (N x 3, in the mesh's unit) are given at `is_fixed`
 /// nodes (N), and found at the others near `cells`: those of least sum of |u_i - u_j|^2 / l_ij^2
 /// over the pairs of nodes of each cell, l_ij their distance in the reference (a graph's
-/// Laplacian). Nodes that slide go along the tangents of their surfaces, and are drawn back weakly
-/// to where they are: what moves is forgotten after `reach` cells. Those that would leave their
-/// surfaces go half of the way to the rim, those around them farther by half of their distance at
-/// most, so that none passes another. Cost: a sparse solve for what is so near the cells.
+/// Laplacian). Nodes that slide go along the tangents of their surfaces, unless they would leave
+/// these, and are drawn back weakly to where they are: what moves is forgotten after `reach` cells.
+/// Cost: a sparse solve for what is so near the cells.
 FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, const Points& moved,
                                  const std::vector<char>& is_fixed, const SlidingNodes& sliding,
                                  const std::vector<Index>& cells, int reach);

@@ -1,11 +1,6 @@
 #include "volume/follow_slides.h"
 
-#include <algorithm>
 #include <catch2/catch.hpp>
-#include <cmath>
-#include <map>
-#include <numeric>
-#include <ranges>
 
 #include "../core/sample_meshes.h"
 #include "volume_meshes.h"
@@ -105,22 +100,6 @@ TEST_CASE("Nodes that would leave their surface and those of no cell that suffer
   CHECK_FALSE(slides.isZero(0));
   for (Index i = 0; i < slides.rows(); ++i)
     CHECK(far.lower.is_within(i, slides.row(i).transpose()));
-}
-
-TEST_CASE("Nodes next to one that would leave its surface do not pass it", "[volume][follow]") {
-  const Wall wall({0.2, 0, 0});
-  std::vector<Index> all(wall.mesh.cell_count());
-  std::iota(all.begin(), all.end(), Index{0});
-  const RowMatrix slides = wall.follow(all);
-  // By y: x where they start, and where they come to.
-  std::map<long, std::map<double, double>> rows;
-  for (Index i = 0; i < slides.rows(); ++i) {
-    const auto x = wall.mesh.points.row(wall.lower.nodes[i]);
-    rows[std::lround(1e6 * x(1))][x(0)] = x(0) + slides(i, 0);
-  }
-  REQUIRE(rows.size() > 10);
-  for (const auto& [y, row] : rows) CHECK(std::ranges::is_sorted(row | std::views::values));
-  CHECK(slides.col(0).maxCoeff() > 0.1);
 }
 
 }  // namespace cadmorph
