@@ -1,13 +1,17 @@
 #include "cad/cut_seams.h"
 
 #include <BRepBuilderAPI_Copy.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepTools.hxx>
 #include <BRepTools_ReShape.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <Geom2d_Curve.hxx>
 #include <Geom_ElementarySurface.hxx>
+#include <Geom_SphericalSurface.hxx>
 #include <Geom_SurfaceOfRevolution.hxx>
+#include <Geom_ToroidalSurface.hxx>
+#include <Precision.hxx>
 #include <ShapeAnalysis_Surface.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
@@ -75,6 +79,11 @@ std::optional<gp_Vec2d> shift_between(const TopoDS_Face& from, const TopoDS_Face
         return std::nullopt;
     }
   return shift;
+}
+
+bool is_closed_all_round(const Handle(Geom_Surface) & surface) {
+  return surface->IsKind(STANDARD_TYPE(Geom_SphericalSurface)) ||
+         surface->IsKind(STANDARD_TYPE(Geom_ToroidalSurface));
 }
 
 // A face, and what to add to its parameters to have those of the first one's surface.
@@ -201,6 +210,38 @@ TopoDS_Shape with_seams_in_gaps(const TopoDS_Shape& shape, double tolerance) {
     has_any = true;
   }
   return has_any ? changes->Apply(copy) : shape;
+}
+
+TopoDS_Shape with_whole_surfaces(
+    const TopoDS_Shape& shape, double tolerance,
+    const std::function<bool(const TopoDS_Shape& edge)>& is_kept,
+    const std::function<void(const TopoDS_Shape& face, const TopoDS_Shape& whole)>& tell) {
+  const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;
+  bool has_any = false;
+  for (const std::vector<Piece>& pieces : pieces_of_surfaces(shape, tolerance)) {
+    const Handle(Geom_Surface) surface = surface_of(pieces.front().face);
+    if (!is_closed_all_round(surface)) continue;
+    TopTools_MapOfShape open;  // edges that only one side was met of
+    bool keeps_any = false;
+    for (const Piece& piece : pieces)
+      for (TopExp_Explorer each(piece.face, TopAbs_EDGE); each.More(); each.Next()) {
+        const TopoDS_Edge& edge = TopoDS::Edge(each.Current());
+        if (BRep_Tool::Degenerated(edge)) continue;
+        keeps_any |= is_kept(edge);
+        if (!open.Add(edge)) open.Remove(edge);
+      }
+    if (keeps_any || !open.IsEmpty()) continue;
+    const TopoDS_Face whole = BRepBuilderAPI_MakeFace(surface, Precision::Confusion()).Face();
+    for (const Piece& piece : pieces) {
+      if (piece.face.IsSame(pieces.front().face))
+        changes->Replace(piece.face, whole);
+      else
+        changes->Remove(piece.face);
+      tell(piece.face, whole);
+    }
+    has_any = true;
+  }
+  return has_any ? changes->Apply(shape) : shape;
 }
 
 }  // namespace cadmorph

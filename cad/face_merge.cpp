@@ -195,7 +195,13 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
     TopTools_MapOfShape kept_edges;
     for (const int edge : kept.edges) kept_edges.Add(edges(edge));
     constexpr bool edges_too = false, faces_too = true, concatenates = false;
-    ShapeUpgrade_UnifySameDomain merger(shape, edges_too, faces_too, concatenates);
+    const Handle(BRepTools_History) history = new BRepTools_History;
+    const TopoDS_Shape whole = with_whole_surfaces(
+        shape, tolerance, [&](const TopoDS_Shape& edge) { return kept_edges.Contains(edge); },
+        [&](const TopoDS_Shape& face, const TopoDS_Shape& all) {
+          history->AddModified(face, all);
+        });
+    ShapeUpgrade_UnifySameDomain merger(whole, edges_too, faces_too, concatenates);
     merger.SetLinearTolerance(tolerance);
     merger.SetAngularTolerance(kSameAngle);
     merger.KeepShapes(kept_edges);
@@ -207,8 +213,9 @@ std::optional<CadModel> CadModel::with_merged_faces(FaceMerge merge) const {
     if (gone <= 0) return std::nullopt;
     const double before = area(shape);
     if (!(std::abs(area(merged) - before) < kSameArea * before)) return std::nullopt;
-    return build_model(
-        merged, {file_name(), file_unit(), MergedNames(*impl_, shape, merger.History()), gone});
+    history->Merge(merger.History());
+    return build_model(merged,
+                       {file_name(), file_unit(), MergedNames(*impl_, shape, history), gone});
   } catch (const Standard_Failure&) {
     return std::nullopt;  // OCCT fails on pieces of a torus, for one
   }

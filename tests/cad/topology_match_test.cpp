@@ -634,6 +634,21 @@ TEST_CASE("pieces of a bend, closed the other way, are merged", "[cad][match]") 
   CHECK((merged->upper() - model.upper()).norm() < 1e-3);
 }
 
+TEST_CASE("a whole sphere or torus that was cut becomes one face again", "[cad][match]") {
+  for (const std::string name : {"sphere_in_box", "torus"}) {
+    INFO(name);
+    const TopoDS_Shape shape = read_shape(model_file("shapes/" + name + ".step"));
+    const CadModel whole = to_model(shape), cut = through_step(with_cut_faces(shape));
+    REQUIRE(cut.faces().size() > whole.faces().size());
+    const auto merged = cut.with_merged_faces(FaceMerge::AcrossSeams);
+    REQUIRE(merged);
+    CHECK(merged->faces().size() == whole.faces().size());
+    CHECK(merged->solid_count() == whole.solid_count());
+    for (const auto& [base, variant] : {std::pair{&whole, &cut}, std::pair{&cut, &whole}})
+      CHECK(match_models(*base, *variant).match.faces.size() == whole.faces().size());
+  }
+}
+
 TEST_CASE("merged faces leave the names of the others", "[cad][match]") {
   const TopoDS_Shape whole = read_shape(model_file("shapes/stepped_shaft.step"));
   int count = 0;
