@@ -36,12 +36,13 @@ bool runs_through(const CadModel& model, CurveId curve, VertexId vertex) {
 }
 
 // Closed curves in groups that faces which close on themselves link, seam to seam: a seam that
-// moved moves where all of them start.
+// moved moves where all of them start. Not those that several edges make up: these are laid edge to
+// edge, wherever one of the seams that cut them went.
 std::vector<std::vector<CurveId>> linked_curves(const CadModel& model) {
   const auto& curves = model.skeleton().curves;
   IdVector<FaceId, std::vector<CurveId>> closed_of_face(model.faces().size());
   for (const CurveId c : curves.ids())
-    if (curves[c].is_closed())
+    if (curves[c].is_closed() && curves[c].links.size() == 1)
       for (const FaceId f : curves[c].faces) closed_of_face[f].push_back(c);
   IdVector<CurveId, CurveId> group;
   for (const CurveId c : curves.ids()) group.push_back(c);
