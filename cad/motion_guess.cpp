@@ -1,8 +1,11 @@
 #include "cad/motion_guess.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <optional>
 
 namespace cadmorph {
@@ -13,6 +16,11 @@ using Eigen::Vector3d;
 constexpr double kTurn = 0.3;        // radians
 constexpr double kThin = 1e-4;       // of a pattern's size
 constexpr std::size_t kPattern = 3;  // entities that have a spread
+// Turns of a pattern: members that are asked and turns tried at most, how much nearer a farther
+// turn has to lay them, turns that are none, radians, and how far the levers of two members differ.
+constexpr std::size_t kMostAsked = 64, kMostTurns = 64;
+constexpr double kNearer = 0.9, kNoTurn = 0.02, kSameLever = 0.3;
+constexpr int kRounds = 3;  // of fitting a turn to the nearest members
 
 Eigen::Matrix3d principal_axes(const MatchSide& side, Vector3d& mean) {
   mean.setZero();
@@ -93,15 +101,106 @@ Eigen::Matrix3d least_stretch(const Eigen::Matrix3d& from, const Eigen::Matrix3d
   return inverse * Solver(root * (to + thickness) * root).operatorSqrt() * inverse;
 }
 
+// The turn of a pattern about one of its principal axes that lays it onto the variant's: the
+// smallest of those that do so equally well.
+class PatternTurn {
+ public:
+  PatternTurn(const MatchSide& base, const MatchSide& variant, const ColourClass& members)
+      : base_(base),
+        variant_(variant),
+        members_(members),
+        from_(base, members.base),
+        to_(variant, members.variant),
+        nearest_(variant, members.variant) {
+    const std::size_t step = 1 + members.base.size() / kMostAsked;
+    for (std::size_t i = 0; i < members.base.size(); i += step) asked_.push_back(members.base[i]);
+  }
+
+  Eigen::AngleAxisd find() const {
+    Eigen::AngleAxisd best(0, Vector3d::UnitZ());
+    double least = distance(best);
+    const Eigen::Matrix3d axes =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(from_.scatter).eigenvectors();
+    for (int a = 0; a < 3; ++a)
+      for (const double angle : angles(axes.col(a))) {
+        const Eigen::AngleAxisd turn = fitted({angle, axes.col(a)});
+        const double off = distance(turn);
+        const bool is_farther = std::abs(turn.angle()) > std::abs(best.angle());
+        if (off >= (is_farther ? kNearer : 1 / kNearer) * least) continue;
+        best = turn;
+        least = std::min(least, off);
+      }
+    return best;
+  }
+
+ private:
+  // Those that lay the member farthest from the axis on others, the smallest first.
+  std::vector<double> angles(const Vector3d& axis) const {
+    const auto off_axis = [&](const Vector3d& way) -> Vector3d {
+      return way - axis.dot(way) * axis;
+    };
+    const auto way_of = [&](int n) { return off_axis(base_.features[n].centre - from_.mean); };
+    const int farthest =
+        *std::ranges::max_element(asked_, {}, [&](int n) { return way_of(n).squaredNorm(); });
+    const Vector3d lever = way_of(farthest);
+    std::vector<double> result;
+    for (const int n : members_.variant) {
+      const Vector3d other = off_axis(variant_.features[n].centre - to_.mean);
+      if (std::abs(other.norm() - lever.norm()) > kSameLever * lever.norm()) continue;
+      result.push_back(std::atan2(axis.dot(lever.cross(other)), lever.dot(other)));
+    }
+    std::ranges::sort(result, {}, [](double angle) { return std::abs(angle); });
+    if (result.size() > kMostTurns) result.resize(kMostTurns);
+    return result;
+  }
+
+  // The member of the variant nearest to where the turn takes one, seen from the mean.
+  std::pair<double, Vector3d> nearest(int n, const Eigen::AngleAxisd& turn) const {
+    const EntityFeature& feature = base_.features[n];
+    const Vector3d at = to_.mean + turn * (feature.centre - from_.mean);
+    const auto [square, node] = nearest_.find(feature, at, 1, 1).front();
+    return {square, variant_.features[node].centre - to_.mean};
+  }
+
+  double distance(const Eigen::AngleAxisd& turn) const {
+    double sum = 0;
+    for (const int n : asked_) sum += nearest(n, turn).first;
+    return std::sqrt(sum / double(asked_.size()));
+  }
+
+  Eigen::AngleAxisd fitted(Eigen::AngleAxisd turn) const {
+    for (int round = 0; round < kRounds; ++round) {
+      double along = 0, across = 0;
+      for (const int n : asked_) {
+        const Vector3d way = turn * (base_.features[n].centre - from_.mean);
+        const Vector3d image = nearest(n, turn).second;
+        const double axial = turn.axis().dot(way);
+        along += way.dot(image) - axial * turn.axis().dot(image);
+        across += turn.axis().dot(way.cross(image));
+      }
+      turn.angle() += std::atan2(across, along);
+    }
+    turn.angle() = std::remainder(turn.angle(), 2 * std::numbers::pi);
+    return turn;
+  }
+
+  const MatchSide &base_, &variant_;
+  const ColourClass& members_;
+  Spread from_, to_;
+  NearestMembers nearest_;
+  std::vector<int> asked_;
+};
+
 // Entities that the topology can't tell apart, such as the holes of a pattern, go where their mean
-// and their spread go: the pitch of a pattern changes, and no row gets ahead of another.
+// and their spread go: the pitch of a pattern changes, and no row gets ahead of another. `turns`:
+// after a turn of their own; nothing if none turns.
 std::optional<NamedGuess> by_spread(const MatchSide& base, const MatchSide& variant,
-                                    const ColourRefinement& colours) {
+                                    const ColourRefinement& colours, bool turns) {
   struct Map {
     Vector3d from, to;
-    Eigen::Matrix3d stretch;
+    Eigen::Matrix3d linear;
   };
-  bool has_pattern = false;
+  bool has_pattern = false, has_turn = false;
   std::vector<Map> maps;
   std::vector<int> map_of;  // of the rows of `centres`
   std::vector<Vector3d> centres;
@@ -109,24 +208,29 @@ std::optional<NamedGuess> by_spread(const MatchSide& base, const MatchSide& vari
     const bool is_pattern = members.base.size() >= kPattern;
     has_pattern |= is_pattern;
     const Spread from(base, members.base), to(variant, members.variant);
-    maps.push_back({from.mean, to.mean,
-                    is_pattern ? least_stretch(from.scatter, to.scatter)
-                               : Eigen::Matrix3d(Eigen::Matrix3d::Identity())});
+    Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
+    if (is_pattern && turns) {
+      const Eigen::AngleAxisd turn = PatternTurn(base, variant, members).find();
+      has_turn |= std::abs(turn.angle()) > kNoTurn;
+      map = turn.toRotationMatrix();
+    }
+    if (is_pattern) map = least_stretch(map * from.scatter * map.transpose(), to.scatter) * map;
+    maps.push_back({from.mean, to.mean, map});
     for (const int n : members.base) {
       centres.push_back(base.features[n].centre);
       map_of.push_back(static_cast<int>(maps.size()) - 1);
     }
   }
-  if (!has_pattern) return std::nullopt;
+  if (!has_pattern || has_turn != turns) return std::nullopt;
   RowMatrix rows(std::ssize(centres), 3);
   for (Index i = 0; i < rows.rows(); ++i) rows.row(i) = centres[i].transpose();
   const auto tree = std::make_shared<const KdTree>(rows);
   return NamedGuess{{[=](const Vector3d& x) -> Vector3d {
                        const Map& map = maps[map_of[tree->nearest(x.data(), 1)[0].index]];
-                       return map.to + map.stretch * (x - map.from);
+                       return map.to + map.linear * (x - map.from);
                      },
                      1},
-                    kInPlace};
+                    turns ? kTurned : kInPlace};
 }
 
 NamedGuess guess_by(const Similarity& s, const char* how) {
@@ -155,7 +259,8 @@ std::vector<NamedGuess> first_guesses(const MatchSide& base, const MatchSide& va
     all.push_back({{fit_affine(from, to, s), s.scale}, how});
     all.push_back(guess_by(s, kTurned));
   }
-  if (auto guess = by_spread(base, variant, colours)) all.push_back(std::move(*guess));
+  for (const bool turns : {false, true})
+    if (auto guess = by_spread(base, variant, colours, turns)) all.push_back(std::move(*guess));
   for (const auto& s : by_principal_axes(base, variant)) all.push_back(guess_by(s, kTurned));
   return all;
 }

@@ -16,7 +16,8 @@ struct NamedGuess {
 };
 
 /// First guesses of the motion: in place; by bounding boxes; by what the topology decides, as an
-/// affine map and as a similarity; by the spread of what it can't tell apart; by principal axes.
+/// affine map and as a similarity; by the spread of what it can't tell apart, which may turn; by
+/// principal axes.
 std::vector<NamedGuess> first_guesses(const MatchSide& base, const MatchSide& variant,
                                       const ColourRefinement& colours);
 

@@ -189,6 +189,11 @@ const std::vector<KnownPair>& known_pairs() {
       {"studs", "seam +1.5707963", "order"},
       {"studs", "seam +3.1415927", "splits"},
 
+      {"sieve", "", "order planes edges surfaces"},
+      {"sieve", "pitch 1.15 radius 0.8", "order planes"},
+      {"sieve", "turned +0.3", "order planes edges surfaces"},
+      {"sieve", "turned -0.2 radius 1.1", "order planes edges"},
+
       {"flange3", "", "order planes edges"},
       {"flange3", "", "order surfaces"},
       {"flange3", "", "splits"},
@@ -650,6 +655,8 @@ const std::vector<KnownPair>& known_pairs() {
       {"gear12", "bore 0.7 tip 1.05", "order planes edges surfaces"},
       {"gear12", "spin 0.2", "step"},
       {"gear12", "spin -0.2", "order surfaces"},
+      {"gear12", "spin 0.2 tip 1.05", "order planes edges surfaces"},
+      {"gear12", "spin -0.18 root 0.95 height 1.2", "order planes edges"},
       {"gear12", "turn 0.3", "splits"},
       {"gear12", "turn 0.3 move 40", "order"},
       {"gear12", "scale 0.6", ""},

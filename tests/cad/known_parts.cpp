@@ -287,6 +287,18 @@ NamedShape drilled(const Sizes& s, int columns, int rows) {
                                     static_cast<int>(s("first"))));
 }
 
+NamedShape sieve(const Sizes& s) {
+  gp_Trsf turn;
+  turn.SetRotation(gp::OZ(), s("turned"));
+  Outline places = grid(7, 7, s("pitch"), s("pitch"), 0, 0);
+  for (auto& [x, y] : places) {
+    const gp_Pnt place = gp_Pnt(x, y, 0).Transformed(turn);
+    x = place.X() + 0.5 * s("length");
+    y = place.Y() + 0.5 * s("width");
+  }
+  return cut(block(s), upright_rods("hole", places, -1, s("height") + 1, s("radius"), 0, 0));
+}
+
 NamedShape studded(const Sizes& s) {
   return fuse(block(s), upright_rods("stud",
                                      grid(3, 2, s("pitch_x"), s("pitch_y"), 0.5 * s("length"),
@@ -687,6 +699,14 @@ std::vector<KnownPart> make_parts() {
        [](const Sizes& s) { return drilled(s, 4, 3); }},
       {"plate27", with(plate, {{"length", 140}, {"radius", 3.2}, {"pitch_x", 12}, {"pitch_y", 16}}),
        [](const Sizes& s) { return drilled(s, 9, 3); }},
+      {"sieve",
+       {{"length", 100},
+        {"width", 100},
+        {"height", 5},
+        {"radius", 3},
+        {"pitch", 10},
+        {"turned", 0}},
+       sieve},
       {"studs",
        {{"length", 90},
         {"width", 60},
