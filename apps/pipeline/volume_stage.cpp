@@ -22,7 +22,7 @@ namespace cadmorph {
 namespace {
 
 // Inverted cells are few when they are at most one in so many.
-constexpr Index kFewCells = 10'000;
+constexpr Index kFewCells = 1'000;
 // Surface nodes slide where that lifts the worst cell's quality by the first factor. Else poor
 // cells have to become fewer by the second for nodes to move.
 constexpr double kWorthSliding = 1.1, kFewerPoor = 1.1;
@@ -106,19 +106,13 @@ void take_volume(MorphResult& result, MorphResult& from) {
   result.report.untangling = std::move(from.report.untangling);
 }
 
-// Steps, then repair. When few elements are inverted, repair comes before further steps.
+// Steps, then repair. When few elements are inverted, repair comes before further steps
+// (step_further).
 void morph_volume(const BaseSide& base, PhaseClock& clock, MorphResult& result,
                   VolumeMorphResult* one_step) {
   SteppingOptions how = stepping(base);
   if (is_free(base)) how.few = std::max<Index>(1, base.mesh().cell_count() / kFewCells);
   step_and_untangle(base, result.surface_positions, how, clock, result, one_step);
-  const SteppingAttempt last = result.report.stepping.attempts.back();
-  const bool is_cut_short = last.inverted > last.held && last.inverted - last.held <= how.few;
-  if (!is_free(base) || !is_cut_short || result.validity.invalid <= last.held) return;
-  how.few = 0;
-  MorphResult more;
-  step_and_untangle(base, result.surface_positions, how, clock, more, nullptr);
-  if (more.validity.invalid < result.validity.invalid) take_volume(result, more);
 }
 
 // Nodes that slid lie within the wires of their faces.
