@@ -96,6 +96,7 @@ class Associator {
     }
   }
 
+  const Association& found() const { return result_; }
   Association take() { return std::move(result_); }
 
  private:
@@ -557,7 +558,9 @@ Association associate(const CadModel& base, const Mesh& mesh, const Boundary& bo
   if (options.takes_strays) {
     IdVector<FacetId, char> outer;
     IdVector<RowId, char> is_expected;
-    for (const Index neighbour : boundary.neighbour) outer.push_back(neighbour < 0);
+    const IdVector<FacetId, char> is_crack = find_cracks(surface, boundary, associator.found());
+    for (const FacetId f : is_crack.ids())
+      outer.push_back(boundary.neighbour[f] < 0 && !is_crack[f]);
     for (const Index node : boundary.nodes)
       is_expected.push_back(std::ranges::binary_search(options.expected_off, node));
     associator.take_strays(outer, is_expected);
