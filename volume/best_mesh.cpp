@@ -36,6 +36,9 @@ constexpr double kKeptLittle = 0.75, kKeptEnough = 0.9;
 // Of the size of what moves, a body in a far field or the whole part: above what exchanged CAD
 // differs by, below a change that costs quality.
 constexpr double kAffine = 1e-4;
+// Of the motion, what an affine map that is its main part leaves over: a spring with more turns,
+// all of whose sections go round, is no part that shrank across its axis.
+constexpr double kMainly = 0.1;
 // Worst cells whose nodes move: at most this share of all, while their neighbours are no more than
 // that share; than the second one where little was lost, at first, which mostly does, and while so
 // much is kept.
@@ -396,8 +399,9 @@ class BestMesh {
   bool has_lost_much() const { return least_share(result_.report.best, can_keep_) < kKeptLittle; }
   double kept() const { return least_share(result_.report.best, result_.report.base); }
 
-  // Finds what the affine map nearest to the motion leaves of the reference: what a stretch of the
-  // whole part costs is no loss. Returns whether there is more to the motion than that map.
+  // Finds what the affine map nearest to the motion leaves of the reference, where it tells of most
+  // of the motion: what a stretch of the whole part costs is no loss. Returns whether there is more
+  // to the motion than that map.
   bool compare_with_stretch() {
     const Index n = mesh_.node_count();
     Eigen::MatrixX4d from(n, 4);
@@ -413,7 +417,9 @@ class BestMesh {
     const Points image = from * map;
     if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size_of_moved())
       return false;
-    if (map.topRows<3>().determinant() > 0) {
+    const double left_over = (image - result_.positions).squaredNorm();
+    const double motion = (reference_.points - result_.positions).squaredNorm();
+    if (left_over < kMainly * kMainly * motion && map.topRows<3>().determinant() > 0) {
       const WorstCells left = worst_cells(measure(image));
       can_keep_.min = std::min(can_keep_.min, left.min);
       can_keep_.worst_twentieth = std::min(can_keep_.worst_twentieth, left.worst_twentieth);
