@@ -53,7 +53,9 @@ struct SteppingResult {
 
 /// Moves all nodes to prescribed surface positions in as many uniform steps as it takes to have no
 /// inverted element (Sieger et al. 2013, sect. 6): one step first, then n steps, n the iteration,
-/// each step rebuilding the interpolation from the surface moved so far. When no number of steps
+/// each step rebuilding the interpolation from the surface moved so far. Nodes amid edges of
+/// second-order cells go by the ways of their corners where that leaves less than half of the
+/// invalid cells. When no number of steps
 /// gives a valid mesh, the attempt with the fewest inverted elements is returned; the earliest of
 /// equals. Cells that fail already at the base positions, and those that their surface nodes hold
 /// inverted (is_held), don't cause further attempts. `first` is the warp of the base mesh,
