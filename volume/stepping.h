@@ -55,13 +55,13 @@ struct SteppingResult {
 /// inverted element (Sieger et al. 2013, sect. 6): one step first, then n steps, n the iteration,
 /// each step rebuilding the interpolation from the surface moved so far. Nodes amid edges of
 /// second-order cells go by the ways of their corners where that leaves less than half of the
-/// invalid cells. When no number of steps
-/// gives a valid mesh, the attempt with the fewest inverted elements is returned; the earliest of
-/// equals. Cells that fail already at the base positions, and those that their surface nodes hold
-/// inverted (is_held), don't cause further attempts. `first` is the warp of the base mesh,
-/// reused for the first step. `one_step`, if given, is what `first` made of the target already
-/// (VolumeMorph::morph_each); it is used up. Throws InvalidInputError on fewer than one step, and
-/// what VolumeMorph throws; a SolverError of a later attempt ends the attempts.
+/// invalid cells. When no number of steps gives a valid mesh, the attempt with the fewest inverted
+/// elements is returned; the earliest of equals. Cells that fail already at the base positions, and
+/// those that their surface nodes hold inverted (is_held), don't cause further attempts. `first` is
+/// the warp of the base mesh, reused for the first step. `one_step`, if given, is what `first` made
+/// of the target already (VolumeMorph::morph_each); it is used up. Throws InvalidInputError on
+/// fewer than one step, and what VolumeMorph throws; a SolverError of a later attempt ends the
+/// attempts.
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                               const SurfaceMotion& motion, const Orientation& orientation,
                               const SteppingOptions& options = {},
