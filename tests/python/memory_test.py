@@ -27,13 +27,15 @@ class Memory(unittest.TestCase):
 
         for _ in range(30):  # until pools and caches have their size
             round_trip()
-        before = resident_bytes()
-        rounds = 120
-        for _ in range(rounds):
-            round_trip()
-        # One mesh or result a round would take twice as much.
-        growth = resident_bytes() - before
-        self.assertLess(growth, rounds * mesh.points.nbytes / 2)
+        rounds = 40
+        growths = []
+        for _ in range(3):
+            before = resident_bytes()
+            for _ in range(rounds):
+                round_trip()
+            growths.append(resident_bytes() - before)
+        # One mesh or result a round would take twice as much, each time; a heap grows now and then.
+        self.assertLess(min(growths), rounds * mesh.points.nbytes / 2)
 
 
 if __name__ == "__main__":
