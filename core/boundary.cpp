@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/cell_faces.h"
+#include "core/cell_topology.h"
 #include "core/errors.h"
 #include "core/parallel.h"
 #include "core/quality.h"
@@ -277,6 +278,12 @@ Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
       highest == 3 ? solid_boundary(mesh, neighbours, parts, inner) : shell_boundary(mesh);
   boundary.nodes = used_nodes(boundary, mesh.node_count());
   return boundary;
+}
+
+Boundary corners_alone(const Boundary& boundary) {
+  Boundary result = boundary;
+  keep_corners(result.types, result.offsets, result.connectivity);
+  return result;
 }
 
 Incidence node_facets(const Boundary& boundary, Index node_count) {

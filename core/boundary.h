@@ -53,6 +53,9 @@ Boundary extract_boundary(const Mesh& mesh, const CellNeighbours& neighbours,
                           const std::vector<char>& parts = {},
                           const std::vector<InnerFace>& inner = {});
 
+/// The same with straight facets at the corners of those of second order; `nodes` stay.
+Boundary corners_alone(const Boundary& boundary);
+
 /// Facets at each node of a mesh.
 struct Incidence {
   std::vector<Index> offsets;  ///< nodes + 1 positions in `facets`

@@ -189,38 +189,52 @@ std::vector<LocalMidNode> mid_nodes_of(CellType type) {
 
 int dimension(CellType type) { return info_of(type).dimension; }
 
-Mesh corners_alone(const Mesh& mesh) {
-  const auto straight = [](const CellInfo& info) {
-    using enum CellType;
-    switch (info.shape) {
-      case Shape::Simplex:
-        return Tetra;
-      case Shape::Cube:
-        return Hexahedron;
-      case Shape::Prism:
-        return Wedge;
-      case Shape::Pyramid:
-        return CellType::Pyramid;
-      case Shape::Triangle:
-        return CellType::Triangle;
-      case Shape::Quad:
-        return CellType::Quad;
-      case Shape::None:
-        break;
-    }
-    return Line;
-  };
-  Mesh result = mesh;
-  result.connectivity.clear();
-  result.offsets = {0};
-  for (Index c = 0; c < mesh.cell_count(); ++c) {
-    const CellInfo& info = info_of(mesh.types[c]);
-    const bool is_curved = info.mid_nodes > 0;
-    const auto nodes = is_curved ? mesh.cell(c).first(std::size_t(info.corners)) : mesh.cell(c);
-    if (is_curved) result.types[c] = straight(info);
-    result.connectivity.insert(result.connectivity.end(), nodes.begin(), nodes.end());
-    result.offsets.push_back(std::ssize(result.connectivity));
+CellType linear_type(CellType type) {
+  using enum CellType;
+  if (info_of(type).mid_nodes == 0) return type;
+  switch (info_of(type).shape) {
+    case Shape::Simplex:
+      return Tetra;
+    case Shape::Cube:
+      return Hexahedron;
+    case Shape::Prism:
+      return Wedge;
+    case Shape::Pyramid:
+      return CellType::Pyramid;
+    case Shape::Triangle:
+      return CellType::Triangle;
+    case Shape::Quad:
+      return CellType::Quad;
+    case Shape::None:
+      break;
   }
+  return Line;
+}
+
+bool has_second_order(const Mesh& mesh) {
+  return std::ranges::any_of(mesh.types, [](CellType type) { return info_of(type).mid_nodes > 0; });
+}
+
+void keep_corners(std::vector<CellType>& types, std::vector<Index>& offsets,
+                  std::vector<Index>& connectivity,
+                  const std::function<bool(Index cell)>& is_straight) {
+  Index begin = 0, kept = 0;  // of the old cells, of the new ones
+  for (std::size_t c = 0; c < types.size(); ++c) {
+    const CellInfo& info = info_of(types[c]);
+    const bool is_curved = info.mid_nodes > 0 && (!is_straight || is_straight(Index(c)));
+    const Index end = offsets[c + 1];
+    const Index count = is_curved ? info.corners : end - begin;
+    if (is_curved) types[c] = linear_type(types[c]);
+    std::copy_n(connectivity.begin() + begin, count, connectivity.begin() + kept);
+    offsets[c + 1] = kept += count;
+    begin = end;
+  }
+  connectivity.resize(std::size_t(kept));
+}
+
+Mesh corners_alone(const Mesh& mesh) {
+  Mesh result = mesh;
+  keep_corners(result.types, result.offsets, result.connectivity);
   return result;
 }
 

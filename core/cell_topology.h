@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -64,6 +65,18 @@ struct LocalMidNode {
 
 /// Those of a type whose number of nodes does not vary.
 std::vector<LocalMidNode> mid_nodes_of(CellType type);
+
+/// Puts straight cells at the corners of second-order ones, of all or of those that `is_straight`
+/// tells. Cells as in Mesh.
+void keep_corners(std::vector<CellType>& types, std::vector<Index>& offsets,
+                  std::vector<Index>& connectivity,
+                  const std::function<bool(Index cell)>& is_straight = {});
+
+/// The linear type of the same corners; a type that has no nodes amid edges itself.
+CellType linear_type(CellType type);
+
+/// Whether any cell has nodes amid edges.
+bool has_second_order(const Mesh& mesh);
 
 /// The mesh with straight edges: of second-order cells the corners alone. Nodes keep their ids.
 Mesh corners_alone(const Mesh& mesh);

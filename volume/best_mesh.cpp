@@ -113,6 +113,7 @@ class BestMesh {
         reference_(reference),
         came_(came),
         orientation_(orientation),
+        orientation_of_corners_(orientation_of_corners(mesh, orientation)),
         options_(options),
         is_fixed_(std::move(is_fixed)),
         is_flat_(is_fixed_.size(), 0) {
@@ -522,8 +523,11 @@ class BestMesh {
       FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
       free.let_follow(mid_nodes_, around.followers);
       VectorXd x = free.start(at_.positions, at_.slides);
-      ShapeEnergy energy(mesh_, reference_.points, at_.positions, std::move(free), around.cells,
-                         orientation_, volumes);
+      std::optional<Mesh> linear;  // of faces all nodes count
+      if (mid_nodes_.count() > 0 && !volumes)
+        linear = with_linear_cells(mesh_, mid_nodes_, reference_.points, at_.positions);
+      ShapeEnergy energy(linear ? *linear : mesh_, reference_.points, at_.positions,
+                         std::move(free), around.cells, orientation_of_corners_, volumes);
       energy.set_power(doublings);
       RaiseAttempt attempt;
       attempt.by = by;
@@ -699,6 +703,7 @@ class BestMesh {
   const MeasuredShape &reference_, &came_;
   QualityReport of_faces_;  ///< of the reference
   const Orientation& orientation_;
+  const Orientation orientation_of_corners_;
   const BestMeshOptions& options_;
   std::vector<char> is_fixed_, is_flat_;
   std::vector<char> was_invalid_;  ///< of all cells, where some that are may stay so

@@ -152,10 +152,16 @@ const HessianGuess& Distortion::guess_hessian(const VectorXd& x, double epsilon)
 
 template <class Visit>
 void Distortion::for_each_sample(Index i, double epsilon, Visit&& visit) const {
-  if (mesh_.types[cells_[i].id] == CellType::Tetra)
-    for_each_sample<4>(i, epsilon, visit);
-  else
-    for_each_sample<Eigen::Dynamic>(i, epsilon, visit);
+  switch (mesh_.cell(cells_[i].id).size()) {
+    case 4:
+      return for_each_sample<4>(i, epsilon, visit);
+    case 8:
+      return for_each_sample<8>(i, epsilon, visit);
+    case 10:
+      return for_each_sample<10>(i, epsilon, visit);
+    default:
+      return for_each_sample<Eigen::Dynamic>(i, epsilon, visit);
+  }
 }
 
 // Calls visit(gradient, sample) for the samples of the i-th cell.

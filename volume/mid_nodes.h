@@ -1,9 +1,11 @@
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
 #include "core/mesh.h"
+#include "core/quality.h"
 #include "core/sliding_nodes.h"
 
 namespace cadmorph {
@@ -28,6 +30,13 @@ class MidNodes {
   /// Mean of the positions (N x 3) of its corners.
   Eigen::RowVector3d middle(Index i, const Points& positions) const;
 
+  /// Whether its edge, face or cell is straight there (N x 3), to a thousandth of an edge.
+  bool is_amid(Index i, const Points& positions) const;
+
+  /// Where each node (count() x 3) is with the corners at `positions` (N x 3): as far off their
+  /// middle as the affine maps of its cells put it, the mean of these.
+  Points carried(const Mesh& mesh, const Points& positions) const;
+
   /// How node i follows.
   struct Follower {
     Index mid;                                  ///< i
@@ -41,11 +50,28 @@ class MidNodes {
                          RowMatrix& slides) const;
 
  private:
+  Eigen::RowVector3d offset(Index i) const { return start_[i] - corner_start_[i]; }
+
   std::vector<char> is_mid_;  ///< of all nodes; empty where there are none
   std::vector<Index> nodes_;
   std::vector<Index> first_ = {0}, corners_;
   std::vector<Eigen::RowVector3d> start_;         ///< of each node
   std::vector<Eigen::RowVector3d> corner_start_;  ///< mean of its corners
 };
+
+/// The mesh with linear cells in place of those of second order whose edges are straight at `start`
+/// and at `now` (N x 3) and stay so: the same maps of fewer nodes. Cells that have a node which
+/// `may_bend` tells stay as they are. Cells keep their numbers.
+Mesh with_linear_cells(const Mesh& mesh, const MidNodes& mid_nodes, const Points& start,
+                       const Points& now, const std::function<bool(Index node)>& may_bend = {});
+
+/// Puts the nodes amid edges where the corners at `positions` (N x 3) have them (MidNodes::carried,
+/// from `mesh.points` on): those that slide at the place of their surface or edge below, their rows
+/// of `slides` with them, others that are fixed (`is_fixed`, N) at `plain` (N x 3).
+void lay_mid_nodes(const Mesh& mesh, const std::vector<char>& is_fixed, const SlidingNodes& sliding,
+                   const Points& plain, Points& positions, RowMatrix& slides);
+
+/// With the types of corners_alone oriented as those that they are in place of.
+Orientation orientation_of_corners(const Mesh& mesh, const Orientation& orientation);
 
 }  // namespace cadmorph

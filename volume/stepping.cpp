@@ -6,14 +6,9 @@
 #include "core/errors.h"
 #include "core/stopwatch.h"
 #include "volume/held_cells.h"
-#include "volume/mid_nodes.h"
 
 namespace cadmorph {
 namespace {
-
-// Edges that a step bent are straightened where that leaves this share of the invalid cells: with
-// about as many, the ones are as hard to repair as the others.
-constexpr double kForStraight = 0.5;
 
 void check_options(const SteppingOptions& options) {
   if (options.steps < 0 || options.min_steps < 1 || options.max_steps < options.min_steps)
@@ -117,37 +112,6 @@ class HeldCounter {
   std::optional<std::vector<Index>> in_base_;
 };
 
-// Nodes amid edges that are inside go by the ways of their corners: a field that moves all nodes
-// alike bends edges which were straight.
-class Straightener {
- public:
-  Straightener(const Mesh& mesh, const std::vector<Index>& surface_nodes,
-               const Orientation& orientation)
-      : mesh_(mesh),
-        orientation_(orientation),
-        mid_nodes_(mesh, mesh.points),
-        is_fixed_(marks(mesh.node_count(), surface_nodes)) {}
-
-  // Where that leaves much fewer cells invalid.
-  void straighten(Points& positions, ValidityReport& validity) const {
-    if (mid_nodes_.count() == 0) return;
-    Points straight = positions;
-    RowMatrix slides;
-    for (Index i = 0; i < mid_nodes_.count(); ++i)
-      if (!is_fixed_[mid_nodes_.node(i)]) mid_nodes_.follow({i}, nullptr, straight, slides);
-    ValidityReport left = check_validity(mesh_, straight, orientation_);
-    if (double(left.invalid) >= kForStraight * double(validity.invalid)) return;
-    positions = std::move(straight);
-    validity = std::move(left);
-  }
-
- private:
-  const Mesh& mesh_;
-  const Orientation& orientation_;
-  MidNodes mid_nodes_;
-  std::vector<char> is_fixed_;
-};
-
 // Whether the attempts end here: what is left is little, or one more step gained little.
 bool is_last(const SteppingOptions& options, const std::vector<SteppingAttempt>& attempts) {
   const auto mendable = [](const SteppingAttempt& a) { return a.inverted - a.held; };
@@ -170,7 +134,6 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
   const int fewest = options.steps > 0 ? options.steps : options.min_steps;
   const int most = options.steps > 0 ? options.steps : options.max_steps;
   HeldCounter held(mesh, first.surface_nodes(), orientation);
-  std::optional<Straightener> straightener;
   SteppingResult best;
   SteppingReport& report = best.report;
   for (int steps = fewest; steps <= most; ++steps) {
@@ -183,10 +146,6 @@ SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
       break;
     }
     ValidityReport validity = check_validity(mesh, positions, orientation);
-    if (validity.invalid > 0) {
-      if (!straightener) straightener.emplace(mesh, first.surface_nodes(), orientation);
-      straightener->straighten(positions, validity);
-    }
     const Index inverted = validity.invalid;
     report.attempts.push_back({steps, inverted, held.count(positions, validity.invalid_cells)});
     if (report.attempts.size() == 1 || inverted < report.validity.invalid) {

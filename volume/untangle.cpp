@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 #include "core/cell_topology.h"
@@ -39,7 +40,6 @@ constexpr double kSmallWork = 1e8;
 // After this share of its work a repair ends at whose pace so many times all work would not do.
 // Of wrecked meshes a hundredth of the inverted cells is repaired by then.
 constexpr double kWorkToJudge = 0.25, kTimesAll = 4;
-constexpr double kStraight = 1e-4;  // of an edge: what straight ones may be off
 // Of the work, what a repair with straight edges takes, or of shapes that need not be: it succeeds
 // within, or mostly not at all.
 constexpr double kAttemptWork = 0.25;
@@ -171,10 +171,7 @@ void straighten(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<c
                 Points& positions) {
   for (Index i = 0; i < mid_nodes.count(); ++i) {
     const Index node = mid_nodes.node(i);
-    const auto corners = mid_nodes.corners(i);
-    const double size = (mesh.points.row(corners[0]) - mesh.points.row(corners[1])).norm();
-    if (!is_fixed[node] &&
-        (mesh.points.row(node) - mid_nodes.middle(i, mesh.points)).norm() <= kStraight * size)
+    if (!is_fixed[node] && mid_nodes.is_amid(i, mesh.points))
       positions.row(node) = mid_nodes.middle(i, positions);
   }
 }
@@ -202,15 +199,6 @@ std::vector<Index> cells_turned_over(const Mesh& mesh, const Points& positions,
   return result;
 }
 
-// Those of the types of corners_alone.
-Orientation orientation_of_corners(const Mesh& mesh, const Mesh& corners,
-                                   const Orientation& orientation) {
-  Orientation result = orientation;
-  for (Index c = 0; c < mesh.cell_count(); ++c)
-    result[std::size_t(corners.types[c])] = orientation[std::size_t(mesh.types[c])];
-  return result;
-}
-
 // What a repair does otherwise than the plain one.
 struct RepairPlan {
   MidNodes mid_nodes = {};         ///< go with their corners
@@ -233,6 +221,7 @@ class Repair {
         positions_(positions),
         slides_(std::move(slides)),
         plan_(std::move(plan)),
+        orientation_of_corners_(orientation_of_corners(mesh, orientation)),
         work_(plan_.most_work) {
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
@@ -290,8 +279,12 @@ class Repair {
       free.let_follow(plan_.mid_nodes, followers(around.nodes));
       const VectorXd start = free.start(positions_, slides_);
       // Cells held inverted have no say: their energy would outweigh all others.
-      Distortion distortion(mesh_, positions_, std::move(free), movable(around.cells),
-                            orientation_);
+      std::optional<Mesh> linear;
+      if (plan_.mid_nodes.count() > 0 && has_second_order(mesh_))
+        linear = with_linear_cells(mesh_, plan_.mid_nodes, mesh_.points, positions_,
+                                   [&](Index node) { return plan_.is_bent[node] != 0; });
+      Distortion distortion(linear ? *linear : mesh_, positions_, std::move(free),
+                            movable(around.cells), orientation_of_corners_);
       const Cost one{distortion.size(), double(around.cells.size()) / double(mesh_.cell_count())};
       const VectorXd x = minimise(distortion, start, one, options_, work_);
       ValidityReport validity = check_validity(mesh_, distortion.positions(), orientation_);
@@ -348,6 +341,7 @@ class Repair {
   Points positions_;
   RowMatrix slides_;  ///< of SlidingNodes::nodes
   RepairPlan plan_;
+  Orientation orientation_of_corners_;
   Work work_;
 };
 
@@ -372,7 +366,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   // is left that a move of its nodes may help.
   const auto repair_corners = [&](Points& at) {
     const Mesh corners = corners_alone(mesh);
-    const Orientation of_corners = orientation_of_corners(mesh, corners, orientation);
+    const Orientation of_corners = orientation_of_corners(mesh, orientation);
     report.validity = check_validity(corners, at, of_corners);
     Repair repair(corners, at, result.slides, is_fixed, of_corners, options,
                   {.mid_nodes = MidNodes(mesh, at),

@@ -6,10 +6,12 @@
 #include "apps/pipeline/base_cache.h"
 #include "core/archive_types.h"
 #include "core/blas.h"
+#include "core/cell_topology.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "surface/motion_path.h"
 #include "surface/unnamed_interfaces.h"
+#include "volume/mid_nodes.h"
 
 namespace cadmorph {
 namespace {
@@ -76,7 +78,7 @@ void BaseSide::set_up(PhaseClock& clock) {
     if (!parts.empty()) boundary = extract_boundary(mesh(), neighbours, parts);
   });
   clock.start("association");
-  surface.emplace(cad, mesh(), boundary, options.surface);
+  surface = std::make_shared<SurfaceMorph>(cad, mesh(), boundary, options.surface);
   take_unnamed_interfaces(parts);
   clock.start("volume set-up");
   set_up_volume();
@@ -94,7 +96,7 @@ void BaseSide::take_unnamed_interfaces(const std::vector<char>& parts) {
   boundary = extract_boundary(mesh(), neighbours, parts, found.faces);
   SurfaceMorphOptions known = options.surface;
   known.association.mesh_unit_mm = association().mesh_unit_mm;
-  surface.emplace(cad, mesh(), boundary, known);
+  surface = std::make_shared<SurfaceMorph>(cad, mesh(), boundary, known);
 }
 
 void BaseSide::set_up_volume() {
@@ -121,7 +123,8 @@ void BaseSide::store(OutputArchive& archive) const {
 void BaseSide::restore(InputArchive& archive) {
   Association found;
   archive(boundary, crossed_faces, found, rows, orientation, neighbours, quality, validity, checks);
-  surface.emplace(cad, mesh(), boundary, std::move(found), options.surface);
+  surface =
+      std::make_shared<SurfaceMorph>(cad, mesh(), boundary, std::move(found), options.surface);
   volume.emplace(mesh(), options.volume, archive);
 }
 
@@ -242,6 +245,35 @@ const LayerNodes& BaseSide::layer_nodes() const {
     layer_nodes_ = nodes_of_layers(mesh(), neighbours, on_cad(), mesh().points, layer_growth());
   });
   return layer_nodes_;
+}
+
+BaseSide::BaseSide(const BaseSide& curved, Straight)
+    : options(curved.options),
+      cad(curved.cad),
+      mesh_file(curved.mesh_file),
+      own(corners_alone(curved.mesh())),
+      boundary(corners_alone(curved.boundary)),
+      surface(curved.surface),
+      orientation(orientation_of_corners(curved.mesh(), curved.orientation)),
+      neighbours(curved.neighbours),
+      misordered(curved.misordered),
+      crossed_faces(curved.crossed_faces) {
+  std::vector<char> has_cell(std::size_t(mesh().node_count()), 0);
+  for (const Index node : mesh().connectivity) has_cell[node] = 1;
+  std::vector<Index> nodes, free;
+  std::ranges::copy_if(curved.rows, std::back_inserter(rows),
+                       [&](RowId row) { return has_cell[boundary.nodes[row]]; });
+  for (const RowId row : rows) nodes.push_back(boundary.nodes[row]);
+  for (const Index node : boundary.nodes)
+    if (has_cell[node] && !std::ranges::binary_search(nodes, node)) free.push_back(node);
+  volume.emplace(mesh(), std::move(nodes), options.volume, free);
+  quality = measure_quality(mesh(), mesh().points, orientation);
+  validity = check_validity(mesh(), mesh().points, orientation);
+}
+
+std::shared_ptr<const BaseSide> BaseSide::straight() const {
+  std::call_once(has_straight_, [&] { straight_.reset(new BaseSide(*this, Straight{})); });
+  return straight_;
 }
 
 // Where faces turn, the surface follows them on the way; found out when it is first asked for.

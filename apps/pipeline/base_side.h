@@ -54,6 +54,11 @@ struct BaseSide {
   /// nodes_of_layers of the mesh, found when first asked for; of any number of threads at once.
   const LayerNodes& layer_nodes() const;
 
+  /// The same with straight cells, and facets, at the corners of second-order ones: no cell has the
+  /// nodes amid edges then, and nothing prescribes them. Set up when first asked for; of any number
+  /// of threads at once.
+  std::shared_ptr<const BaseSide> straight() const;
+
   /// The way of the prescribed nodes to `prescribed_positions`, which must outlive it: where faces
   /// turn, the surface follows them.
   SurfacePath path(const Points& prescribed_positions) const;
@@ -66,7 +71,7 @@ struct BaseSide {
   std::optional<Mesh> own;
 
   Boundary boundary;
-  std::optional<SurfaceMorph> surface;
+  std::shared_ptr<const SurfaceMorph> surface;
   std::optional<VolumeMorph> volume;
   std::vector<RowId> rows;  ///< of nodes whose positions the surface prescribes
   Orientation orientation;
@@ -80,6 +85,9 @@ struct BaseSide {
 
  private:
   friend class BaseCache;
+
+  struct Straight {};
+  BaseSide(const BaseSide& curved, Straight);
 
   void set_up(PhaseClock& clock);
   void store(OutputArchive& archive) const;
@@ -95,6 +103,8 @@ struct BaseSide {
 
   mutable std::once_flag has_layer_nodes_;
   mutable LayerNodes layer_nodes_;
+  mutable std::once_flag has_straight_;
+  mutable std::shared_ptr<const BaseSide> straight_;
 };
 
 /// Names the file in an error about the mesh, which knows no file.

@@ -7,6 +7,7 @@
 
 #include "apps/pipeline/morph_job.h"
 #include "cad_variants.h"
+#include "volume/mid_nodes.h"
 
 namespace cadmorph {
 namespace {
@@ -105,6 +106,22 @@ TEST_CASE("Cells of second order follow a rib as those of first order do", "[app
   CHECK(second.report.outcome == Outcome::Done);
   CHECK(second.report.followed_nodes > first.report.followed_nodes);
   CHECK(second.quality.min > 0.9 * first.quality.min);
+}
+
+// Where one step does not do; nothing is raised.
+TEST_CASE("Cells of second order are repaired as those at their corners", "[apps][rib]") {
+  const double by = 20;
+  const MorphResult first = moved({60, 28}, by, false, QualityMode::Fast),
+                    second = moved({60, 28}, by, true, QualityMode::Fast);
+  REQUIRE(first.report.stepping.attempts.front().inverted > 0);
+  CHECK(second.report.outcome == Outcome::Done);
+  const auto &tried = second.report.stepping.attempts, &of_corners = first.report.stepping.attempts;
+  REQUIRE(tried.size() == of_corners.size());
+  for (std::size_t i = 0; i < tried.size(); ++i) CHECK(tried[i].inverted == of_corners[i].inverted);
+  const MidNodes mid_nodes(second.base->mesh(), second.positions);
+  for (Index i = 0; i < mid_nodes.count(); ++i)
+    CHECK((second.positions.row(mid_nodes.node(i)) - mid_nodes.middle(i, second.positions)).norm() <
+          1e-9);
 }
 
 }  // namespace cadmorph

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <random>
 
+#include "core/cell_topology.h"
 #include "core/errors.h"
 #include "core/parallel.h"
 #include "sample_meshes.h"

@@ -15,6 +15,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/cell_topology.h"
 #include "core/errors.h"
 #include "core/parallel.h"
 #include "core/validity.h"

@@ -10,6 +10,8 @@
 #include <map>
 #include <random>
 
+#include "core/cell_topology.h"
+
 namespace cadmorph::testing {
 namespace {
 
@@ -168,25 +170,6 @@ const std::vector<CellType>& solid_types() {
 const std::vector<CellType>& solid_types_without_polyhedron() {
   static const std::vector<CellType> types(solid_types().begin(), solid_types().end() - 1);
   return types;
-}
-
-CellType linear_type(CellType type) {
-  switch (type) {
-    case QuadraticTetra:
-      return Tetra;
-    case QuadraticHexahedron:
-    case TriquadraticHexahedron:
-    case BiquadraticQuadraticHexahedron:
-      return Hexahedron;
-    case QuadraticWedge:
-    case QuadraticLinearWedge:
-    case BiquadraticQuadraticWedge:
-      return Wedge;
-    case QuadraticPyramid:
-      return Pyramid;
-    default:
-      return type;
-  }
 }
 
 Mesh cube(CellType type, int n) {

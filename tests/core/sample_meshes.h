@@ -24,9 +24,6 @@ Mesh single_cell(CellType type, const RowMatrix& positions);
 /// One cell of a type at VTK's own parametric coordinates.
 Mesh parametric_cell(CellType type);
 
-/// The linear type with the same corners.
-CellType linear_type(CellType type);
-
 /// VTK's own shape function derivatives: rows d/dr, d/ds, d/dt by nodes, at each node of the cell.
 std::vector<RowMatrix> vtk_derivatives_at_nodes(CellType type);
 

@@ -11,6 +11,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/cell_topology.h"
 #include "core/errors.h"
 #include "sample_meshes.h"
 

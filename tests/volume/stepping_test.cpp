@@ -11,7 +11,6 @@
 #include "core/errors.h"
 #include "core/mesh_file.h"
 #include "volume/held_cells.h"
-#include "volume/mid_nodes.h"
 #include "volume_meshes.h"
 
 namespace cadmorph {
@@ -100,33 +99,6 @@ TEST_CASE("A block moved far in a plane inverts in one step and not in several",
   // One attempt for each number of steps.
   for (std::size_t i = 0; i < stepped.report.attempts.size(); ++i)
     CHECK(stepped.report.attempts[i].steps == static_cast<int>(i) + 1);
-}
-
-TEST_CASE("Edges of second-order cells that a step bends are straightened where they are inverted",
-          "[volume][stepping]") {
-  // A cube whose top goes in and out, its own edges straight.
-  const Mesh mesh = cube(CellType::QuadraticTetra, 5);
-  const Orientation orientation = detect_orientation(mesh);
-  const std::vector<Index> surface = cube_surface(mesh);
-  Points moved = mesh.points;
-  for (Index n = 0; n < mesh.node_count(); ++n) {
-    const auto x = mesh.points.row(n);
-    const double wave =
-        std::sin(3 * std::numbers::pi * x[0]) * std::sin(3 * std::numbers::pi * x[1]);
-    if (x[2] == 1) moved(n, 2) += 0.35 * wave;
-  }
-  const MidNodes mid_nodes(mesh, mesh.points);
-  RowMatrix slides;
-  for (Index i = 0; i < mid_nodes.count(); ++i)
-    if (std::ranges::binary_search(surface, mid_nodes.node(i)))
-      mid_nodes.follow({i}, nullptr, moved, slides);
-  const Points target = rows_of(moved, surface);
-  const VolumeMorph morph(mesh, surface);
-  const Index bent = check_validity(mesh, morph.morph(target), orientation).invalid;
-  const auto result = morph_in_steps(mesh, morph, target, orientation, {.steps = 1});
-  REQUIRE(bent > 0);
-  CHECK(result.report.validity.invalid < 0.5 * double(bent));
-  CHECK(rows_of(result.positions, surface) == target);
 }
 
 TEST_CASE("A sphere moved in a box of tetrahedra inverts in one step and not in several",
