@@ -813,8 +813,7 @@ bool repair_by_corners(const BaseSide& base, Sliding& sliding, PhaseClock& clock
   sliding.move_to(std::move(slides));
   settle_slid_nodes(base, result);
   result.validity = check_validity(base.mesh(), result.positions, base.orientation);
-  if (result.validity.invalid > base.validity.invalid &&
-      result.validity.invalid < plain.kept().validity.invalid) {
+  if (result.validity.invalid > 0 && result.validity.invalid < plain.kept().validity.invalid) {
     clock.start("untangling");
     untangle_result(base, Bending::Some, result);
     slide_surface(base, Bending::Some, sliding, result);
@@ -834,8 +833,9 @@ bool move_and_repair(const BaseSide& base, VolumeMorphResult* one_step, Sliding&
     SteppingOptions how = stepping(base);
     how.steps = 1;
     step(base, result.surface_positions, how, clock, result, one_step);
-    if (result.validity.invalid <= base.validity.invalid) return false;
-    if (repair_by_corners(base, sliding, clock, result)) return true;
+    if (result.validity.invalid > base.validity.invalid &&
+        repair_by_corners(base, sliding, clock, result))
+      return true;
     first = {.positions = result.positions, .report = result.report.solver, .error = {}};
     one_step = &*first;
   }

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "apps/pipeline/morph_job.h"
 #include "cad_variants.h"
@@ -69,14 +70,17 @@ Mesh mesh_of(const Plate& plate, bool is_second_order) {
   return mesh;
 }
 
-MorphResult moved(const Plate& plate, double by, bool is_second_order = false,
-                  QualityMode quality = QualityMode::Best) {
+MorphResult moved(const Plate& plate, double by, Mesh mesh, QualityMode quality) {
   PipelineOptions options;
   options.quality = quality;
   return MorphJob(std::make_shared<const CadModel>(cad_of(plate, 0)),
-                  std::make_shared<const MeshFile>(mesh_of(plate, is_second_order), "plate"),
-                  options)
+                  std::make_shared<const MeshFile>(std::move(mesh), "plate"), options)
       .morph(cad_of(plate, by));
+}
+
+MorphResult moved(const Plate& plate, double by, bool is_second_order = false,
+                  QualityMode quality = QualityMode::Best) {
+  return moved(plate, by, mesh_of(plate, is_second_order), quality);
 }
 
 }  // namespace
@@ -122,6 +126,25 @@ TEST_CASE("Cells of second order are repaired as those at their corners", "[apps
   for (Index i = 0; i < mid_nodes.count(); ++i)
     CHECK((second.positions.row(mid_nodes.node(i)) - mid_nodes.middle(i, second.positions)).norm() <
           1e-9);
+}
+
+TEST_CASE("Cells of second order that are inverted in the input are repaired", "[apps][rib]") {
+  const Plate plate{40, 16};
+  Mesh mesh = mesh_of(plate, true);
+  const Eigen::RowVector3d inside(plate.rib_at + 1, kRibFrom + 2, 3);
+  Index node = 0;
+  REQUIRE((mesh.points.rowwise() - inside).rowwise().norm().minCoeff(&node) < 1e-9);
+  mesh.points(node, 2) += 1.2;
+  const MidNodes mid_nodes(mesh, mesh.points);
+  for (Index i = 0; i < mid_nodes.count(); ++i)
+    mesh.points.row(mid_nodes.node(i)) = mid_nodes.middle(i, mesh.points);
+  for (const double by : {0.5, 8.0}) {
+    INFO("by " << by);
+    const MorphResult result = moved(plate, by, mesh, QualityMode::Fast);
+    CHECK(result.base->validity.invalid > 0);
+    CHECK(result.report.outcome == Outcome::Done);
+    CHECK(result.validity.invalid == 0);
+  }
 }
 
 }  // namespace cadmorph
