@@ -33,8 +33,9 @@ class MidNodes {
   /// Whether its edge, face or cell is straight there (N x 3), to a thousandth of an edge.
   bool is_amid(Index i, const Points& positions) const;
 
-  /// Where each node (count() x 3) is with the corners at `positions` (N x 3): as far off their
-  /// middle as the affine maps of its cells put it, the mean of these.
+  /// Where each node (count() x 3) is with the corners at `positions` (N x 3): off their middle by
+  /// what the affine maps of its cells, the mean of them, make of that at the start, which is
+  /// `mesh.points`.
   Points carried(const Mesh& mesh, const Points& positions) const;
 
   /// How node i follows.

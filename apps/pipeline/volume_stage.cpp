@@ -671,6 +671,67 @@ bool restore_layers(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
   return false;
 }
 
+bool has_corners_to_repair(const BaseSide& base) {
+  return is_free(base) && dimension(base.mesh()) == 3 && has_second_order(base.mesh());
+}
+
+bool move_and_repair(const BaseSide& base, VolumeMorphResult* one_step, Sliding& sliding,
+                     PhaseClock& clock, MorphResult& result);
+
+// Moves and repairs second-order cells as straight ones at their corners, and lays the nodes amid
+// edges then: that is an eighth of the nodes, of cells that cost a tenth. `result`: of one step.
+// Returns false, with `result` as it was, where curved cells need another way (where the straight
+// ones can't be repaired, neither can they), or where that step was valid and following gains
+// nothing.
+bool go_by_corners(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
+  MorphResult corners;
+  corners.base = base.straight();
+  corners.variant = result.variant;
+  corners.match = result.match;
+  corners.surface = result.surface;
+  corners.surface_positions = corners.base->prescribed(result.surface.positions);
+  const SlidingNodes& nodes = *sliding.nodes();
+  Sliding sliding_corners(corners, nodes);
+  if (!move_and_repair(*corners.base, nullptr, sliding_corners, clock, corners)) {
+    corners.quality =
+        measure_quality(corners.base->mesh(), corners.positions, corners.base->orientation);
+    follow(*corners.base, sliding_corners, clock, corners);
+  }
+  const bool is_sound = corners.validity.invalid <= corners.base->validity.invalid;
+  Undo plain(sliding, result);
+  RowMatrix slides = sliding_corners.slides();
+  const Points& plain_positions = plain.kept().positions;
+  lay_mid_nodes(base.mesh(), base.fixed_nodes(), nodes, plain_positions, corners.positions, slides);
+  result.positions = std::move(corners.positions);
+  result.report.stepping = std::move(corners.report.stepping);
+  result.report.solver = std::move(corners.report.solver);
+  result.report.untangling = std::move(corners.report.untangling);
+  result.report.followed_nodes = corners.report.followed_nodes;
+  if (result.report.followed_nodes > 0)
+    result.surface_positions = result.positions(base.volume->surface_nodes(), Eigen::all);
+  sliding.move_to(std::move(slides));
+  settle_slid_nodes(base, result);
+  result.validity = check_validity(base.mesh(), result.positions, base.orientation);
+  if (result.validity.invalid > 0 && result.validity.invalid < plain.kept().validity.invalid) {
+    clock.start("untangling");
+    untangle_result(base, Bending::Some, result);
+    slide_surface(base, Bending::Some, sliding, result);
+    if (!is_sound) repair_by_bending(base, sliding, clock, result);
+  }
+  if (plain.kept().validity.invalid <= base.validity.invalid) {
+    result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+    if (result.validity.invalid <= base.validity.invalid && result.report.followed_nodes > 0 &&
+        is_worth_following(base, result.quality, plain.kept().quality))
+      return true;
+    plain.apply(sliding, result);
+    return false;
+  }
+  const bool has_gained = result.validity.invalid < plain.kept().validity.invalid;
+  if (result.validity.invalid <= base.validity.invalid || (!is_sound && has_gained)) return true;
+  plain.apply(sliding, result);
+  return false;
+}
+
 // Raises the lost cells, after surface nodes followed where that promises to keep more.
 // Where it does not, but raising leaves less than half, that is tried still, and the better one
 // taken.
@@ -678,7 +739,9 @@ void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
                      MorphResult& result) {
   const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result);
   const auto follow = [&] {
-    const bool has_followed = let_surface_follow(base, *way, sliding, clock, result);
+    const bool has_followed = has_corners_to_repair(base)
+                                  ? go_by_corners(base, sliding, clock, result)
+                                  : let_surface_follow(base, *way, sliding, clock, result);
     clock.start("quality after");
     return has_followed;
   };
@@ -772,59 +835,6 @@ void keep_and_raise(const BaseSide& base, bool is_inverted, Sliding& sliding, Ph
   kept.apply(sliding, result);
 }
 
-bool has_corners_to_repair(const BaseSide& base) {
-  return is_free(base) && dimension(base.mesh()) == 3 && has_second_order(base.mesh());
-}
-
-bool move_and_repair(const BaseSide& base, VolumeMorphResult* one_step, Sliding& sliding,
-                     PhaseClock& clock, MorphResult& result);
-
-// Moves and repairs second-order cells as straight ones at their corners, and lays the nodes amid
-// edges then: that is an eighth of the nodes, of cells that cost a tenth. `result`: of one step.
-// Returns false, with `result` as it was, where curved cells need another way; where the straight
-// ones can't be repaired, neither can they.
-bool repair_by_corners(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
-                       MorphResult& result) {
-  MorphResult corners;
-  corners.base = base.straight();
-  corners.variant = result.variant;
-  corners.match = result.match;
-  corners.surface = result.surface;
-  corners.surface_positions = corners.base->prescribed(result.surface.positions);
-  const SlidingNodes& nodes = *sliding.nodes();
-  Sliding sliding_corners(corners, nodes);
-  if (!move_and_repair(*corners.base, nullptr, sliding_corners, clock, corners)) {
-    corners.quality =
-        measure_quality(corners.base->mesh(), corners.positions, corners.base->orientation);
-    follow(*corners.base, sliding_corners, clock, corners);
-  }
-  const bool is_sound = corners.validity.invalid <= corners.base->validity.invalid;
-  Undo plain(sliding, result);
-  RowMatrix slides = sliding_corners.slides();
-  const Points& plain_positions = plain.kept().positions;
-  lay_mid_nodes(base.mesh(), base.fixed_nodes(), nodes, plain_positions, corners.positions, slides);
-  result.positions = std::move(corners.positions);
-  result.report.stepping = std::move(corners.report.stepping);
-  result.report.solver = std::move(corners.report.solver);
-  result.report.untangling = std::move(corners.report.untangling);
-  result.report.followed_nodes = corners.report.followed_nodes;
-  if (result.report.followed_nodes > 0)
-    result.surface_positions = result.positions(base.volume->surface_nodes(), Eigen::all);
-  sliding.move_to(std::move(slides));
-  settle_slid_nodes(base, result);
-  result.validity = check_validity(base.mesh(), result.positions, base.orientation);
-  if (result.validity.invalid > 0 && result.validity.invalid < plain.kept().validity.invalid) {
-    clock.start("untangling");
-    untangle_result(base, Bending::Some, result);
-    slide_surface(base, Bending::Some, sliding, result);
-    if (!is_sound) repair_by_bending(base, sliding, clock, result);
-  }
-  const bool has_gained = result.validity.invalid < plain.kept().validity.invalid;
-  if (result.validity.invalid <= base.validity.invalid || (!is_sound && has_gained)) return true;
-  plain.apply(sliding, result);
-  return false;
-}
-
 // In as many steps as it takes, with repair. Returns whether that took more than inner nodes.
 bool move_and_repair(const BaseSide& base, VolumeMorphResult* one_step, Sliding& sliding,
                      PhaseClock& clock, MorphResult& result) {
@@ -834,7 +844,7 @@ bool move_and_repair(const BaseSide& base, VolumeMorphResult* one_step, Sliding&
     how.steps = 1;
     step(base, result.surface_positions, how, clock, result, one_step);
     if (result.validity.invalid > base.validity.invalid &&
-        repair_by_corners(base, sliding, clock, result))
+        go_by_corners(base, sliding, clock, result))
       return true;
     first = {.positions = result.positions, .report = result.report.solver, .error = {}};
     one_step = &*first;
