@@ -223,6 +223,9 @@ class Repair {
         plan_(std::move(plan)),
         orientation_of_corners_(orientation_of_corners(mesh, orientation)),
         work_(plan_.most_work) {
+    if (plan_.mid_nodes.count() > 0 && has_second_order(mesh))
+      linear_ = with_linear_cells(mesh, plan_.mid_nodes, mesh.points, positions,
+                                  [&](Index node) { return plan_.is_bent[node] != 0; });
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
   }
@@ -279,11 +282,7 @@ class Repair {
       free.let_follow(plan_.mid_nodes, followers(around.nodes));
       const VectorXd start = free.start(positions_, slides_);
       // Cells held inverted have no say: their energy would outweigh all others.
-      std::optional<Mesh> linear;
-      if (plan_.mid_nodes.count() > 0 && has_second_order(mesh_))
-        linear = with_linear_cells(mesh_, plan_.mid_nodes, mesh_.points, positions_,
-                                   [&](Index node) { return plan_.is_bent[node] != 0; });
-      Distortion distortion(linear ? *linear : mesh_, positions_, std::move(free),
+      Distortion distortion(linear_ ? *linear_ : mesh_, positions_, std::move(free),
                             movable(around.cells), orientation_of_corners_);
       const Cost one{distortion.size(), double(around.cells.size()) / double(mesh_.cell_count())};
       const VectorXd x = minimise(distortion, start, one, options_, work_);
@@ -342,6 +341,9 @@ class Repair {
   RowMatrix slides_;  ///< of SlidingNodes::nodes
   RepairPlan plan_;
   Orientation orientation_of_corners_;
+  /// with_linear_cells where the repair began: with cells that sliding bends taken out it fails
+  /// where this one succeeds.
+  std::optional<Mesh> linear_;
   Work work_;
 };
 
