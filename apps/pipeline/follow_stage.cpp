@@ -1,0 +1,149 @@
+#include "apps/pipeline/follow_stage.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+#include <vector>
+
+#include "apps/pipeline/volume_steps.h"
+#include "core/cell_topology.h"
+#include "volume/follow_slides.h"
+#include "volume/mid_nodes.h"
+
+namespace cadmorph {
+namespace {
+
+// Surface nodes follow what moves beside them where less than this share is kept, by raising too,
+// and that makes more of it by this factor; all the way, or where they fold then, the second share.
+// What moves far, so that many cells lose, is to be forgotten farther away (follow_neighbours'
+// reach, in cells); in large meshes that costs too much.
+constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
+constexpr std::array kSharesToFollow{1.0, 0.75};
+constexpr std::array kReaches{12, 24, 48, 96};
+constexpr Index kMostToReachFar = 300'000;
+// What follows is repaired where no more than so many times the cells are inverted that were
+// without: up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or took
+// ten morphs.
+constexpr Index kMostInverted = 4;
+
+// Moves the volume anew with nodes at these slides, in as many steps as before, and repairs it
+// where it was repaired before, unless much more is inverted.
+void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
+                       PhaseClock& clock, MorphResult& result) {
+  const SlidingNodes& nodes = *sliding.nodes();
+  const std::vector<Index>& prescribed = base.volume->surface_nodes();
+  std::vector<Index> row_of(base.mesh().node_count(), -1);
+  for (Index row = 0; row < std::ssize(prescribed); ++row) row_of[prescribed[row]] = row;
+  for (Index i = 0; i < slides.rows(); ++i)
+    if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
+      result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
+  const Index inverted = result.report.untangling ? result.report.untangling->before : 0;
+  result.report.untangling.reset();
+  SteppingOptions how = stepping(base);
+  how.steps = result.report.stepping.steps;
+  step_volume(base, result.surface_positions, how, clock, result, nullptr);
+  sliding.move_to(slides);
+  settle_slid_nodes(base, result);
+  if (result.validity.invalid <= kMostInverted * inverted) {
+    clock.start("untangling");
+    untangle_result(base, Bending::Some, result);
+    slide_surface(base, Bending::Some, sliding, result);
+  }
+  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+}
+
+}  // namespace
+
+bool has_lost_half(const WorstCells& now, const WorstCells& had) {
+  return least_share(now, had) < kKeptHalf;
+}
+
+bool is_worth_following(const BaseSide& base, const QualityReport& now,
+                        const QualityReport& before) {
+  const WorstCells had = worst_cells(base.quality);
+  return sum_of_shares(worst_cells(now), had) >
+         kWorthFollowing * sum_of_shares(worst_cells(before), had);
+}
+
+std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
+                                              const MorphResult& result) {
+  const bool can_follow = is_free(base) && base.options.quality != QualityMode::Fast &&
+                          base.options.can_repair && dimension(base.mesh()) == 3 &&
+                          !is_for_finite_volumes(base);
+  if (!can_follow || !has_lost_half(worst_cells(result.quality), worst_cells(base.quality)))
+    return std::nullopt;
+  const Mesh& mesh = base.mesh();
+  const SlidingNodes& nodes = *sliding.nodes();
+  std::vector<Index> suffering;
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (result.quality.values[c] < kKeptHalf * base.quality.values[c]) suffering.push_back(c);
+  const SurfaceMorphResult& surface = result.surface;
+  std::vector<char> is_fixed = base.fixed_nodes();
+  for (const RowId row : surface.entity.ids())
+    if (const Index node = base.boundary.nodes[row];
+        std::ranges::binary_search(nodes.nodes, node) &&
+        !std::ranges::binary_search(surface.jointed, row))
+      is_fixed[node] = 0;
+  for (const Index node : base.layer_nodes().feet) is_fixed[node] = 1;
+  Points moved = result.positions;
+  for (std::size_t i = 0; i < base.rows.size(); ++i)
+    moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
+  const bool have_many_lost = worst_cells(result.quality).worst_twentieth <
+                              kKeptHalf * worst_cells(base.quality).worst_twentieth;
+  FollowingNodes found;
+  QualityReport estimate;  // of the cells once they follow
+  // Nodes amid edges follow their corners, so that edges stay as straight as they are.
+  const MidNodes mid_nodes(mesh, moved), from_base(mesh, mesh.points);
+  const Mesh straight = mid_nodes.count() > 0 ? corners_alone(mesh) : Mesh();
+  for (const int reach : kReaches) {
+    FollowingNodes next = follow_neighbours(mid_nodes.count() > 0 ? straight : mesh, mesh.points,
+                                            moved, is_fixed, nodes, suffering, reach);
+    for (Index i = 0; i < mid_nodes.count(); ++i) {
+      if (is_fixed[mid_nodes.node(i)]) continue;
+      const auto follower = mid_nodes.follower(i, &nodes);
+      const MidNodes& start = follower.slide >= 0 ? mid_nodes : from_base;
+      start.follow(follower, &nodes, next.positions, next.slides);
+    }
+    QualityReport by_next = measure_quality(mesh, next.positions, base.orientation);
+    const bool is_better = reach == kReaches.front() || by_next.inverted < estimate.inverted;
+    if (is_better) found = std::move(next);
+    if (is_better) estimate = std::move(by_next);
+    if (!is_better || estimate.inverted == 0 || !have_many_lost ||
+        mesh.node_count() > kMostToReachFar)
+      break;
+  }
+  WayToFollow way{.start = nodes.slides,
+                  .steps = found.slides - nodes.slides,
+                  .images = ImageSlides(surface.images, base.boundary, nodes)};
+  way.images.average(way.steps);
+  way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
+  if (way.nodes == 0) return std::nullopt;
+  way.is_promising = is_worth_following(base, estimate, result.quality);
+  return way;
+}
+
+bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
+                        PhaseClock& clock, MorphResult& result) {
+  const SlidingNodes& nodes = *sliding.nodes();
+  const double same = same_place(result);
+  for (const double share : kSharesToFollow) {
+    Undo undo(sliding, result);
+    RowMatrix slides = way.start + share * way.steps;
+    for (Index i = 0; i < slides.rows(); ++i)
+      if (!nodes.is_within(i, slides.row(i).transpose())) slides.row(i) = way.start.row(i);
+    way.images.hold_unlike(way.start, same, slides);
+    morph_with_slides(base, sliding, slides, clock, result);
+    const bool is_better = is_worth_following(base, result.quality, undo.kept().quality);
+    if (is_better && result.validity.invalid <= undo.kept().validity.invalid &&
+        sliding.turned_facets(result.positions, sliding.slides()) <=
+            sliding.turned_facets(undo.kept().positions, undo.slides())) {
+      result.report.followed_nodes = way.nodes;
+      return true;
+    }
+    undo.apply(sliding, result);
+    if (!is_better) break;
+  }
+  return false;
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <optional>
+
+#include "apps/pipeline/sliding.h"
+#include "surface/image_slides.h"
+
+namespace cadmorph {
+
+/// Whether less than half is left of what the worst cells had.
+bool has_lost_half(const WorstCells& now, const WorstCells& had);
+
+/// Whether `now` keeps so much more of the base's cells than `before` that following is worth it.
+bool is_worth_following(const BaseSide& base, const QualityReport& now,
+                        const QualityReport& before);
+
+/// The slides by which surface nodes follow what moves beside them.
+struct WayToFollow {
+  RowMatrix start, steps;
+  ImageSlides images;
+  Index nodes = 0;            ///< that slide
+  bool is_promising = false;  ///< by the estimate of where the volume's nodes then are
+};
+
+/// Finds how surface nodes could follow; nothing where the cells kept half, or nothing can follow.
+/// `result.quality`: of its positions.
+std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
+                                              const MorphResult& result);
+
+/// Where a rib or a boss moves along a thin wall, the cells of the wall shear: nothing holds the
+/// nodes of the face on its other side where its parameters put them. They follow then, but for the
+/// CAD's vertices, if that keeps more of the cells' shape. `result.quality`: of its positions.
+/// Returns whether they did.
+bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
+                        PhaseClock& clock, MorphResult& result);
+
+}  // namespace cadmorph

@@ -1,0 +1,236 @@
+#include "apps/pipeline/raise_stage.h"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "apps/pipeline/follow_stage.h"
+#include "apps/pipeline/repair_stage.h"
+#include "apps/pipeline/volume_steps.h"
+#include "core/cell_topology.h"
+#include "core/plane_mesh.h"
+#include "volume/mid_nodes.h"
+
+namespace cadmorph {
+namespace {
+
+// Shapes of finite volumes are raised where their faces keep this share.
+constexpr double kForShapes = 0.99;
+
+// Surface nodes that may slide to repair a mesh, but not to raise its cells: those that hold parts
+// together where the CAD has no edge, and those at rest; these may where they are in poor cells of
+// a part, but not of a flow, where what is far from a body is not to move.
+void hold_nodes(const BaseSide& base, const MorphResult& result, BestMeshOptions& how) {
+  const SurfaceMorphResult& surface = result.surface;
+  for (const RowId row : surface.entity.ids()) {
+    const Index node = base.boundary.nodes[row];
+    if (std::ranges::binary_search(surface.jointed, row))
+      how.held.push_back(node);
+    else if (result.positions.row(node) == base.mesh().points.row(node))
+      (how.volumes ? how.held : how.resting).push_back(node);
+  }
+}
+
+// `nodes`, `result`: to outlive what is returned.
+SlidingImages sliding_images(const BaseSide& base, const SlidingNodes& nodes,
+                             const MorphResult& result) {
+  const auto images =
+      std::make_shared<const ImageSlides>(result.surface.images, base.boundary, nodes);
+  const auto alike = [&nodes, images, same = same_place(result)](const RowMatrix& slides) {
+    const RowMatrix& start = nodes.slides;
+    RowMatrix steps = slides - start;
+    images->average(steps);
+    RowMatrix there = start + steps;
+    images->hold_unlike(start, same, there);
+    return there;
+  };
+  if (result.surface.images.empty()) return {};
+  return {images->groups(), images->bound(), alike};
+}
+
+// Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
+// its border, on CAD edges, at rest, or amid straight edges. Surface nodes that nothing prescribes
+// stay where the morph put them, on their surface.
+std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult& surface,
+                                 bool is_in_plane) {
+  const Mesh& mesh = base.mesh();
+  std::vector<char> result = base.fixed_nodes();
+  for (const Index node : base.boundary.nodes) result[node] = 1;
+  if (!is_in_plane) return result;
+  const std::vector<char> is_border = border_nodes(mesh, mesh.points);
+  const Association& association = base.association();
+  for (const RowId row : association.dimension.ids())
+    if (const Index node = base.boundary.nodes[row];
+        association.dimension[row] == CadDimension::Face && !association.is_amid[row] &&
+        surface.positions.row(row) != mesh.points.row(node))
+      result[node] = is_border[node];
+  for (const Index c : base.misordered)
+    for (const Index node : mesh.cell(c)) result[node] = 1;
+  return result;
+}
+
+// Second-order cells of plane meshes and shells that the curve of an edge turned over: those with
+// straight edges are raised first, which makes room for it. Returns whether fewer are left; adds to
+// `tried`.
+bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& reference,
+                         const std::vector<char>& is_fixed, BestMeshOptions how,
+                         std::vector<RaiseAttempt>& tried, MorphResult& result) {
+  const Mesh& mesh = base.mesh();
+  if (dimension(mesh) != 2 || result.quality.inverted <= base.quality.inverted) return false;
+  const MidNodes mid_nodes(mesh, result.positions);
+  if (mid_nodes.count() == 0) return false;
+  const Mesh straight = corners_alone(mesh);
+  how.validity = nullptr;
+  const QualityReport before = measure_quality(straight, reference, base.orientation),
+                      came = measure_quality(straight, result.positions, base.orientation);
+  BestMeshResult best = find_best_mesh(straight, {reference, before}, {result.positions, came},
+                                       is_fixed, base.orientation, how);
+  tried.insert(tried.end(), best.report.attempts.begin(), best.report.attempts.end());
+  if (best.slides.rows() == 0) best.slides = sliding.nodes()->slides;
+  for (Index i = 0; i < mid_nodes.count(); ++i)
+    if (const auto follower = mid_nodes.follower(i, sliding.nodes());
+        follower.slide >= 0 || !is_fixed[mid_nodes.node(i)])
+      mid_nodes.follow(follower, sliding.nodes(), best.positions, best.slides);
+  QualityReport quality = measure_quality(mesh, best.positions, base.orientation);
+  if (quality.inverted >= result.quality.inverted || sliding.is_folded(best.positions, best.slides))
+    return false;
+  result.positions = std::move(best.positions);
+  result.quality = std::move(quality);
+  sliding.move_to(std::move(best.slides));
+  settle_slid_nodes(base, result);
+  return true;
+}
+
+// A flag a node: of a row from a plane of a swept mesh to the next one, its image. These rows are
+// straightened whenever raising bent them, so that layers of theirs keep their heights.
+std::vector<char> nodes_of_sweeps(const BaseSide& base, const std::vector<NodeRow>& rows,
+                                  const std::vector<ImagePair>& images) {
+  std::vector<Index> first(base.mesh().node_count(), -1);  // of the images of a node
+  for (const ImagePair& pair : images)
+    for (std::size_t i = 0; i < pair.from.size(); ++i) {
+      const Index from = base.boundary.nodes[pair.from[i]], to = base.boundary.nodes[pair.to[i]];
+      first[from] = first[to] = first[from] < 0 ? from : first[from];
+    }
+  std::vector<char> result(base.mesh().node_count(), 0);
+  for (const NodeRow& row : rows)
+    if (first[row.front()] >= 0 && first[row.front()] == first[row.back()])
+      for (const Index node : row) result[node] = 1;
+  return result;
+}
+
+// Raises the cells that lost most against the mesh file's: their faces where `volumes` are given,
+// else their shapes.
+void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const FiniteVolumes* volumes,
+                 Sliding& sliding, MorphResult& result) {
+  const Points& reference = of_file.points;
+  const bool is_in_plane =
+      !plane_normal(base.mesh(), base.mesh().points, result.positions).isZero(0);
+  std::vector<char> is_fixed = nodes_to_leave(base, result.surface, is_in_plane);
+  BestMeshOptions how;
+  how.volumes = volumes;
+  hold_nodes(base, result, how);
+  how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
+  const std::vector<char> is_swept = nodes_of_sweeps(base, how.wall_rows, result.surface.images);
+  for (const Index node : base.layer_nodes().all) {
+    if (is_swept[node]) continue;
+    is_fixed[node] = 1;
+    how.held.push_back(node);
+  }
+  how.validity = &result.validity;
+  how.sliding = [&] { return sliding.nodes(); };
+  how.images = [&] { return sliding_images(base, *sliding.nodes(), result); };
+  how.is_folded = [&](const Points& positions, const RowMatrix& slides) {
+    return sliding.is_folded(positions, slides);
+  };
+  const WorstCells plain = dimension(base.mesh()) == 2 ? worst_cells(result.quality) : WorstCells{};
+  std::vector<RaiseAttempt> tried;
+  while (unfold_curved_cells(base, sliding, reference, is_fixed, how, tried, result)) {
+  }
+  BestMeshResult best = find_best_mesh(base.mesh(), of_file, {result.positions, result.quality},
+                                       is_fixed, base.orientation, how);
+  if (!tried.empty()) {
+    if (!best.report.is_by_faces) best.report.plain = plain;
+    best.report.attempts.insert(best.report.attempts.begin(), tried.begin(), tried.end());
+  }
+  result.report.best_mesh = std::move(best.report);
+  result.positions = std::move(best.positions);
+  result.quality = std::move(best.quality);
+  if (best.slides.rows() == 0) return;
+  sliding.move_to(std::move(best.slides));
+  settle_slid_nodes(base, result);
+}
+
+// The mesh file's, where a series of morphs has left it; else the base has it.
+std::optional<QualityReport> measure_left_behind(const BaseSide& base) {
+  if (!base.own) return std::nullopt;
+  return measure_quality(base.mesh(), base.mesh_file->mesh().points, base.orientation);
+}
+
+}  // namespace
+
+bool may_raise(const BaseSide& base, const QualityReport& quality) {
+  const PipelineOptions& options = base.options;
+  if (options.quality == QualityMode::Fast || options.untangle == UntangleMode::Never ||
+      !options.can_repair)
+    return false;
+  if (options.quality == QualityMode::Best) return true;
+  const std::optional<QualityReport> file = measure_left_behind(base);
+  return has_lost_half(worst_cells(quality), worst_cells(file ? *file : base.quality));
+}
+
+void raise_lost_cells(const BaseSide& base, Sliding& sliding, MorphResult& result) {
+  if (result.validity.invalid > base.validity.invalid || !may_raise(base, result.quality)) return;
+  const Points& reference = base.mesh_file->mesh().points;
+  const std::optional<QualityReport> moved_back = measure_left_behind(base);
+  const MeasuredShape of_file{reference, moved_back ? *moved_back : base.quality};
+  std::optional<FiniteVolumes> volumes;
+  if (is_for_finite_volumes(base))
+    volumes.emplace(base.mesh(), reference, base.neighbours, base.orientation);
+  const bool is_by_faces = volumes && volumes->has_cells();
+  raise_cells(base, of_file, is_by_faces ? &*volumes : nullptr, sliding, result);
+  if (!is_by_faces) return;
+  const WorstCells had = worst_cells(of_file.quality);
+  if (!has_lost_half(worst_cells(result.quality), had)) return;
+  sliding.nodes();
+  Undo undo(sliding, result);
+  const BestMeshReport by_faces = *result.report.best_mesh;
+  raise_cells(base, of_file, nullptr, sliding, result);
+  const WorstCells faces = worst_faces(*volumes, result.positions);
+  const bool has_risen = sum_of_shares(worst_cells(result.quality), had) >
+                         sum_of_shares(worst_cells(undo.kept().quality), had);
+  if (!has_risen || sum_of_shares(faces, by_faces.base) <
+                        kForShapes * sum_of_shares(by_faces.best, by_faces.base)) {
+    undo.apply(sliding, result);
+    return;
+  }
+  auto& attempts = result.report.best_mesh->attempts;
+  attempts.insert(attempts.begin(), by_faces.attempts.begin(), by_faces.attempts.end());
+}
+
+void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+                     MorphResult& result) {
+  const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result);
+  const auto follow = [&] {
+    const bool has_followed = has_corners_to_repair(base)
+                                  ? go_by_corners(base, sliding, clock, result)
+                                  : let_surface_follow(base, *way, sliding, clock, result);
+    clock.start("quality after");
+    return has_followed;
+  };
+  if (way && way->is_promising) follow();
+  if (!way || way->is_promising) return raise_lost_cells(base, sliding, result);
+  Undo morphed(sliding, result);
+  raise_lost_cells(base, sliding, result);
+  if (!has_lost_half(worst_cells(result.quality), worst_cells(base.quality))) return;
+  Undo raised(sliding, result);
+  morphed.apply(sliding, result);
+  if (follow()) {
+    raise_lost_cells(base, sliding, result);
+    if (is_worth_following(base, result.quality, raised.kept().quality)) return;
+  }
+  raised.apply(sliding, result);
+}
+
+}  // namespace cadmorph

@@ -1,0 +1,31 @@
+#pragma once
+
+#include "apps/pipeline/sliding.h"
+
+namespace cadmorph {
+
+/// The base's options for steps, as the mode of repair changes them.
+SteppingOptions stepping(const BaseSide& base);
+
+/// Whether the program chooses steps and repair.
+bool is_free(const BaseSide& base);
+
+/// Whether what counts are faces of finite volumes, not the shapes of cells.
+bool is_for_finite_volumes(const BaseSide& base);
+
+/// Moves the volume to these positions of the surface's nodes (rows as VolumeMorph::surface_nodes),
+/// in steps as `how` has them. `one_step`: of the first, or null; used up.
+void step_volume(const BaseSide& base, const Points& surface_positions, const SteppingOptions& how,
+                 PhaseClock& clock, MorphResult& result, VolumeMorphResult* one_step);
+
+/// Whether a repair may bend all edges of second-order cells (UntangleOptions::may_bend_all).
+enum class Bending { Some, All };
+
+/// Repairs inverted cells by the inner nodes.
+void untangle_result(const BaseSide& base, Bending bending, MorphResult& result);
+
+/// Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
+/// Returns false where that came nowhere near, so that another start is no better.
+bool slide_surface(const BaseSide& base, Bending bending, Sliding& sliding, MorphResult& result);
+
+}  // namespace cadmorph
