@@ -18,6 +18,9 @@ namespace {
 
 // Shapes of finite volumes are raised where their faces keep this share.
 constexpr double kForShapes = 0.99;
+// Rounds in which an edge gets its curve back, and of the search for what its cells bear: as fine
+// as the last of what is missing.
+constexpr int kCurveRounds = 12, kCurveHalvings = 6;
 
 // Surface nodes that may slide to repair a mesh, but not to raise its cells: those that hold parts
 // together where the CAD has no edge, and those at rest; these may where they are in poor cells of
@@ -103,6 +106,101 @@ bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& r
   return true;
 }
 
+// Edges of second-order cells on CAD edges, between straight ones and those that came.
+class RimCurves {
+ public:
+  /// `is_fixed`: nodes within faces that are not, or slide, follow their corners.
+  RimCurves(const BaseSide& base, const SlidingNodes& sliding, const std::vector<char>& is_fixed,
+            const Points& positions)
+      : mid_nodes_(base.mesh(), positions), whole_(positions) {
+    std::vector<char> is_on_face = is_fixed;
+    for (char& flag : is_on_face) flag = !flag;
+    for (std::size_t i = 0; i < sliding.nodes.size(); ++i) {
+      const bool is_on_edge =
+          sliding.at(Index(i), Eigen::Vector2d::Zero()).tangents.col(1).isZero(0);
+      is_on_face[sliding.nodes[i]] = !is_on_edge;
+      if (is_on_edge) edge_nodes_.push_back(sliding.nodes[i]);
+    }
+    for (Index i = 0; i < mid_nodes_.count(); ++i)
+      if (!is_on_face[mid_nodes_.node(i)]) rims_.push_back(i);
+  }
+
+  bool is_empty() const { return rims_.empty(); }
+  const std::vector<Index>& edge_nodes() const { return edge_nodes_; }
+
+  /// Gives them that share of their curve.
+  void curve(double share, Points& positions) const {
+    for (const Index i : rims_) {
+      const Index node = mid_nodes_.node(i);
+      const Eigen::RowVector3d chord = mid_nodes_.middle(i, whole_);
+      if (share == 1)
+        positions.row(node) = whole_.row(node);
+      else
+        positions.row(node) = chord + share * (whole_.row(node) - chord);
+    }
+  }
+
+ private:
+  MidNodes mid_nodes_;
+  Points whole_;
+  std::vector<Index> rims_, edge_nodes_;
+};
+
+// Where those with straight edges have no room for the curve yet: they get as much of it as they
+// bear and are raised, which makes room for more of it, and so on, the nodes on edges at rest.
+// Returns whether fewer are left; adds to `tried`.
+bool curve_by_degrees(const BaseSide& base, Sliding& sliding, const MeasuredShape& of_file,
+                      std::vector<char> is_fixed, BestMeshOptions how,
+                      std::vector<RaiseAttempt>& tried, MorphResult& result) {
+  const Mesh& mesh = base.mesh();
+  if (dimension(mesh) != 2 || !has_second_order(mesh) ||
+      result.quality.inverted <= base.quality.inverted)
+    return false;
+  const RimCurves rims(base, *sliding.nodes(), is_fixed, result.positions);
+  if (rims.is_empty()) return false;
+  how.validity = nullptr;
+  how.held.insert(how.held.end(), rims.edge_nodes().begin(), rims.edge_nodes().end());
+  Undo undo(sliding, result);
+  Points positions = result.positions;
+  RowMatrix slides = sliding.slides();
+  lay_mid_nodes(mesh, is_fixed, *sliding.nodes(), result.positions, positions, slides);
+  sliding.move_to(std::move(slides));
+  QualityReport quality;
+  const auto curve = [&](double share) {
+    rims.curve(share, positions);
+    quality = measure_quality(mesh, positions, base.orientation);
+    return quality.inverted <= base.quality.inverted;
+  };
+  double share = 0;
+  for (int round = 0; round < kCurveRounds; ++round) {
+    if (!curve(share)) break;
+    BestMeshResult best =
+        find_best_mesh(mesh, of_file, {positions, quality}, is_fixed, base.orientation, how);
+    tried.insert(tried.end(), best.report.attempts.begin(), best.report.attempts.end());
+    positions = std::move(best.positions);
+    if (best.slides.rows() > 0) sliding.move_to(std::move(best.slides));
+    if (curve(1)) break;
+    double too_much = 1;
+    const double before = share;
+    for (int halving = 0; halving < kCurveHalvings; ++halving) {
+      const double middle = (share + too_much) / 2;
+      (curve(middle) ? share : too_much) = middle;
+    }
+    if (share == before) break;
+    share = (before + share) / 2;  // where raising has something to start from
+  }
+  curve(1);
+  if (quality.inverted >= undo.kept().quality.inverted ||
+      sliding.is_folded(positions, sliding.slides())) {
+    undo.apply(sliding, result);
+    return false;
+  }
+  result.positions = std::move(positions);
+  result.quality = std::move(quality);
+  settle_slid_nodes(base, result);
+  return true;
+}
+
 // A flag a node: of a row from a plane of a swept mesh to the next one, its image. These rows are
 // straightened whenever raising bent them, so that layers of theirs keep their heights.
 std::vector<char> nodes_of_sweeps(const BaseSide& base, const std::vector<NodeRow>& rows,
@@ -148,6 +246,7 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   std::vector<RaiseAttempt> tried;
   while (unfold_curved_cells(base, sliding, reference, is_fixed, how, tried, result)) {
   }
+  curve_by_degrees(base, sliding, of_file, is_fixed, how, tried, result);
   BestMeshResult best = find_best_mesh(base.mesh(), of_file, {result.positions, result.quality},
                                        is_fixed, base.orientation, how);
   if (!tried.empty()) {
