@@ -150,7 +150,7 @@ class RimCurves {
 // bear and are raised, which makes room for more of it, and so on, the nodes on edges at rest.
 // Returns whether fewer are left; adds to `tried`.
 bool curve_by_degrees(const BaseSide& base, Sliding& sliding, const MeasuredShape& of_file,
-                      std::vector<char> is_fixed, BestMeshOptions how,
+                      const std::vector<char>& is_fixed, BestMeshOptions how,
                       std::vector<RaiseAttempt>& tried, MorphResult& result) {
   const Mesh& mesh = base.mesh();
   if (dimension(mesh) != 2 || !has_second_order(mesh) ||
