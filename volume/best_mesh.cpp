@@ -292,7 +292,7 @@ class BestMesh {
       for (const int doublings : {2, 3, 4}) raise(RaiseBy::SlidingNodes, doublings);
       raise_while_worthwhile();
     }
-    raise_few();
+    if (!options_.volumes) raise_few();  // faces raised so far bar the shapes raised after them
     keep_slides();
     if (slid_before || result_.report.slid_nodes > 0) return true;
     is_fixed_ = was_fixed;
