@@ -110,6 +110,8 @@ constexpr auto kQuadraticLinearWedgeFaces =
 constexpr auto kBiquadraticWedgeFaces = curved_faces(kWedgeFaces, kWedgeEdges, 6, 2, 3);
 constexpr auto kQuadraticPyramidFaces = curved_faces(kPyramidFaces, kPyramidEdges, 5);
 
+constexpr auto kBiquadraticPyramidFaces = curved_faces(kPyramidFaces, kPyramidEdges, 5, 0, 1);
+
 constexpr std::size_t kTypes = static_cast<std::size_t>(Polyhedron) + 1;
 
 constexpr std::array<CellInfo, kTypes> make_table() {
@@ -155,6 +157,7 @@ constexpr std::array<CellInfo, kTypes> make_table() {
   curved(QuadraticLinearWedge, Wedge, 12, 6, kQuadraticLinearWedgeFaces);
   curved(BiquadraticQuadraticWedge, Wedge, 18, 9, kBiquadraticWedgeFaces);
   curved(QuadraticPyramid, Pyramid, 13, 8, kQuadraticPyramidFaces);
+  curved(BiquadraticQuadraticPyramid, Pyramid, 14, 8, kBiquadraticPyramidFaces);
   return table;
 }
 
@@ -230,6 +233,22 @@ void keep_corners(std::vector<CellType>& types, std::vector<Index>& offsets,
     begin = end;
   }
   connectivity.resize(std::size_t(kept));
+}
+
+std::optional<Mesh> as_vtk_has_it(const Mesh& mesh) {
+  if (std::ranges::find(mesh.types, BiquadraticQuadraticPyramid) == mesh.types.end()) return {};
+  Mesh result = mesh;
+  result.connectivity.clear();
+  for (Index c = 0; c < mesh.cell_count(); ++c) {
+    auto nodes = mesh.cell(c);
+    if (mesh.types[c] == BiquadraticQuadraticPyramid) {
+      result.types[c] = QuadraticPyramid;
+      nodes = nodes.first(std::size_t(cell_node_count(QuadraticPyramid)));
+    }
+    result.connectivity.insert(result.connectivity.end(), nodes.begin(), nodes.end());
+    result.offsets[c + 1] = std::ssize(result.connectivity);
+  }
+  return result;
 }
 
 Mesh corners_alone(const Mesh& mesh) {

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -71,6 +72,10 @@ std::vector<LocalMidNode> mid_nodes_of(CellType type);
 void keep_corners(std::vector<CellType>& types, std::vector<Index>& offsets,
                   std::vector<Index>& connectivity,
                   const std::function<bool(Index cell)>& is_straight = {});
+
+/// The mesh with pyramids of 13 nodes in place of those of 14, which VTK does not know: the node in
+/// the middle of the base is in no cell then. Empty where the mesh has none.
+std::optional<Mesh> as_vtk_has_it(const Mesh& mesh);
 
 /// The linear type of the same corners; a type that has no nodes amid edges itself.
 CellType linear_type(CellType type);

@@ -48,10 +48,11 @@ Element make_element(CellType type) {
 const Element& element_of(CellType type) {
   static const std::map<CellType, Element> elements = [] {
     std::map<CellType, Element> all;
-    for (CellType t : {QuadraticTetra, QuadraticHexahedron, BiquadraticQuadraticHexahedron,
-                       TriquadraticHexahedron, QuadraticWedge, QuadraticLinearWedge,
-                       BiquadraticQuadraticWedge, QuadraticPyramid, QuadraticTriangle,
-                       BiquadraticTriangle, QuadraticLinearQuad, QuadraticQuad, BiquadraticQuad})
+    for (CellType t :
+         {QuadraticTetra, QuadraticHexahedron, BiquadraticQuadraticHexahedron,
+          TriquadraticHexahedron, QuadraticWedge, QuadraticLinearWedge, BiquadraticQuadraticWedge,
+          QuadraticPyramid, BiquadraticQuadraticPyramid, QuadraticTriangle, BiquadraticTriangle,
+          QuadraticLinearQuad, QuadraticQuad, BiquadraticQuad})
       all.emplace(t, make_element(t));
     return all;
   }();

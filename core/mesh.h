@@ -9,7 +9,7 @@
 
 namespace cadmorph {
 
-/// Cell types by VTK's numbers. Node orders are VTK's.
+/// Cell types by VTK's numbers. Node orders are VTK's. One type is not VTK's: see as_vtk_has_it.
 enum class CellType : std::uint8_t {
   Vertex = 1,
   PolyVertex = 2,
@@ -38,6 +38,7 @@ enum class CellType : std::uint8_t {
   BiquadraticQuadraticWedge = 32,
   BiquadraticQuadraticHexahedron = 33,
   BiquadraticTriangle = 34,
+  BiquadraticQuadraticPyramid = 38,  ///< of 14 nodes, the last in the middle of the base
   Polyhedron = 42,
 };
 

@@ -132,6 +132,8 @@ std::vector<ShapePolynomial> shape_space(CellType type) {
     case QuadraticPyramid:
       return with(monomials([](int a, int b, int c) { return a + b + c <= 2; }),
                   {{{1, 1, 0, 1}}, {{2, 1, 0, 1}}, {{1, 2, 0, 1}}});
+    case BiquadraticQuadraticPyramid:
+      return with(shape_space(QuadraticPyramid), {{{2, 2, 0, 2}}});
     case QuadraticTriangle:
       return monomials([](int a, int b, int c) { return a + b <= 2 && c == 0; });
     case BiquadraticTriangle:  // with x y (1 - x - y)

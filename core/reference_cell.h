@@ -24,7 +24,9 @@ Eigen::Vector3d gradient(const ShapePolynomial& polynomial, const Eigen::Vector3
 std::vector<Eigen::Vector3d> reference_nodes(CellType type);
 
 /// Returns a basis of the space of a type's shape functions, as many as nodes. Pyramids: Bedrosian,
-/// Shape functions and integration formulas for three-dimensional finite element analysis, 1992.
+/// Shape functions and integration formulas for three-dimensional finite element analysis, 1992;
+/// with 14 nodes Bergot, Cohen, Durufle: Higher-order finite elements for hybrid meshes using new
+/// nodal pyramidal elements, 2010.
 std::vector<ShapePolynomial> shape_space(CellType type);
 
 }  // namespace cadmorph

@@ -6,6 +6,7 @@
 
 #include "apps/library/include/cadmorph/cadmorph.h"
 #include "apps/pipeline/morph_files.h"
+#include "core/cell_topology.h"
 
 namespace cadmorph::v1 {
 
@@ -18,6 +19,10 @@ struct Mesh::Impl {
   std::optional<cadmorph::Mesh> moved;  ///< where it is at other positions than the file's
 
   const cadmorph::Mesh& mesh() const { return moved ? *moved : file->mesh(); }
+
+  /// Where it has cells that VTK does not know: with others in their place.
+  std::optional<cadmorph::Mesh> of_vtk = as_vtk_has_it(mesh());
+  const cadmorph::Mesh& vtk_cells() const { return of_vtk ? *of_vtk : mesh(); }
 };
 
 /// Passes progress on to the callback of the call at work.

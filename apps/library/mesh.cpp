@@ -59,10 +59,8 @@ void append(MeshArrays& arrays, const GmshElements& block,
                             " node tags are no whole number of elements with " +
                             std::to_string(nodes) + " nodes (gmsh's type " +
                             std::to_string(block.type) + ")");
-  // VTK has no pyramid with a node in the middle of its base.
-  const std::size_t kept = kind.type == CellType::QuadraticPyramid ? 13 : nodes;
   for (std::size_t first = 0; first < block.node_tags.size(); first += nodes) {
-    for (std::size_t i = 0; i < kept; ++i) {
+    for (std::size_t i = 0; i < nodes; ++i) {
       const std::size_t tag = block.node_tags[first + kind.order[i]];
       const auto id = ids.find(tag);
       if (id == ids.end())
@@ -114,12 +112,13 @@ const Points& Mesh::points() const { return impl_->mesh().points; }
 
 std::vector<std::uint8_t> Mesh::types() const {
   std::vector<std::uint8_t> result;
-  for (const CellType type : impl_->mesh().types) result.push_back(static_cast<std::uint8_t>(type));
+  for (const CellType type : impl_->vtk_cells().types)
+    result.push_back(static_cast<std::uint8_t>(type));
   return result;
 }
 
-const std::vector<Index>& Mesh::offsets() const { return impl_->mesh().offsets; }
-const std::vector<Index>& Mesh::connectivity() const { return impl_->mesh().connectivity; }
+const std::vector<Index>& Mesh::offsets() const { return impl_->vtk_cells().offsets; }
+const std::vector<Index>& Mesh::connectivity() const { return impl_->vtk_cells().connectivity; }
 const std::vector<int>& Mesh::regions() const { return impl_->mesh().regions; }
 
 std::vector<MeshGroup> Mesh::groups() const {

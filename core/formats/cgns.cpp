@@ -41,7 +41,7 @@ const Element* element(Index number) {
       {10, Tetra, 4},
       {11, QuadraticTetra, 10},
       {12, Pyramid, 5},
-      {13, QuadraticPyramid, 14, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}},  // but its middle
+      {13, BiquadraticQuadraticPyramid, 14},
       {14, Wedge, 6},
       {15, QuadraticWedge, 15, {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11}},
       {16,

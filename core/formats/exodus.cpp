@@ -59,7 +59,7 @@ std::optional<Element> element(Shape shape, Index nodes) {
       {Shape::Tetra, 10, {QuadraticTetra}},
       {Shape::Pyramid, 5, {Pyramid}},
       {Shape::Pyramid, 13, {QuadraticPyramid}},
-      {Shape::Pyramid, 14, {QuadraticPyramid, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}}},
+      {Shape::Pyramid, 14, {BiquadraticQuadraticPyramid}},
       {Shape::Wedge, 6, {Wedge}},
       {Shape::Wedge, 15, {QuadraticWedge, {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11}}},
       {Shape::Wedge,

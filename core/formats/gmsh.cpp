@@ -449,11 +449,9 @@ class Reader {
     last_kind_ = &kind;
     last_entity_ = entity;
     std::copy(file_nodes_.begin(), end, last_nodes_.begin());
-    const int count = kind.type == QuadraticPyramid ? 13 : kind.nodes;
-    if (count < kind.nodes) ++left_out_nodes_;
-    for (int i = 0; i < count; ++i)
+    for (int i = 0; i < kind.nodes; ++i)
       nodes_[std::size_t(i)] = file_nodes_[kind.order[std::size_t(i)]];
-    add_cell(result_.mesh, kind.type, std::span(nodes_).first(std::size_t(count)));
+    add_cell(result_.mesh, kind.type, std::span(nodes_).first(std::size_t(kind.nodes)));
     result_.mesh.regions.push_back(int(entity));
     result_.mesh.cell_numbers.push_back(number);
     return true;
@@ -626,9 +624,6 @@ class Reader {
       remark(
           "the periodic maps in $Periodic are those of the base: check that periodic faces still "
           "match");
-    if (left_out_nodes_ > 0)
-      remark("the nodes in the middle of the bases of " + std::to_string(left_out_nodes_) +
-             " pyramids of 14 nodes move with the volume, not with the surface");
     if (repeated_ > 0)
       remark(std::to_string(repeated_) +
              " elements that the file repeats, for further physical groups, were taken once");
@@ -673,7 +668,7 @@ class Reader {
   std::vector<Index> physical_;  ///< of each cell, in files of version 2
 
   bool has_parameters_ = false, has_periodic_ = false, has_parametrizations_ = false;
-  Index left_out_nodes_ = 0, repeated_ = 0;
+  Index repeated_ = 0;
 };
 
 Recognition recognise(const FileStart& start) {

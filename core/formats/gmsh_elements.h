@@ -37,7 +37,7 @@ inline constexpr GmshElement kGmshElements[] = {
     {CellType::BiquadraticQuadraticWedge,
      18,
      {0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11, 15, 17, 16}},
-    {CellType::QuadraticPyramid, 14, {0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12}},
+    {CellType::BiquadraticQuadraticPyramid, 14, {0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12, 13}},
     gmsh_linear(CellType::Vertex, 1),
     gmsh_linear(CellType::QuadraticQuad, 8),
     {CellType::QuadraticHexahedron, 20, {0,  1, 2,  3,  4,  5,  6,  7,  8,  11,

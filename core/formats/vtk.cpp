@@ -15,6 +15,7 @@
 #include <string>
 #include <utility>
 
+#include "core/cell_topology.h"
 #include "core/errors.h"
 #include "core/formats/formats.h"
 #include "core/formats/mesh_format.h"
@@ -195,7 +196,8 @@ const MeshFormat& vtk_format() {
 void write_mesh(const fs::path& path, const Mesh& mesh, const ExtraArrays& extra) {
   vtkNew<vtkUnstructuredGrid> grid;
   grid->SetPoints(to_vtk(mesh.points));
-  set_cells(mesh, grid);
+  const std::optional<Mesh> other = as_vtk_has_it(mesh);
+  set_cells(other ? *other : mesh, grid);
   ExtraArrays arrays = extra;
   if (!mesh.regions.empty())
     arrays.cell_integers.emplace(mesh.region_array.empty() ? "RegionId" : mesh.region_array,

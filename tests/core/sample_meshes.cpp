@@ -125,16 +125,19 @@ class NodeFinder {
 };
 
 Mesh elevate(const Mesh& linear, CellType type) {
-  const auto high = vtk_cell(type), low = vtk_cell(linear_type(type));
-  const double* parameters = high->GetParametricCoords();
+  const bool is_other = type == BiquadraticQuadraticPyramid;  // than VTK's
+  const auto high = vtk_cell(is_other ? QuadraticPyramid : type), low = vtk_cell(linear_type(type));
+  const double* first = high->GetParametricCoords();
+  std::vector<double> parameters(first, first + 3 * high->GetNumberOfPoints());
+  if (is_other) parameters.insert(parameters.end(), {0.5, 0.5, 0});
   NodeFinder finder;
   Mesh mesh;
   mesh.offsets = {0};
   for (Index c = 0; c < linear.cell_count(); ++c) {
     std::vector<Index> nodes;
-    for (int i = 0; i < high->GetNumberOfPoints(); ++i) {
+    for (std::size_t i = 0; i < parameters.size(); i += 3) {
       double weights[8];
-      low->InterpolateFunctions(parameters + 3 * i, weights);
+      low->InterpolateFunctions(parameters.data() + i, weights);
       Eigen::Vector3d x = Eigen::Vector3d::Zero();
       const auto cell = linear.cell(c);
       for (std::size_t k = 0; k < cell.size(); ++k)

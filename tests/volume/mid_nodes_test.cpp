@@ -14,9 +14,12 @@ namespace {
 using namespace testing;
 using Eigen::Vector3d;
 
-const std::vector<CellType> kSecondOrder = {
-    CellType::QuadraticTetra, CellType::QuadraticHexahedron, CellType::TriquadraticHexahedron,
-    CellType::QuadraticWedge, CellType::BiquadraticQuadraticWedge};
+const std::vector<CellType> kSecondOrder = {CellType::QuadraticTetra,
+                                            CellType::QuadraticHexahedron,
+                                            CellType::TriquadraticHexahedron,
+                                            CellType::QuadraticWedge,
+                                            CellType::BiquadraticQuadraticWedge,
+                                            CellType::BiquadraticQuadraticPyramid};
 
 Vector3d bent(const Vector3d& x) {
   return x + 0.1 * Vector3d(x[1] * x[1], x[2] * x[0], std::sin(3 * x[0]));

@@ -39,6 +39,8 @@ const Middles& middles(CellType type) {
                                      {0, 1, 2, 3, 4, 5, 6, 7}};
   static const Middles wedge = {{0, 1}, {1, 2}, {2, 0}, {3, 4},       {4, 5},       {5, 3},
                                 {0, 3}, {1, 4}, {2, 5}, {0, 1, 4, 3}, {1, 2, 5, 4}, {2, 0, 3, 5}};
+  static const Middles pyramid = {{0, 1}, {1, 2}, {2, 3}, {3, 0},      {0, 4},
+                                  {1, 4}, {2, 4}, {3, 4}, {0, 1, 2, 3}};
   static const std::map<CellType, Middles> all = {
       {QuadraticEdge, {{0, 1}}},
       {QuadraticTriangle, {{0, 1}, {1, 2}, {2, 0}}},
@@ -50,7 +52,8 @@ const Middles& middles(CellType type) {
       {QuadraticLinearWedge, first(wedge, 6)},
       {QuadraticWedge, first(wedge, 9)},
       {BiquadraticQuadraticWedge, wedge},
-      {QuadraticPyramid, {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 4}, {1, 4}, {2, 4}, {3, 4}}}};
+      {QuadraticPyramid, first(pyramid, 8)},
+      {BiquadraticQuadraticPyramid, pyramid}};
   return all.at(type);
 }
 
