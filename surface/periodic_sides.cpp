@@ -362,8 +362,7 @@ std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& 
                                               const GroupConstraints& constraints,
                                               std::vector<std::string>& remarks) {
   std::set<std::string> done;
-  for (const auto* names :
-       {&constraints.held, &constraints.rigid, &constraints.sliding, &constraints.following})
+  for (const auto* names : {&constraints.held, &constraints.rigid, &constraints.following})
     done.insert(names->begin(), names->end());
   for (const auto& [first, second] : constraints.periodic) done.insert({first, second});
   std::vector<PeriodicSides> result;

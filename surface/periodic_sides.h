@@ -33,7 +33,8 @@ std::vector<PeriodicSides> find_periodic_sides(
     const std::vector<std::pair<std::string, std::string>>& names);
 
 /// Finds those that the mesh file says are pairs (NodeGroup::partner), where no group of a pair is
-/// among `constraints`. What is none is left as it is: a line in `remarks` says why.
+/// held, rigid, following or paired by `constraints`. What is none is left as it is: a line in
+/// `remarks` says why.
 std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& boundary,
                                               const SurfaceMesh& surface,
                                               const Association& association,

@@ -160,7 +160,8 @@ const auto kQuadraticTypes = {CellType::QuadraticTetra,
                               CellType::QuadraticWedge,
                               CellType::QuadraticLinearWedge,
                               CellType::BiquadraticQuadraticWedge,
-                              CellType::QuadraticPyramid};
+                              CellType::QuadraticPyramid,
+                              CellType::BiquadraticQuadraticPyramid};
 
 }  // namespace
 
@@ -308,10 +309,10 @@ TEST_CASE("a mid node inverts a quadratic cell when it passes the quarter of its
     CAPTURE(static_cast<int>(type));
     const RowMatrix straight = regular_quadratic(type);
     const RowMatrix first = straight.row(0);
-    Index mid = linear_type(type) == CellType::Tetra   ? 4
-                : linear_type(type) == CellType::Wedge ? 6
-                : type == CellType::QuadraticPyramid   ? 5
-                                                       : 8;
+    Index mid = linear_type(type) == CellType::Tetra     ? 4
+                : linear_type(type) == CellType::Wedge   ? 6
+                : linear_type(type) == CellType::Pyramid ? 5
+                                                         : 8;
     for (double t : {0.24, 0.26}) {
       RowMatrix x = straight;
       x.row(mid) = first + t * (x.row(1) - x.row(0));
@@ -324,13 +325,15 @@ TEST_CASE("a mid node inverts a quadratic cell when it passes the quarter of its
 
 TEST_CASE("a quadratic pyramid's apex inverts when its edges curl past the quarter",
           "[core][quality]") {
-  const RowMatrix straight = regular_quadratic(CellType::QuadraticPyramid);
-  for (double t : {0.24, 0.26}) {
-    RowMatrix x = straight;
-    for (int i = 0; i < 4; ++i) x.row(9 + i) = x.row(4) + t * (x.row(i) - x.row(4));
-    const Mesh mesh = single_cell(CellType::QuadraticPyramid, x);
-    const auto report = measure_quality(mesh, mesh.points, Orientation(256, 1));
-    REQUIRE(report.inverted == (t < 0.25 ? 1 : 0));
+  for (const CellType type : {CellType::QuadraticPyramid, CellType::BiquadraticQuadraticPyramid}) {
+    const RowMatrix straight = regular_quadratic(type);
+    for (double t : {0.24, 0.26}) {
+      RowMatrix x = straight;
+      for (int i = 0; i < 4; ++i) x.row(9 + i) = x.row(4) + t * (x.row(i) - x.row(4));
+      const Mesh mesh = single_cell(type, x);
+      const auto report = measure_quality(mesh, mesh.points, Orientation(256, 1));
+      REQUIRE(report.inverted == (t < 0.25 ? 1 : 0));
+    }
   }
 }
 

@@ -5,6 +5,7 @@
 #include <vtkPoints.h>
 #include <vtkSmartPointer.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
@@ -17,6 +18,11 @@ namespace {
 
 using enum CellType;
 
+/// VTK has the pyramid of 14 nodes but without its last one, in the middle of the base.
+CellType type_of_vtk(CellType type) {
+  return type == BiquadraticQuadraticPyramid ? QuadraticPyramid : type;
+}
+
 vtkSmartPointer<vtkCell> vtk_cell(CellType type) {
   return vtkSmartPointer<vtkCell>::Take(vtkGenericCell::InstantiateCell(static_cast<int>(type)));
 }
@@ -26,6 +32,15 @@ vtkSmartPointer<vtkCell> numbered_vtk_cell(CellType type) {
   const auto cell = vtk_cell(type);
   for (vtkIdType i = 0; i < cell->GetNumberOfPoints(); ++i) cell->GetPointIds()->SetId(i, i);
   return cell;
+}
+
+/// Of each node, three numbers.
+std::vector<double> parametric_coordinates(CellType type) {
+  const auto cell = vtk_cell(type_of_vtk(type));
+  const double* first = cell->GetParametricCoords();
+  std::vector<double> all(first, first + 3 * cell->GetNumberOfPoints());
+  if (type != type_of_vtk(type)) all.insert(all.end(), {0.5, 0.5, 0});
+  return all;
 }
 
 std::vector<Index> node_ids(vtkCell* cell) {
@@ -125,11 +140,8 @@ class NodeFinder {
 };
 
 Mesh elevate(const Mesh& linear, CellType type) {
-  const bool is_other = type == BiquadraticQuadraticPyramid;  // than VTK's
-  const auto high = vtk_cell(is_other ? QuadraticPyramid : type), low = vtk_cell(linear_type(type));
-  const double* first = high->GetParametricCoords();
-  std::vector<double> parameters(first, first + 3 * high->GetNumberOfPoints());
-  if (is_other) parameters.insert(parameters.end(), {0.5, 0.5, 0});
+  const auto low = vtk_cell(linear_type(type));
+  const std::vector<double> parameters = parametric_coordinates(type);
   NodeFinder finder;
   Mesh mesh;
   mesh.offsets = {0};
@@ -166,6 +178,7 @@ const std::vector<CellType>& solid_types() {
                                               QuadraticLinearWedge,
                                               BiquadraticQuadraticWedge,
                                               BiquadraticQuadraticHexahedron,
+                                              BiquadraticQuadraticPyramid,
                                               Polyhedron};
   return types;
 }
@@ -202,9 +215,8 @@ Mesh single_cell(CellType type, const RowMatrix& positions) {
 }
 
 Mesh parametric_cell(CellType type) {
-  const auto cell = vtk_cell(type);
-  const double* parameters = cell->GetParametricCoords();
-  return single_cell(type, Eigen::Map<const RowMatrix>(parameters, cell->GetNumberOfPoints(), 3));
+  const std::vector<double> all = parametric_coordinates(type);
+  return single_cell(type, Eigen::Map<const RowMatrix>(all.data(), std::ssize(all) / 3, 3));
 }
 
 std::vector<RowMatrix> vtk_derivatives_at_nodes(CellType type) {
@@ -217,14 +229,16 @@ std::vector<RowMatrix> vtk_derivatives_at_nodes(CellType type) {
 }
 
 std::vector<std::vector<Index>> vtk_faces(CellType type) {
-  const auto cell = numbered_vtk_cell(type);
+  const auto cell = numbered_vtk_cell(type_of_vtk(type));
   std::vector<std::vector<Index>> faces;
   for (int f = 0; f < cell->GetNumberOfFaces(); ++f) faces.push_back(node_ids(cell->GetFace(f)));
+  if (type != type_of_vtk(type))
+    std::ranges::find(faces, 8U, &std::vector<Index>::size)->push_back(13);
   return faces;
 }
 
 std::vector<std::vector<Index>> vtk_edges(CellType type) {
-  const auto cell = numbered_vtk_cell(type);
+  const auto cell = numbered_vtk_cell(type_of_vtk(type));
   std::vector<std::vector<Index>> edges;
   for (int e = 0; e < cell->GetNumberOfEdges(); ++e) edges.push_back(node_ids(cell->GetEdge(e)));
   return edges;

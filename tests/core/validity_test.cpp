@@ -144,6 +144,40 @@ TEST_CASE("The exact test agrees with dense sampling of VTK's shape functions",
   }
 }
 
+TEST_CASE("A pyramid of 14 nodes is that of 13 where the last lies on its base",
+          "[core][validity]") {
+  Points straight(14, 3);
+  straight.topRows(5) << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0.5, 0.5, 1;
+  for (Index i = 0; i < 4; ++i) {
+    straight.row(5 + i) = (straight.row(i) + straight.row((i + 1) % 4)) / 2;
+    straight.row(9 + i) = (straight.row(i) + straight.row(4)) / 2;
+  }
+  straight.row(13) = straight.topRows(4).colwise().mean();
+  const Mesh thirteen = single_cell(CellType::QuadraticPyramid, straight.topRows(13));
+  const Mesh fourteen = single_cell(CellType::BiquadraticQuadraticPyramid, straight);
+  const auto is_valid = [](const Mesh& mesh, const Points& points) {
+    return check_validity(mesh, points, Orientation(256, 1)).invalid == 0;
+  };
+  REQUIRE(is_valid(fourteen, straight));
+  int valid = 0;
+  for (unsigned seed = 1; seed <= 300; ++seed) {
+    const Points points = shaken(thirteen.points, 0.4 * seed / 300, seed);
+    Points more(14, 3);
+    more << points,
+        points.middleRows(5, 4).colwise().sum() / 2 - points.topRows(4).colwise().sum() / 4;
+    CHECK(is_valid(fourteen, more) == is_valid(thirteen, points));
+    valid += is_valid(thirteen, points);
+  }
+  CHECK(valid > 10);
+  CHECK(valid < 290);
+  // Along the middle of the base x = (1 + r) / 2 + m (1 - r^2), r from -1 to 1.
+  for (const double m : {0.24, 0.26}) {
+    Points points = straight;
+    points(13, 0) += m;
+    CHECK(is_valid(fourteen, points) == (m < 0.25));
+  }
+}
+
 TEST_CASE("A hexahedron with eight good corners can be invalid", "[core][validity]") {
   const Mesh mesh = parametric_cell(CellType::Hexahedron);
   const Orientation orientation(256, 1);

@@ -230,6 +230,13 @@ TEST_CASE("sides that the mesh file pairs move alike without an option", "[surfa
   REQUIRE(m.surface.notes.size() == 1);
   CHECK(m.surface.warnings.empty());
 
+  // Also where they are named as sides that slide where the CAD has no place for them.
+  SurfaceMorphOptions sliding;
+  sliding.groups.sliding = {"low", "high"};
+  const Morphed slid = morph(c, changed, sliding);
+  CHECK(off_alike(c.mesh, slid.points, pairs, base.at(1).linear()) <= 1e-12 * c.diagonal);
+  CHECK(slid.surface.notes.size() == 1);
+
   // What is not periodic is morphed with a warning: of the mesh, and of the variant.
   const Morphed none = morph(paired("low", "highest"), changed);
   CHECK(none.surface.notes.empty());

@@ -199,6 +199,8 @@ Mesh to_mesh(vtkUnstructuredGrid* grid, const fs::path& path) {
   Mesh mesh;
   take_points(grid, mesh);
   take_cells(grid, mesh);
+  if (std::ranges::find(mesh.types, CellType::BiquadraticQuadraticPyramid) != mesh.types.end())
+    fail_reading(path, "it has cells of type 38, which VTK has not");
   take_polyhedra(grid, path, mesh);
   take_regions(grid, mesh);
   return mesh;
