@@ -662,7 +662,7 @@ class BestMesh {
   void for_images(Index node, const auto& act) const {
     const std::vector<Index>* group = nullptr;
     if (!images_.groups.empty() && is_slider(node))
-      group = group_of_[std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin()];
+      group = group_of_[slider_of(node)];
     if (!group) return act(node);
     for (const Index i : *group) act(sliding_->nodes[i]);
   }
@@ -670,10 +670,14 @@ class BestMesh {
   void make_images_alike(const Patch& around, State& state) const {
     if (!sliding_ || images_.groups.empty()) return;
     const RowMatrix alike = images_.alike(state.slides);
-    for (Index i = 0; i < alike.rows(); ++i)
-      if (alike.row(i) != state.slides.row(i))
-        state.positions.row(sliding_->nodes[i]) = sliding_->at(i, alike.row(i)).point;
-    state.slides = alike;
+    // Only the patch's: nodes amid edges go with their corners, and others are where they were.
+    for (const Index node : around.nodes) {
+      if (!is_slider(node)) continue;
+      const Index i = slider_of(node);
+      if (alike.row(i) == state.slides.row(i)) continue;
+      state.positions.row(node) = sliding_->at(i, alike.row(i)).point;
+      state.slides.row(i) = alike.row(i);
+    }
     carry_followers(around, state);
   }
 
@@ -734,7 +738,7 @@ class BestMesh {
     if (move.isZero(0)) return false;
     state.positions.row(node) = home + kept * move;
     if (!is_slider(node)) return true;
-    const Index i = std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
+    const Index i = slider_of(node);
     state.slides.row(i) = slides_.row(i) + kept * (state.slides.row(i) - slides_.row(i));
     if (kept > 0) state.positions.row(node) = sliding_->at(i, state.slides.row(i)).point;
     return true;
@@ -742,6 +746,9 @@ class BestMesh {
 
   bool is_slider(Index node) const {
     return sliding_ && std::ranges::binary_search(sliding_->nodes, node);
+  }
+  Index slider_of(Index node) const {
+    return std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
   }
 
   const Mesh& mesh_;

@@ -197,7 +197,16 @@ void recount_folds(const BaseSide& base, Sliding& sliding, MorphResult& result) 
       *result.variant, result.match, surface, result.positions(base.boundary.nodes, Eigen::all));
 }
 
+bool is_raised(const MorphResult& result) {
+  return result.report.best_mesh &&
+         std::ranges::any_of(result.report.best_mesh->attempts, &RaiseAttempt::is_taken);
+}
+
 void measure(const BaseSide& base, Sliding& sliding, MorphResult& result) {
+  if (is_raised(result)) {  // measured piece by piece so far
+    result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+    result.validity = check_validity(base.mesh(), result.positions, base.orientation);
+  }
   improve_result(base, sliding, result);
   recount_folds(base, sliding, result);
   carry_loose_nodes(base.mesh(), base.boundary, where_cad_puts_surface(base, result),

@@ -629,6 +629,46 @@ TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[vol
   CHECK(refused.report.slid_nodes == 0);
 }
 
+TEST_CASE("Images of nodes that no attempt moves stay where they are", "[volume][best]") {
+  const FixedCube cube(testing::cube(CellType::Hexahedron, 8));
+  Points positions = cube.mesh.points;
+  SlidingNodes top;
+  for (Index n = 0; n < cube.mesh.node_count(); ++n) {
+    auto x = positions.row(n);
+    if (x[2] < 1 - 1e-9 || std::min({x[0], x[1], 1 - x[0], 1 - x[1]}) < 1e-9) continue;
+    top.nodes.push_back(n);
+    const bool is_even = (std::lround(8 * x[0]) + std::lround(8 * x[1])) % 2 == 0;
+    if (x[0] < 0.3) x.head<2>().array() += is_even ? 0.04 : -0.04;
+  }
+  top.slides = RowMatrix::Zero(std::ssize(top.nodes), 2);
+  top.at = [&](Index i, const Eigen::Vector2d& slide) {
+    SlidePlace place{positions.row(top.nodes[i]).transpose(), {}};
+    place.point.head<2>() += slide;
+    place.tangents << 1, 0, 0, 1, 0, 0;
+    return place;
+  };
+  top.is_within = [](Index, const Eigen::Vector2d&) { return true; };
+  // Two that are images of each other, far from what is poor, go a little farther each time.
+  const Index last = std::ssize(top.nodes) - 1;
+  REQUIRE(positions(top.nodes[last], 0) > 0.8);
+  int calls = 0;
+  BestMeshOptions options;
+  options.sliding = [&] { return &top; };
+  options.images = [&] {
+    return SlidingImages{{{last - 1, last}}, {}, [&](const RowMatrix& slides) {
+                           RowMatrix alike = slides;
+                           alike.bottomRows(2).array() += 0.001 * ++calls;
+                           return alike;
+                         }};
+  };
+  const BestMeshResult result = cube.raised(positions, options);
+  CHECK(calls > 0);
+  CHECK(result.report.slid_nodes > 0);
+  CHECK(result.positions.row(top.nodes[last]) == positions.row(top.nodes[last]));
+  CHECK(result.quality.values ==
+        measure_quality(cube.mesh, result.positions, cube.orientation).values);
+}
+
 TEST_CASE("Layers keep their heights where cells beside them are raised", "[volume][best]") {
   const FixedCube cube(graded_layers(8, 1e-3));
   Points positions = cube.mesh.points;
