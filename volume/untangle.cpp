@@ -235,6 +235,7 @@ class Repair {
     seeds.insert(seeds.end(), options_.poor_cells.begin(), options_.poor_cells.end());
     seeds.insert(seeds.end(), plan_.others.begin(), plan_.others.end());
     seeds = movable(seeds);
+    const Index invalid = report.validity.invalid;
     int idle = 0;
     for (int attempt = 0;
          attempt < options_.attempts && !seeds.empty() && idle < kIdleAttempts && !work_.is_over();
@@ -245,7 +246,8 @@ class Repair {
       idle = report.validity.invalid < before ? 0 : idle + 1;
       seeds = movable(report.validity.invalid_cells);
     }
-    report.fell_short = work_.fell_short();
+    report.fell_short =
+        work_.fell_short() || (work_.share() >= kWorkToJudge && report.validity.invalid >= invalid);
     report.slid_nodes = (slides_.rowwise().squaredNorm().array() > 0).count();
   }
 

@@ -74,6 +74,11 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
     return std::nullopt;
   const Mesh& mesh = base.mesh();
   const SlidingNodes& nodes = *sliding.nodes();
+  if (sliding.known_way && sliding.known_way->start == nodes.slides) {
+    WayToFollow way = *sliding.known_way;
+    way.is_promising = is_worth_following(base, way.estimate, result.quality);
+    return way.nodes > 0 ? std::optional(std::move(way)) : std::nullopt;
+  }
   std::vector<Index> suffering;
   for (Index c = 0; c < mesh.cell_count(); ++c)
     if (result.quality.values[c] < kKeptHalf * base.quality.values[c]) suffering.push_back(c);
@@ -91,7 +96,7 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   const bool have_many_lost = worst_cells(result.quality).worst_twentieth <
                               kKeptHalf * worst_cells(base.quality).worst_twentieth;
   FollowingNodes found;
-  QualityReport estimate;  // of the cells once they follow
+  QualityReport estimate;
   // Nodes amid edges follow their corners, so that edges stay as straight as they are.
   const MidNodes mid_nodes(mesh, moved), from_base(mesh, mesh.points);
   const Mesh straight = mid_nodes.count() > 0 ? corners_alone(mesh) : Mesh();
@@ -117,8 +122,10 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
                   .images = ImageSlides(surface.images, base.boundary, nodes)};
   way.images.average(way.steps);
   way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
-  if (way.nodes == 0) return std::nullopt;
   way.is_promising = is_worth_following(base, estimate, result.quality);
+  way.estimate = std::move(estimate);
+  sliding.known_way = std::make_shared<const WayToFollow>(way);
+  if (way.nodes == 0) return std::nullopt;
   return way;
 }
 

@@ -18,12 +18,14 @@ bool is_worth_following(const BaseSide& base, const QualityReport& now,
 struct WayToFollow {
   RowMatrix start, steps;
   ImageSlides images;
-  Index nodes = 0;            ///< that slide
-  bool is_promising = false;  ///< by the estimate of where the volume's nodes then are
+  QualityReport estimate = {};  ///< of the cells once the surface follows
+  Index nodes = 0;              ///< that slide
+  bool is_promising = false;    ///< by the estimate
 };
 
 /// Finds how surface nodes could follow; nothing where the cells kept half, or nothing can follow.
-/// `result.quality`: of its positions.
+/// `result.quality`: of its positions. The way depends on what moves the surface and on the slides:
+/// the one that `sliding` knows is given again while it starts from these.
 std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
                                               const MorphResult& result);
 

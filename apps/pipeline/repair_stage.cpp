@@ -19,6 +19,10 @@ constexpr Index kFewCells = 1'000;
 // Share of the inverted that an attempt leaves at most where it leaves fewer at all.
 constexpr double kAnyGain = 0.999;
 
+Index few_cells(const BaseSide& base) {
+  return std::max<Index>(1, base.mesh().cell_count() / kFewCells);
+}
+
 void step_and_untangle(const BaseSide& base, const Points& surface_positions,
                        const SteppingOptions& how, PhaseClock& clock, MorphResult& result,
                        VolumeMorphResult* one_step) {
@@ -27,12 +31,24 @@ void step_and_untangle(const BaseSide& base, const Points& surface_positions,
   untangle_result(base, Bending::Some, result);
 }
 
+void step_once(const BaseSide& base, VolumeMorphResult* one_step, PhaseClock& clock,
+               MorphResult& result) {
+  SteppingOptions how = stepping(base);
+  how.steps = 1;
+  step_volume(base, result.surface_positions, how, clock, result, one_step);
+}
+
+// What the step made, for others to start from in its place: the result's positions are gone.
+VolumeMorphResult take_one_step(MorphResult& result) {
+  return {.positions = std::move(result.positions), .report = result.report.solver, .error = {}};
+}
+
 // Steps, then repair. When few elements are inverted, repair comes before further steps
 // (step_further).
 void morph_volume(const BaseSide& base, PhaseClock& clock, MorphResult& result,
                   VolumeMorphResult* one_step) {
   SteppingOptions how = stepping(base);
-  if (is_free(base)) how.few = std::max<Index>(1, base.mesh().cell_count() / kFewCells);
+  if (is_free(base)) how.few = few_cells(base);
   step_and_untangle(base, result.surface_positions, how, clock, result, one_step);
 }
 
@@ -92,9 +108,33 @@ void follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResu
     let_surface_follow(base, *way, sliding, clock, result);
 }
 
+// Where one step leaves many inverted that none would be with the surface following, that comes
+// before further steps, each of which costs as much. Returns whether all cells are valid so.
+bool follow_at_once(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
+                    MorphResult& result) {
+  result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+  const std::optional<WayToFollow> way = find_way_to_follow(base, sliding, result);
+  if (!way || !way->is_promising || way->estimate.inverted > 0) return false;
+  Undo plain(sliding, result);
+  if (let_surface_follow(base, *way, sliding, clock, result) &&
+      result.validity.invalid <= base.validity.invalid)
+    return true;
+  plain.apply(sliding, result);
+  return false;
+}
+
 // Moves and repairs all cells as what they are. Returns whether that took more than inner nodes.
 bool move_plainly(const BaseSide& base, VolumeMorphResult* one_step, Sliding& sliding,
                   PhaseClock& clock, MorphResult& result) {
+  std::optional<VolumeMorphResult> first;
+  if (is_free(base)) {
+    step_once(base, one_step, clock, result);
+    if (result.validity.invalid == 0) return false;
+    if (result.validity.invalid > few_cells(base) && follow_at_once(base, sliding, clock, result))
+      return true;
+    first = take_one_step(result);
+    one_step = &*first;
+  }
   morph_volume(base, clock, result, one_step);
   const bool is_inverted = result.validity.invalid > base.validity.invalid;
   if (is_inverted) {
@@ -168,13 +208,11 @@ bool move_and_repair(const BaseSide& base, VolumeMorphResult* one_step, Sliding&
                      PhaseClock& clock, MorphResult& result) {
   std::optional<VolumeMorphResult> first;
   if (has_corners_to_repair(base)) {
-    SteppingOptions how = stepping(base);
-    how.steps = 1;
-    step_volume(base, result.surface_positions, how, clock, result, one_step);
+    step_once(base, one_step, clock, result);
     if (result.validity.invalid > base.validity.invalid &&
         go_by_corners(base, sliding, clock, result))
       return true;
-    first = {.positions = result.positions, .report = result.report.solver, .error = {}};
+    first = take_one_step(result);
     one_step = &*first;
   }
   return move_plainly(base, one_step, sliding, clock, result);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -7,6 +8,8 @@
 #include "surface/node_slide.h"
 
 namespace cadmorph {
+
+struct WayToFollow;
 
 /// The surface's nodes that slide on the variant's CAD edges and faces, set up when first asked
 /// for.
@@ -30,6 +33,9 @@ class Sliding {
   bool is_folded(const Points& positions, const RowMatrix& slides) const {
     return turned_facets(positions, slides) > 0;
   }
+
+  /// The last that was found (find_way_to_follow), or null.
+  std::shared_ptr<const WayToFollow> known_way;
 
  private:
   const BaseSide& base_;
