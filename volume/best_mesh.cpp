@@ -661,8 +661,7 @@ class BestMesh {
   // For a node and all its images.
   void for_images(Index node, const auto& act) const {
     const std::vector<Index>* group = nullptr;
-    if (!images_.groups.empty() && is_slider(node))
-      group = group_of_[slider_of(node)];
+    if (!images_.groups.empty() && is_slider(node)) group = group_of_[slider_of(node)];
     if (!group) return act(node);
     for (const Index i : *group) act(sliding_->nodes[i]);
   }
