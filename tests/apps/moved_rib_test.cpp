@@ -94,14 +94,13 @@ TEST_CASE("Where a rib moves far, the plate's edges and both its sides follow", 
 }
 
 TEST_CASE("Where one step inverts many, the surface follows before further steps", "[apps][rib]") {
-  const double by = 20;
-  const MorphResult plain = moved({60, 28}, by, false, QualityMode::Fast),
-                    result = moved({60, 28}, by);
-  REQUIRE(plain.report.stepping.attempts.size() > 1);
+  const MorphResult plain = moved({80, 28}, 20, false, QualityMode::Fast),
+                    result = moved({80, 28}, 20);
+  REQUIRE(plain.report.stepping.steps == 2);
   CHECK(result.report.outcome == Outcome::Done);
   CHECK(result.report.followed_nodes > 0);
   CHECK(result.report.stepping.steps == 1);
-  CHECK(result.quality.min > 2 * plain.quality.min);
+  CHECK(result.quality.min > 0.7);
 }
 
 TEST_CASE("On the way of a series, elements are raised where half of their shape is lost",
