@@ -139,12 +139,11 @@ class BestMesh {
       if (!lost_much_) hold_rows();
       if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
       raise(RaiseBy::InnerNodes, 2);
-      if (!has_lost_much() || !raise_by_sliding())
+      const bool is_stuck = !has_taken_search() && kept() < kKeptEnough;
+      if (!(has_lost_much() || is_stuck) || !raise_by_sliding())
         for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
       if (sliding_) keep_slides();
-      has_raised_ = std::ranges::any_of(result_.report.attempts, [](const RaiseAttempt& attempt) {
-        return attempt.power > 0 && attempt.is_taken;
-      });
+      has_raised_ = has_taken_search();
       if (has_raised_) straighten_rows();
     }
     if (options_.volumes)
@@ -416,6 +415,11 @@ class BestMesh {
         for (const Index node : row) is_fixed_[node] = 1;
   }
 
+  bool has_taken_search() const {
+    return std::ranges::any_of(result_.report.attempts, [](const RaiseAttempt& attempt) {
+      return attempt.power > 0 && attempt.is_taken;
+    });
+  }
   bool has_lost_much() const { return least_share(result_.report.best, can_keep_) < kKeptLittle; }
   double kept() const { return least_share(result_.report.best, result_.report.base); }
 
