@@ -28,10 +28,9 @@ using Eigen::VectorXd;
 // Shares of the reference's figures below which inner nodes move: once, which costs little, and
 // for as long as it helps.
 constexpr double kLostAny = 0.999, kLost = 0.98;
-// Surface nodes leave the place that the CAD's parameters give them only where less than the first
-// share is kept of what a stretch of the part leaves, and then until the second is. With half for
-// the first, hexahedra of the families came out worse at three quarters of a change, where they
-// kept 0.6, than at the whole of it.
+// Surface nodes leave the place that the CAD's parameters give them only where less than the second
+// share is kept of what a stretch of the part leaves: after all that inner nodes can do, or, where
+// less than the first is, before, and with more work.
 constexpr double kKeptLittle = 0.75, kKeptEnough = 0.9;
 // Of the size of what moves, a body in a far field or the whole part: above what exchanged CAD
 // differs by, below a change that costs quality.
@@ -139,9 +138,15 @@ class BestMesh {
       if (!lost_much_) hold_rows();
       if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
       raise(RaiseBy::InnerNodes, 2);
-      const bool is_stuck = !has_taken_search() && kept() < kKeptEnough;
-      if (!(has_lost_much() || is_stuck) || !raise_by_sliding())
+      const auto raise_inner = [&] {
         for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
+      };
+      if (!has_lost_much()) {
+        raise_inner();
+        if (least_share(result_.report.best, can_keep_) < kKeptEnough) raise_by_sliding();
+      } else if (!raise_by_sliding()) {
+        raise_inner();
+      }
       if (sliding_) keep_slides();
       has_raised_ = has_taken_search();
       if (has_raised_) straighten_rows();

@@ -96,16 +96,16 @@ struct BestMeshResult {
 /// of the worst twentieth fell below 98 % of the reference's (the mesh file's shape, also after
 /// many morphs; below 99.9 % for one attempt), the nodes of the worst cells minimise ShapeEnergy
 /// with growing powers: the inner ones (not `is_fixed`, N; of shells those that slide within faces)
-/// first, then, where less than three quarters are kept of what the affine map nearest to the
-/// motion leaves, all those that slide, too, at last those round the cells below the worst alone. A
-/// motion that is an affine map is left as it is. An attempt is taken when neither figure is below
-/// that of `moved` (of rows, by more than a thousandth) and their sum, each as a share of the
-/// reference's, is the largest so far; no more cells are invalid then. Cells that are not valid in
-/// `moved` stay as they are. No node moves farther from the reference than kMostOvershoot times the
-/// farthest fixed one, or than the farthest of those that came. At most 20 passes over the mesh's
-/// cells, 80 where less than three quarters were kept and 20 for those round the worst (more where
-/// the mesh is small): a count, no time, so that the result is the same on every machine and for
-/// any number of threads.
+/// first, then, where less than 90 % are kept of what the affine map nearest to the motion leaves
+/// (where less than three quarters are, before more is tried by inner nodes), all those that slide,
+/// too, at last those round the cells below the worst alone. A motion that is an affine map is left
+/// as it is. An attempt is taken when neither figure is below that of `moved` (of rows, by more
+/// than a thousandth) and their sum, each as a share of the reference's, is the largest so far; no
+/// more cells are invalid then. Cells that are not valid in `moved` stay as they are. No node moves
+/// farther from the reference than kMostOvershoot times the farthest fixed one, or than the
+/// farthest of those that came. At most 20 passes over the mesh's cells, 80 where less than three
+/// quarters were kept and 20 for those round the worst (more where the mesh is small): a count, no
+/// time, so that the result is the same on every machine and for any number of threads.
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
                               const MeasuredShape& moved, const std::vector<char>& is_fixed,
                               const Orientation& orientation, const BestMeshOptions& options = {});
