@@ -217,7 +217,7 @@ TEST_CASE("A morph can't be linearised for nothing", "[library]") {
 }
 
 TEST_CASE("A velocity about a variant is the slope of the warp there", "[library]") {
-  const Bore bore;
+  const Bore bore({.quality = Quality::Fast});
   const CadModel step10 = cad("bore/step10");
   const Velocity velocity =
       bore.morpher.velocity({cad("bore/step20"), cad("bore/base"), 0.5}, {.present = step10});
