@@ -113,6 +113,17 @@ Mesh square(CellType solid, int n, int axis) {
   return result;
 }
 
+// Has them slide in x and y from where they are at `positions`, which must outlive them.
+void slide_in_plane(const Points& positions, SlidingNodes& sliding) {
+  sliding.slides = RowMatrix::Zero(std::ssize(sliding.nodes), 2);
+  sliding.at = [&positions, nodes = sliding.nodes](Index i, const Eigen::Vector2d& slide) {
+    SlidePlace place{positions.row(nodes[i]).transpose(), {}};
+    place.point.head<2>() += slide;
+    place.tangents << 1, 0, 0, 1, 0, 0;
+    return place;
+  };
+}
+
 const std::vector<CellType> kSides = {CellType::Tetra,
                                       CellType::Hexahedron,
                                       CellType::Voxel,
@@ -597,13 +608,7 @@ TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[vol
     positions.row(n) = axis + turn * (x - axis);
     positions(n, 2) = height * x.z();
   }
-  top.slides = RowMatrix::Zero(std::ssize(top.nodes), 2);
-  top.at = [&](Index i, const Eigen::Vector2d& slide) {
-    SlidePlace place{positions.row(top.nodes[i]).transpose(), {}};
-    place.point.head<2>() += slide;
-    place.tangents << 1, 0, 0, 1, 0, 0;
-    return place;
-  };
+  slide_in_plane(positions, top);
   top.is_within = [&](Index i, const Eigen::Vector2d& slide) {
     const Eigen::Vector2d x = positions.row(top.nodes[i]).head<2>().transpose() + slide;
     return x.minCoeff() > 0 && x.maxCoeff() < 1;
@@ -640,13 +645,7 @@ TEST_CASE("Images of nodes that no attempt moves stay where they are", "[volume]
     const bool is_even = (std::lround(8 * x[0]) + std::lround(8 * x[1])) % 2 == 0;
     if (x[0] < 0.3) x.head<2>().array() += is_even ? 0.04 : -0.04;
   }
-  top.slides = RowMatrix::Zero(std::ssize(top.nodes), 2);
-  top.at = [&](Index i, const Eigen::Vector2d& slide) {
-    SlidePlace place{positions.row(top.nodes[i]).transpose(), {}};
-    place.point.head<2>() += slide;
-    place.tangents << 1, 0, 0, 1, 0, 0;
-    return place;
-  };
+  slide_in_plane(positions, top);
   top.is_within = [](Index, const Eigen::Vector2d&) { return true; };
   // Two that are images of each other, far from what is poor, go a little farther each time.
   const Index last = std::ssize(top.nodes) - 1;
