@@ -634,6 +634,33 @@ TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[vol
   CHECK(refused.report.slid_nodes == 0);
 }
 
+TEST_CASE("Where little was lost, nodes slide in cells that feel how flat they are",
+          "[volume][best]") {
+  const CellType type = GENERATE(CellType::Tetra, CellType::Hexahedron);
+  const FixedCube cube(testing::cube(type, 6));
+  Points positions = cube.mesh.points;
+  SlidingNodes top;
+  for (Index n = 0; n < cube.mesh.node_count(); ++n) {
+    auto x = positions.row(n);
+    if (x[2] < 1 - 1e-9 || std::min({x[0], x[1], 1 - x[0], 1 - x[1]}) < 1e-9) continue;
+    top.nodes.push_back(n);
+    const bool is_even = (std::lround(6 * x[0]) + std::lround(6 * x[1])) % 2 == 0;
+    x.head<2>().array() += is_even ? 0.017 : -0.017;
+  }
+  slide_in_plane(positions, top);
+  top.is_within = [](Index, const Eigen::Vector2d&) { return true; };
+  const BestMeshReport inner = cube.raised(positions).report;
+  const double kept = least_share(inner.best, inner.base);
+  CAPTURE(kept, int(type));
+  REQUIRE(kept > 0.75);
+  REQUIRE(kept < 0.9);
+  BestMeshOptions options;
+  options.sliding = [&] { return &top; };
+  const BestMeshReport slid = cube.raised(positions, options).report;
+  CHECK((slid.slid_nodes > 0) == (type == CellType::Tetra));
+  CHECK(sum_of_shares(slid.best, slid.base) >= sum_of_shares(inner.best, inner.base));
+}
+
 TEST_CASE("Images of nodes that no attempt moves stay where they are", "[volume][best]") {
   const FixedCube cube(testing::cube(CellType::Hexahedron, 8));
   Points positions = cube.mesh.points;
