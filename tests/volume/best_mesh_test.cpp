@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 #include "../core/sample_meshes.h"
@@ -111,6 +112,25 @@ Mesh square(CellType solid, int n, int axis) {
     result.points(i, axis) = 3;
   }
   return result;
+}
+
+// The nodes of the unit cube's top that are not on its border.
+std::vector<Index> inside_top(const Points& points) {
+  std::vector<Index> nodes;
+  for (Index n = 0; n < points.rows(); ++n) {
+    const auto x = points.row(n);
+    if (x[2] > 1 - 1e-9 && std::min({x[0], x[1], 1 - x[0], 1 - x[1]}) > 1e-9) nodes.push_back(n);
+  }
+  return nodes;
+}
+
+// Moves them in x and y, one to and the next fro, in a cube of n^3.
+void move_to_and_fro(const std::vector<Index>& nodes, int n, double amount, Points& positions) {
+  for (const Index node : nodes) {
+    auto x = positions.row(node);
+    const bool is_even = (std::lround(n * x[0]) + std::lround(n * x[1])) % 2 == 0;
+    x.head<2>().array() += is_even ? amount : -amount;
+  }
 }
 
 // Has them slide in x and y from where they are at `positions`, which must outlive them.
@@ -594,14 +614,8 @@ TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[vol
   const FixedCube cube(testing::cube(type, 6));
   Points positions = cube.mesh.points;
   SlidingNodes top;
-  for (Index n = 0; n < cube.mesh.node_count(); ++n) {
-    auto x = positions.row(n);
-    if (x[2] < 1 - 1e-9) continue;
-    if (std::min({x[0], x[1], 1 - x[0], 1 - x[1]}) < 1e-9) continue;
-    top.nodes.push_back(n);
-    const bool is_even = (std::lround(6 * x[0]) + std::lround(6 * x[1])) % 2 == 0;
-    x.head<2>().array() += is_even ? 0.035 : -0.035;
-  }
+  top.nodes = inside_top(positions);
+  move_to_and_fro(top.nodes, 6, 0.035, positions);
   for (Index n = 0; twist > 0 && n < cube.mesh.node_count(); ++n) {
     const Vector3d axis(0.5, 0.5, 0), x = positions.row(n);
     const Eigen::AngleAxisd turn(twist * (x.z() - 1), Vector3d::UnitZ());
@@ -640,13 +654,8 @@ TEST_CASE("Where little was lost, nodes slide in cells that feel how flat they a
   const FixedCube cube(testing::cube(type, 6));
   Points positions = cube.mesh.points;
   SlidingNodes top;
-  for (Index n = 0; n < cube.mesh.node_count(); ++n) {
-    auto x = positions.row(n);
-    if (x[2] < 1 - 1e-9 || std::min({x[0], x[1], 1 - x[0], 1 - x[1]}) < 1e-9) continue;
-    top.nodes.push_back(n);
-    const bool is_even = (std::lround(6 * x[0]) + std::lround(6 * x[1])) % 2 == 0;
-    x.head<2>().array() += is_even ? 0.017 : -0.017;
-  }
+  top.nodes = inside_top(positions);
+  move_to_and_fro(top.nodes, 6, 0.017, positions);
   slide_in_plane(positions, top);
   top.is_within = [](Index, const Eigen::Vector2d&) { return true; };
   const BestMeshReport inner = cube.raised(positions).report;
@@ -665,13 +674,11 @@ TEST_CASE("Images of nodes that no attempt moves stay where they are", "[volume]
   const FixedCube cube(testing::cube(CellType::Hexahedron, 8));
   Points positions = cube.mesh.points;
   SlidingNodes top;
-  for (Index n = 0; n < cube.mesh.node_count(); ++n) {
-    auto x = positions.row(n);
-    if (x[2] < 1 - 1e-9 || std::min({x[0], x[1], 1 - x[0], 1 - x[1]}) < 1e-9) continue;
-    top.nodes.push_back(n);
-    const bool is_even = (std::lround(8 * x[0]) + std::lround(8 * x[1])) % 2 == 0;
-    if (x[0] < 0.3) x.head<2>().array() += is_even ? 0.04 : -0.04;
-  }
+  top.nodes = inside_top(positions);
+  std::vector<Index> near;
+  std::ranges::copy_if(top.nodes, std::back_inserter(near),
+                       [&](Index n) { return positions(n, 0) < 0.3; });
+  move_to_and_fro(near, 8, 0.04, positions);
   slide_in_plane(positions, top);
   top.is_within = [](Index, const Eigen::Vector2d&) { return true; };
   // Two that are images of each other, far from what is poor, go a little farther each time.
