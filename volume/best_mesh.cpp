@@ -517,22 +517,24 @@ class BestMesh {
     return result;
   }
 
-  // The cells below the worst that could be kept, with layers of cells round them.
-  Patch patch_of_few() {
+  // The nodes of `seeds` that may move, of the first until so many cells change, and of layers of
+  // cells round them.
+  Patch patch_round(std::vector<Index> seeds, int layers, double most) const {
     std::vector<char> has_node(mesh_.node_count(), 0), has_cell(mesh_.cell_count(), 0);
-    std::vector<Index> cells = seeds();
-    std::erase_if(cells, [&](Index c) { return at_.quality.values[c] >= can_keep_.min; });
-    for (const Index c : cells) has_cell[c] = 1;
-    std::size_t first = 0;
+    std::vector<Index> cells = std::move(seeds);
+    Index changed = 0;
     const auto take = [&](Index node) {
       if (is_fixed_[node] || mid_nodes_.contains(node) || std::exchange(has_node[node], 1)) return;
       for (const Index c : incidence_->cells(node))
-        if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1))
+        if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1)) {
           cells.push_back(c);
+          ++changed;
+        }
     };
-    for (int layer = 0; layer < kLayers; ++layer)
-      for (const std::size_t last = cells.size(); first < last; ++first) {
-        const Index cell = cells[first];
+    std::size_t next = 0;
+    for (int layer = 0; layer < layers; ++layer)
+      for (const std::size_t last = cells.size(); next < last && double(changed) < most; ++next) {
+        const Index cell = cells[next];
         for (const Index node : mesh_.cell(cell)) for_images(node, take);
       }
     Patch result;
@@ -542,27 +544,15 @@ class BestMesh {
     return result;
   }
 
-  Patch patch(bool is_first) {
-    if (are_few_) return patch_of_few();
-    std::vector<char> has_node(mesh_.node_count(), 0), has_cell(mesh_.cell_count(), 0);
+  Patch patch(bool is_first) const {
+    std::vector<Index> worst = seeds();
+    if (are_few_) {
+      std::erase_if(worst, [&](Index c) { return at_.quality.values[c] >= can_keep_.min; });
+      return patch_round(std::move(worst), kLayers, double(mesh_.cell_count()) + 1);
+    }
     const bool is_near = !lost_much_ && (is_first || kept() >= kNearlyKept);
     const double share = is_near ? kMostNeighboursNear : kMostNeighbours;
-    const double most = share * double(result_.quality.cells);
-    Patch result;
-    Index cells = 0;
-    const auto take = [&](Index node) {
-      if (is_fixed_[node] || mid_nodes_.contains(node) || std::exchange(has_node[node], 1)) return;
-      for (const Index c : incidence_->cells(node))
-        if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1)) ++cells;
-    };
-    for (const Index seed : seeds()) {
-      if (double(cells) >= most) break;
-      for (const Index node : mesh_.cell(seed)) for_images(node, take);
-    }
-    result.nodes = marked(has_node);
-    result.cells = marked(has_cell);
-    add_followers(result, has_node);
-    return result;
+    return patch_round(std::move(worst), 1, share * double(result_.quality.cells));
   }
 
   // `has_node`: of all nodes, those of the patch.
