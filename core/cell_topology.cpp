@@ -109,7 +109,6 @@ constexpr auto kQuadraticLinearWedgeFaces =
     curved_faces(kWedgeFaces, Edges(kWedgeEdges).first(6), 6);
 constexpr auto kBiquadraticWedgeFaces = curved_faces(kWedgeFaces, kWedgeEdges, 6, 2, 3);
 constexpr auto kQuadraticPyramidFaces = curved_faces(kPyramidFaces, kPyramidEdges, 5);
-
 constexpr auto kBiquadraticPyramidFaces = curved_faces(kPyramidFaces, kPyramidEdges, 5, 0, 1);
 
 constexpr std::size_t kTypes = static_cast<std::size_t>(Polyhedron) + 1;

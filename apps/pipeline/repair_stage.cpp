@@ -209,6 +209,7 @@ bool move_and_repair(const BaseSide& base, VolumeMorphResult* one_step, Sliding&
   std::optional<VolumeMorphResult> first;
   if (has_corners_to_repair(base)) {
     step_once(base, one_step, clock, result);
+    if (result.validity.invalid == 0) return false;
     if (result.validity.invalid > base.validity.invalid &&
         go_by_corners(base, sliding, clock, result))
       return true;
