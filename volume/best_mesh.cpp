@@ -31,8 +31,7 @@ using Eigen::VectorXd;
 constexpr double kLostAny = 0.999, kLost = 0.98;
 // Surface nodes leave the place that the CAD's parameters give them only where less than the second
 // share is kept of what a stretch of the part leaves: after all that inner nodes can do, or, where
-// less than the first is, before, and with more work. Where the scaled Jacobian does not feel how
-// flat a cell is, only less than the first.
+// less than the first is, before, and with more work.
 constexpr double kKeptLittle = 0.75, kKeptEnough = 0.9;
 // Of the size of what moves, a body in a far field or the whole part: above what exchanged CAD
 // differs by, below a change that costs quality.
@@ -145,8 +144,7 @@ class BestMesh {
       };
       if (!has_lost_much()) {
         raise_inner();
-        if (feels_flatness() && least_share(result_.report.best, can_keep_) < kKeptEnough)
-          raise_by_sliding();
+        if (least_share(result_.report.best, can_keep_) < kKeptEnough) raise_by_sliding();
       } else if (!raise_by_sliding()) {
         raise_inner();
       }
@@ -186,18 +184,6 @@ class BestMesh {
   // No solid cells, and not those of a mesh in a plane, the same as the reference's.
   bool is_shell() const {
     return dimension(mesh_) < 3 && plane_normal(mesh_, reference_.points, came_.points).isZero(0);
-  }
-
-  // Right angles hide how flat sliding makes hexahedra and quadrilaterals: by a quarter of their
-  // mean ratio and more, where little was lost.
-  bool feels_flatness() const {
-    for (Index c = 0; c < mesh_.cell_count(); ++c) {
-      const Shape shape = info_of(mesh_.types[c]).shape;
-      if (is_measured(came_.quality.values[c]) && shape != Shape::Simplex &&
-          shape != Shape::Triangle && shape != Shape::Prism && shape != Shape::Pyramid)
-        return false;
-    }
-    return true;
   }
 
   // Cells of a plane mesh that turned over are not valid.
@@ -588,6 +574,7 @@ class BestMesh {
       ShapeEnergy energy(linear ? *linear : mesh_, reference_.points, at_.positions,
                          std::move(free), around.cells, orientation_of_corners_, volumes);
       energy.set_power(doublings);
+      energy.keep_flatness(came_.points);
       RaiseAttempt attempt;
       attempt.by = by;
       attempt.power = 1 << doublings;

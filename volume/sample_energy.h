@@ -25,6 +25,7 @@ struct alignas(64) SampleEnergy {
 struct SamplePowers {
   int squarings;  ///< p = 2^(squarings + 1), at least 1
   int kept;       ///< that of the shape of reference: 2^kept
+  double scale;   ///< by which the ratio to that power is multiplied before
 };
 
 /// The summands of ShapeEnergy. `edges`: x, y, z of the first edge, then of the others;

@@ -37,6 +37,9 @@ constexpr int kFaceDoublings = 2;
 // With finite volumes a cell that kept its shape counts as a face of 50 degrees.
 constexpr double kShapeWeight = 1.5;
 constexpr double kLeastShape = 0.01;
+// (|F|^2 / 3)^3 / det(F)^2 of a cell that may become as flat as this: of a stretch or a pressing to
+// half and double.
+constexpr double kFreelyFlat = 2;
 // Cells that a thread takes at a time.
 constexpr Index kGrain = 256;
 
@@ -338,6 +341,46 @@ void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
   });
 }
 
+ShapeEnergy::Extremes ShapeEnergy::extremes(const Points& points) const {
+  std::vector<Extremes> of_chunks(chunks_.size());
+  parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
+    for (Index c = begin; c < end; ++c) {
+      if (chunks_[c].are_tetrahedra) continue;
+      Extremes& own = of_chunks[c];
+      for_each_group(chunks_[c], points, [&](Index group, auto lanes, const auto& edges) {
+        const SampleReference& reference = references_[group];
+        for (std::size_t l = 0; l < lanes.size(); ++l) {
+          const Matrix3d j = lane_of(edges, l);
+          const double det = j.determinant(), ratio = det * reference.inverse_determinant[l];
+          own.least_quality = std::min(own.least_quality, reference.unit[l] * det /
+                                                              j.colwise().norm().prod());
+          if (ratio == 0) continue;
+          Matrix3d metric;
+          int k = 0;
+          for (int column = 0; column < 3; ++column)
+            for (int row = column; row < 3; ++row)
+              metric(row, column) = metric(column, row) = reference.metric[k++][l];
+          const double third = (j * metric).cwiseProduct(j).sum() / 3;
+          own.greatest_ratio = std::max(own.greatest_ratio, third * third * third / (ratio * ratio));
+        }
+      });
+    }
+  });
+  Extremes result;
+  for (const Extremes& own : of_chunks) {
+    result.least_quality = std::min(result.least_quality, own.least_quality);
+    result.greatest_ratio = std::max(result.greatest_ratio, own.greatest_ratio);
+  }
+  return result;
+}
+
+void ShapeEnergy::keep_flatness(const Points& plain) {
+  if (faces_) return;
+  const double quality = extremes(placed_).least_quality;
+  const double ratio = std::max(kFreelyFlat, extremes(of_nodes(plain)).greatest_ratio);
+  if (quality > 0) ratio_scale_ = 1 / (quality * quality * ratio);
+}
+
 void ShapeEnergy::read_nodes(Index cell, const Points& points, NodeRows& x) const {
   const Index first = first_node_[cell], count = first_node_[cell + 1] - first;
   if (x.rows() != count) x.resize(count, 3);
@@ -364,11 +407,13 @@ Matrix3d ShapeEnergy::edges(const Sample& sample, const NodeRows& x, const Vecto
 // positive; returns their energy.
 template <class Visit>
 double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
+  const bool feels_flatness = chunk.are_tetrahedra && !faces_;
+  const SamplePowers powers{squarings_, feels_flatness ? squarings_ - 1 : squarings_,
+                            chunk.are_tetrahedra ? 1 : ratio_scale_};
   double sum = 0;
   SampleEnergy result;
   for_each_group(chunk, placed_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
-    evaluate_samples(edges, references_[group], chunk.are_tetrahedra,
-                     {squarings_, faces_ ? squarings_ : squarings_ - 1}, result);
+    evaluate_samples(edges, references_[group], chunk.are_tetrahedra, powers, result);
     for (std::size_t l = 0; l < lanes.size(); ++l) {
       sum += result.energy[l];
       visit(lanes[l], result.energy[l], lane_of(result.by_edges, l), lane_of(edges, l));

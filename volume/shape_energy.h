@@ -19,13 +19,15 @@ namespace cadmorph {
 /// How poor cells are, as a smooth function of the free nodes. Of all samples of the scaled
 /// Jacobian (docs/quality.md), with q the value of one and J its edges or tangents, it is
 ///
-///     1/p log sum_cells mean_samples [ q^-p + k ((|F|^2 / 3)^3 / det(F)^2)^(p/4) ],   F = J J0^-1
+///     1/p log sum_cells mean_samples [ q^-p + k (s r)^n ],   r = (|F|^2 / 3)^3 / det(F)^2,
 ///
-/// J0 that of the same sample in a mesh of reference. The first term goes to -log min q for large
-/// p; the second keeps each cell near its shape of reference, a thin layer above all its height.
+/// F = J J0^-1, J0 that of the same sample in a mesh of reference. The first term goes to
+/// -log min q for large p; the second keeps each cell near its shape of reference, a thin layer
+/// above all its height. For tetrahedra, whose q feels how flat they are, n = p/4, s = 1; for the
+/// others n = p/2, and s is 1 or set by keep_flatness.
 /// The sum has EdgeSpacing with the power p of nodes that slide along edges, too.
 /// For finite volumes FaceEnergy with the power 4 p is added, q is divided by its value in the mesh
-/// of reference, and p/2 takes the place of p/4. Infinite where a sample is not positive.
+/// of reference, and n = p/2, s = 1 for all. Infinite where a sample is not positive.
 class ShapeEnergy {
  public:
   /// Of solid `cells`, or those of a mesh of shells, at `positions` (N x 3) to start with, which
@@ -38,6 +40,10 @@ class ShapeEnergy {
 
   /// Sets the power p to 2^doublings, of 2 to 7.
   void set_power(int doublings) { squarings_ = doublings - 1; }
+
+  /// Has cells other than tetrahedra become hardly flatter than the flattest at `plain` (N x 3):
+  /// that flat one counts as much as the least q does where the nodes are now. O(cells).
+  void keep_flatness(const Points& plain);
 
   /// Value at the unknowns with its gradient. The same to the last bit for any number of threads;
   /// O(cells).
@@ -93,6 +99,12 @@ class ShapeEnergy {
   void set_normals(const Points& points);
   void make_chunks();
   void set_references(const Chunk& chunk, const Points& points);
+  /// Of all samples but those of tetrahedra.
+  struct Extremes {
+    double least_quality = 1;   ///< q
+    double greatest_ratio = 1;  ///< r
+  };
+  Extremes extremes(const Points& points) const;
   template <class Visit>
   void for_each_group(const Chunk& chunk, const Points& points, Visit&& visit) const;
   template <class Visit>
@@ -120,6 +132,7 @@ class ShapeEnergy {
   Eigen::Vector3d normal_;
   std::vector<Eigen::Vector3d> normals_;
   int squarings_ = 1;
+  double ratio_scale_ = 1;  ///< s
   std::vector<std::unique_ptr<Samples>> samples_;     ///< of a cell type; then of polyhedra
   std::vector<std::vector<LocalMidNode>> mid_nodes_;  ///< of a cell type
   std::vector<Cell> cells_;
