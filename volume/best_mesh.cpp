@@ -44,6 +44,8 @@ constexpr double kMainly = 0.1;
 // much is kept.
 constexpr double kMostSeeds = 0.05;
 constexpr double kMostNeighbours = 0.4, kMostNeighboursNear = 0.1, kNearlyKept = 0.96;
+// So many times as many are taken where those of a bin would be parted else.
+constexpr double kWholeBins = 2;
 // A cell that kept this share of its scaled Jacobian is left alone.
 constexpr double kKept = 0.99;
 // The work ends after so many passes over the mesh, and on small meshes evaluations of cells; where
@@ -90,6 +92,10 @@ QualityReport of_faces(std::vector<double> values) {
   }
   result.values = std::move(values);
   return result;
+}
+
+std::size_t bin_of(double value) {
+  return std::size_t(std::clamp((value + 1) / 2, 0.0, 1.0) * (kBins - 1));
 }
 
 // Ascending.
@@ -483,24 +489,28 @@ class BestMesh {
       for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
   }
 
-  // The worst cells of those that lost, worst first.
+  // The worst cells of those that lost, worst first. Those of a bin come together: mirror images in
+  // a mesh, which differ by rounding.
   std::vector<Index> seeds() const {
     const std::vector<double>& values = at_.quality.values;
     std::vector<Index> result;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (is_measured(values[c]) && values[c] < kKept * reference_quality().values[c])
         result.push_back(c);
-    const auto most =
-        static_cast<std::size_t>(std::max(1.0, kMostSeeds * double(result_.quality.cells)));
-    const auto is_worse = [&](Index a, Index b) {
-      return std::pair(values[a], a) < std::pair(values[b], b);
-    };
-    if (result.size() > most) {
-      std::ranges::nth_element(result, result.begin() + std::ptrdiff_t(most), is_worse);
-      result.resize(most);
-    }
-    std::ranges::sort(result, is_worse);
+    std::ranges::sort(result, {}, [&](Index c) { return std::pair(bin_of(values[c]), c); });
+    const double most = std::max(1.0, kMostSeeds * double(result_.quality.cells));
+    std::size_t count = 0;
+    while (count < result.size() &&
+           (double(count) < most || (double(count) < kWholeBins * most && is_alike(result, count))))
+      ++count;
+    result.resize(count);
     return result;
+  }
+
+  // Whether the cell at `next` is of the same bin as the one before.
+  bool is_alike(const std::vector<Index>& cells, std::size_t next) const {
+    const std::vector<double>& values = at_.quality.values;
+    return next > 0 && bin_of(values[cells[next - 1]]) == bin_of(values[cells[next]]);
   }
 
   // The nodes of `seeds` that may move, of the first until so many cells change, and of layers of
@@ -519,7 +529,10 @@ class BestMesh {
     };
     std::size_t next = 0;
     for (int layer = 0; layer < layers; ++layer)
-      for (const std::size_t last = cells.size(); next < last && double(changed) < most; ++next) {
+      for (const std::size_t last = cells.size();
+           next < last && (double(changed) < most ||
+                           (double(changed) < kWholeBins * most && is_alike(cells, next)));
+           ++next) {
         const Index cell = cells[next];
         for (const Index node : mesh_.cell(cell)) for_images(node, take);
       }
@@ -557,7 +570,7 @@ class BestMesh {
   void raise(RaiseBy by, int doublings) {
     const bool is_first = std::ranges::all_of(
         result_.report.attempts, [](const RaiseAttempt& tried) { return tried.power == 0; });
-    if (kept() >= (by == RaiseBy::SlidingNodes ? kKeptEnough : is_first ? kLostAny : kLost)) return;
+    if (kept() >= (is_first ? kLostAny : kLost)) return;
     if (spoilt_ == std::pair(by, doublings)) return;
     const std::vector<char> was_fixed = is_fixed_;
     for (int trial = 0; trial < kTrials && work_left() > 0; ++trial) {
@@ -790,9 +803,6 @@ double sum_of_shares(const WorstCells& after, const WorstCells& base) {
 
 WorstCells worst_cells(const QualityReport& quality) {
   // Few values need an order: those of the bins that hold the least.
-  const auto bin = [](double value) {
-    return std::size_t(std::clamp((value + 1) / 2, 0.0, 1.0) * (kBins - 1));
-  };
   constexpr Index kGrain = 1 << 16;
   const Index cells = std::ssize(quality.values);
   const auto chunk = [&](Index begin, Index end) {
@@ -802,7 +812,7 @@ WorstCells worst_cells(const QualityReport& quality) {
   parallel_for(cells, kGrain, [&](Index begin, Index end) {
     std::array<std::size_t, kBins> some{};
     for (const double value : chunk(begin, end))
-      if (is_measured(value)) ++some[bin(value)];
+      if (is_measured(value)) ++some[bin_of(value)];
     for (std::size_t i = 0; i < kBins; ++i) sizes[i] += some[i];
   });
   const std::size_t measured = std::accumulate(sizes.begin(), sizes.end(), std::size_t{0});
@@ -815,7 +825,7 @@ WorstCells worst_cells(const QualityReport& quality) {
   parallel_for(cells, kGrain, [&](Index begin, Index end) {
     std::vector<double> least;
     std::ranges::copy_if(chunk(begin, end), std::back_inserter(least),
-                         [&](double value) { return is_measured(value) && bin(value) <= last; });
+                         [&](double value) { return is_measured(value) && bin_of(value) <= last; });
     std::ranges::copy(least, values.begin() + std::ptrdiff_t(next.fetch_add(least.size())));
   });
   std::ranges::nth_element(values, values.begin() + std::ptrdiff_t(count - 1));

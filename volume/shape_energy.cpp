@@ -352,8 +352,8 @@ ShapeEnergy::Extremes ShapeEnergy::extremes(const Points& points) const {
         for (std::size_t l = 0; l < lanes.size(); ++l) {
           const Matrix3d j = lane_of(edges, l);
           const double det = j.determinant(), ratio = det * reference.inverse_determinant[l];
-          own.least_quality = std::min(own.least_quality, reference.unit[l] * det /
-                                                              j.colwise().norm().prod());
+          own.least_quality =
+              std::min(own.least_quality, reference.unit[l] * det / j.colwise().norm().prod());
           if (ratio == 0) continue;
           Matrix3d metric;
           int k = 0;
@@ -361,7 +361,8 @@ ShapeEnergy::Extremes ShapeEnergy::extremes(const Points& points) const {
             for (int row = column; row < 3; ++row)
               metric(row, column) = metric(column, row) = reference.metric[k++][l];
           const double third = (j * metric).cwiseProduct(j).sum() / 3;
-          own.greatest_ratio = std::max(own.greatest_ratio, third * third * third / (ratio * ratio));
+          own.greatest_ratio =
+              std::max(own.greatest_ratio, third * third * third / (ratio * ratio));
         }
       });
     }

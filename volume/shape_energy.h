@@ -132,7 +132,7 @@ class ShapeEnergy {
   Eigen::Vector3d normal_;
   std::vector<Eigen::Vector3d> normals_;
   int squarings_ = 1;
-  double ratio_scale_ = 1;  ///< s
+  double ratio_scale_ = 1;                            ///< s
   std::vector<std::unique_ptr<Samples>> samples_;     ///< of a cell type; then of polyhedra
   std::vector<std::vector<LocalMidNode>> mid_nodes_;  ///< of a cell type
   std::vector<Cell> cells_;

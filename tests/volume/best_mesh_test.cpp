@@ -696,6 +696,39 @@ TEST_CASE("Where little was lost, nodes slide, too", "[volume][best]") {
   CHECK(sum_of_shares(slid.best, slid.base) >= sum_of_shares(inner.best, inner.base));
 }
 
+TEST_CASE("What is symmetric is raised to be symmetric", "[volume][best]") {
+  const int n = GENERATE(6, 8, 9);
+  const FixedCube cube(testing::cube(CellType::Hexahedron, n));
+  const Points& base = cube.mesh.points;
+  Points positions = base;
+  SlidingNodes top;
+  top.nodes = inside_top(base);
+  for (const Index node : top.nodes) {
+    const Eigen::Vector2d x = base.row(node).head<2>().transpose().array() - 0.5;
+    positions.row(node).head<2>() += (1.2 * (0.5 - x.cwiseAbs().maxCoeff()) * x).transpose();
+  }
+  slide_in_plane(positions, top);
+  top.is_within = [](Index, const Eigen::Vector2d&) { return true; };
+  BestMeshOptions options;
+  if (GENERATE(false, true)) options.sliding = [&] { return &top; };
+  const BestMeshResult result = cube.raised(positions, options);
+  CHECK(result.report.best.worst_twentieth > 1.01 * result.report.plain.worst_twentieth);
+  const auto node_at = [&](const Eigen::RowVector3d& x) {
+    Index nearest;
+    (base.rowwise() - x).rowwise().squaredNorm().minCoeff(&nearest);
+    return nearest;
+  };
+  double most = 0;
+  for (Index node = 0; node < base.rows(); ++node)
+    for (int axis = 0; axis < 2; ++axis) {
+      Eigen::RowVector3d x = base.row(node), image = result.positions.row(node);
+      x[axis] = 1 - x[axis];
+      image[axis] = 1 - image[axis];
+      most = std::max(most, (result.positions.row(node_at(x)) - image).norm());
+    }
+  CHECK(most < 1e-3 / n);
+}
+
 TEST_CASE("Right angles don't come from flat cells", "[volume][best]") {
   // A square of triangles with three quadrilaterals in each.
   const Mesh triangles = square(CellType::QuadraticTetra, 3, 2);
