@@ -44,6 +44,7 @@
 #include "cad/fault_guard.h"
 #include "cad/healing.h"
 #include "cad/packed_model.h"
+#include "core/byte_order_mark.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -72,18 +73,16 @@ struct StepSource {
   std::optional<std::string_view> bytes = {};
 };
 
-// What Windows' editors put before a text in UTF-8; OCCT takes it for a syntax error.
-constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-
+// Reads it behind a byte-order mark, which OCCT takes for a syntax error.
 IFSelect_ReturnStatus read_source(STEPControl_Reader& reader, const StepSource& source) {
   if (source.bytes) {
-    std::istringstream in{
-        std::string(source.bytes->substr(source.bytes->starts_with(kByteOrderMark) ? 3 : 0))};
+    std::istringstream in{std::string(source.bytes->substr(byte_order_mark_size(*source.bytes)))};
     return reader.ReadStream(source.name.c_str(), in);
   }
   std::ifstream file(source.name, std::ios::binary);
-  if (read_part(file, 0, 3) != kByteOrderMark) return reader.ReadFile(source.name.c_str());
-  return reader.ReadStream(source.name.c_str(), file.seekg(3));
+  const std::size_t mark = byte_order_mark_size(read_part(file, 0, 3));
+  if (mark == 0) return reader.ReadFile(source.name.c_str());
+  return reader.ReadStream(source.name.c_str(), file.seekg(std::streamoff(mark)));
 }
 
 // From 2^53 on doubles lie more than a whole unit apart: nothing has its place there, and OCCT,

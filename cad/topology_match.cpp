@@ -16,6 +16,7 @@
 #include "cad/match_choice.h"
 #include "cad/match_refusal.h"
 #include "cad/match_search.h"
+#include "core/byte_order_mark.h"
 #include "core/errors.h"
 
 namespace cadmorph {
@@ -32,7 +33,6 @@ constexpr double kInPlane = 1e-6;
 constexpr double kOfOtherKind = 0.8;
 // Short edges that are looked through for slivers: 20 pairs of models to match at most.
 constexpr std::size_t kMostSlivers = 6;
-constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of spreadsheets
 
 // Colours with the first `count` of the pairs given, or nothing where these can't be.
 std::optional<ColourRefinement> with_given(ColourRefinement colours, const MatchOptions& options,
@@ -366,7 +366,7 @@ std::vector<std::pair<int, int>> read_face_map(const std::filesystem::path& path
   std::vector<std::pair<int, int>> pairs;
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
-    if (number == 1 && line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
+    if (number == 1) line.erase(0, byte_order_mark_size(line));
     line = line.substr(0, line.find('#'));
     std::replace(line.begin(), line.end(), ',', ' ');
     std::istringstream fields(line);

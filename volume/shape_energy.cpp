@@ -408,9 +408,9 @@ Matrix3d ShapeEnergy::edges(const Sample& sample, const NodeRows& x, const Vecto
 // positive; returns their energy.
 template <class Visit>
 double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
-  const bool feels_flatness = chunk.are_tetrahedra && !faces_;
-  const SamplePowers powers{squarings_, feels_flatness ? squarings_ - 1 : squarings_,
-                            chunk.are_tetrahedra ? 1 : ratio_scale_};
+  const bool keeps_flatness = ratio_scale_ > 0 && !chunk.are_tetrahedra;
+  const SamplePowers powers{squarings_, faces_ || keeps_flatness ? squarings_ : squarings_ - 1,
+                            keeps_flatness ? ratio_scale_ : 1};
   double sum = 0;
   SampleEnergy result;
   for_each_group(chunk, placed_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {

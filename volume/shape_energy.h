@@ -23,8 +23,7 @@ namespace cadmorph {
 ///
 /// F = J J0^-1, J0 that of the same sample in a mesh of reference. The first term goes to
 /// -log min q for large p; the second keeps each cell near its shape of reference, a thin layer
-/// above all its height. For tetrahedra, whose q feels how flat they are, n = p/4, s = 1; for the
-/// others n = p/2, and s is 1 or set by keep_flatness.
+/// above all its height: n = p/4, s = 1, unless keep_flatness sets them.
 /// The sum has EdgeSpacing with the power p of nodes that slide along edges, too.
 /// For finite volumes FaceEnergy with the power 4 p is added, q is divided by its value in the mesh
 /// of reference, and n = p/2, s = 1 for all. Infinite where a sample is not positive.
@@ -41,8 +40,9 @@ class ShapeEnergy {
   /// Sets the power p to 2^doublings, of 2 to 7.
   void set_power(int doublings) { squarings_ = doublings - 1; }
 
-  /// Has cells other than tetrahedra become hardly flatter than the flattest at `plain` (N x 3):
-  /// that flat one counts as much as the least q does where the nodes are now. O(cells).
+  /// Has cells other than tetrahedra, whose q feels how flat they are, become hardly flatter than
+  /// the flattest at `plain` (N x 3): n = p/2, and s such that this one counts as much as the least
+  /// q does where the nodes are now. Not for finite volumes. O(cells).
   void keep_flatness(const Points& plain);
 
   /// Value at the unknowns with its gradient. The same to the last bit for any number of threads;
@@ -132,7 +132,7 @@ class ShapeEnergy {
   Eigen::Vector3d normal_;
   std::vector<Eigen::Vector3d> normals_;
   int squarings_ = 1;
-  double ratio_scale_ = 1;                            ///< s
+  double ratio_scale_ = 0;                            ///< s of keep_flatness; 0: not set
   std::vector<std::unique_ptr<Samples>> samples_;     ///< of a cell type; then of polyhedra
   std::vector<std::vector<LocalMidNode>> mid_nodes_;  ///< of a cell type
   std::vector<Cell> cells_;

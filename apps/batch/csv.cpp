@@ -5,11 +5,10 @@
 #include <algorithm>
 
 #include "apps/pipeline/output_file.h"
+#include "core/byte_order_mark.h"
 
 namespace cadmorph {
 namespace {
-
-constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 
 // Takes libcsv's fields and ends of records.
 struct Collector {
@@ -73,9 +72,7 @@ std::string quoted(const std::string& field) {
 
 std::vector<CsvRecord> read_csv(const std::filesystem::path& path) {
   const std::string text = read_bytes(path);
-  std::string_view rest = text;
-  if (rest.starts_with(kByteOrderMark)) rest.remove_prefix(kByteOrderMark.size());
-  return Parser(path.string()).run(rest);
+  return Parser(path.string()).run(std::string_view(text).substr(byte_order_mark_size(text)));
 }
 
 std::string csv_line(const std::vector<std::string>& fields) {

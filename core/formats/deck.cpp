@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "core/byte_order_mark.h"
 #include "core/errors.h"
 #include "core/formats/number_fields.h"
 #include "core/parallel.h"
@@ -330,7 +331,7 @@ void DeckSources::fail_expected(DeckPlace place, std::string_view what,
 }
 
 std::string_view take_line(std::string_view text, std::size_t& at) {
-  const std::size_t begin = at;
+  const std::size_t begin = at == 0 ? byte_order_mark_size(text) : at;
   const std::size_t end = std::min(text.find('\n', at), text.size());
   at = std::min(end + 1, text.size());
   std::string_view line = text.substr(begin, end - begin);

@@ -118,7 +118,8 @@ class DeckSources {
   bool has_repeats_ = false;
 };
 
-/// The line of a text that begins at `at`, without its end; moves `at` to the next line.
+/// The line of a text that begins at `at`, without its end, and the first one without a byte-order
+/// mark; moves `at` to the next line.
 std::string_view take_line(std::string_view text, std::size_t& at);
 
 inline constexpr std::size_t kTextBlock = 1 << 18;

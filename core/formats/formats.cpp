@@ -4,6 +4,7 @@
 #include <cctype>
 #include <system_error>
 
+#include "core/byte_order_mark.h"
 #include "core/errors.h"
 #include "core/formats/source_file.h"
 
@@ -44,6 +45,7 @@ FileStart start_of(const fs::path& path) {
   start.is_folder = fs::is_directory(status);
   if (start.is_folder) return start;
   start.bytes = read_start(path, kStartBytes);
+  start.bytes.erase(0, byte_order_mark_size(start.bytes));
   if (start.bytes.empty()) fail_reading(path, "it is empty; write or copy it again");
   std::string extension = lower(mesh_extension(path));
   if (extension.ends_with(".gz")) extension.resize(extension.size() - 3);

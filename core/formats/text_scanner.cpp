@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
+#include "core/byte_order_mark.h"
 #include "core/formats/mesh_format.h"
 
 namespace cadmorph {
@@ -35,7 +36,7 @@ std::size_t read_short_integer(const char* begin, const char* end, std::int64_t&
 
 TextScanner::TextScanner(std::string_view text, std::filesystem::path path, char comment,
                          std::string_view separators)
-    : text_(text), path_(std::move(path)), comment_(comment) {
+    : text_(text), path_(std::move(path)), comment_(comment), at_(byte_order_mark_size(text)) {
   for (const char c : std::string_view(" \t\n\r\f\v"))
     ends_word_[static_cast<unsigned char>(c)] = true;
   for (const char c : separators) ends_word_[static_cast<unsigned char>(c)] = true;

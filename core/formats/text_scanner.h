@@ -19,8 +19,9 @@ struct TextToken {
   std::uint64_t length : 16 = 0;
 };
 
-/// Reads words and numbers out of a text; an error names file and line. Where numbers follow
-/// numbers the other threads read ahead, a MB at a time: from then on it must stay where it is.
+/// Reads words and numbers out of a text, behind its byte-order mark; an error names file and line.
+/// Where numbers follow numbers the other threads read ahead, a MB at a time: from then on it must
+/// stay where it is.
 class TextScanner {
  public:
   /// `text` must outlive it. `comment`, if not 0, begins a comment that runs to the line's end.

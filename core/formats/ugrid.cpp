@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 
+#include "core/byte_order_mark.h"
 #include "core/formats/coordinate_places.h"
 #include "core/formats/formats.h"
 #include "core/formats/number_input.h"
@@ -55,7 +56,7 @@ constexpr SolidKind kSolids[] = {
 
 /// Whether the file is text: in a binary one counts have bytes that are no characters.
 bool is_text(std::string_view bytes) {
-  return std::ranges::all_of(bytes.substr(0, kHeaderSize),
+  return std::ranges::all_of(bytes.substr(0, kHeaderSize).substr(byte_order_mark_size(bytes)),
                              [](unsigned char c) { return std::isprint(c) || std::isspace(c); });
 }
 

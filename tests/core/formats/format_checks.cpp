@@ -165,6 +165,15 @@ void require_promise(const fs::path& path, const FormatFolder& folder, const std
   const MeshFile read_back(back);
   REQUIRE(is_there(read_back.mesh().points, mesh.points));
   require_same_contents(read_back.mesh(), mesh);
+
+  if (fs::is_directory(copy) || bytes_of(copy).find('\0') != std::string::npos) return;
+  const std::string marked = "\xef\xbb\xbf" + bytes_of(copy);
+  folder.put(out, marked);
+  const MeshFile read_marked(copy);
+  REQUIRE(read_marked.mesh().points == read_moved.mesh().points);
+  require_same_contents(read_marked.mesh(), mesh);
+  read_marked.write(back, read_marked.mesh().points);
+  REQUIRE(bytes_of(back) == marked);
 }
 
 void require_robust(const fs::path& path, const FormatFolder& folder) {

@@ -43,7 +43,8 @@ void require_same_contents(const Mesh& a, const Mesh& b);
 /// - moved by an affine map, every node reads back within `tolerance` (0: to the last bit) of the
 ///   largest coordinate, with the same cells, groups and regions; nothing else in the file changes,
 ///   which the way back shows: coordinates restored to the old values give a file that reads as the
-///   old one.
+///   old one;
+/// - a text is read behind a byte-order mark, too, which the copy keeps.
 /// `out` names the copy, in a format's own spelling ("out.su2").
 void require_promise(const std::filesystem::path& path, const FormatFolder& folder,
                      const std::string& out, double tolerance = 0);
