@@ -497,9 +497,15 @@ class BestMesh {
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (is_measured(values[c]) && values[c] < kKept * reference_quality().values[c])
         result.push_back(c);
-    std::ranges::sort(result, {}, [&](Index c) { return std::pair(bin_of(values[c]), c); });
     const double most = std::max(1.0, kMostSeeds * double(result_.quality.cells));
-    std::size_t count = 0;
+    const auto first = [&](Index c) { return std::pair(bin_of(values[c]), c); };
+    std::size_t count = std::size_t(std::ceil(kWholeBins * most));
+    if (result.size() > count) {
+      std::ranges::nth_element(result, result.begin() + std::ptrdiff_t(count), {}, first);
+      result.resize(count);
+    }
+    std::ranges::sort(result, {}, first);
+    count = 0;
     while (count < result.size() &&
            (double(count) < most || (double(count) < kWholeBins * most && is_alike(result, count))))
       ++count;

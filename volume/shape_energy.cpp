@@ -304,10 +304,20 @@ void ShapeEnergy::for_each_group(const Chunk& chunk, const Points& points, Visit
   std::size_t count = 0;
   NodeRows x;
   for (Index i = chunk.first; i < chunk.last; ++i) {
-    read_nodes(i, points, x);
+    const std::uint32_t* const nodes = &nodes_[first_node_[i]];
+    bool has_read = false;
     for (const Sample& sample : *cells_[i].samples) {
-      const Matrix3d j = ShapeEnergy::edges(sample, x, normals_.empty() ? normal_ : normals_[i]);
-      for (int k = 0; k < 9; ++k) edges[k][count] = j.data()[k];
+      if (sample.is_corner_of_solid()) {
+        const double* const from = points.data() + 3 * std::ptrdiff_t(nodes[sample.corner[0]]);
+        for (int k = 0; k < 3; ++k) {
+          const double* const to = points.data() + 3 * std::ptrdiff_t(nodes[sample.corner[k + 1]]);
+          for (int axis = 0; axis < 3; ++axis) edges[3 * k + axis][count] = to[axis] - from[axis];
+        }
+      } else {
+        if (!std::exchange(has_read, true)) read_nodes(i, points, x);
+        const Matrix3d j = ShapeEnergy::edges(sample, x, normals_.empty() ? normal_ : normals_[i]);
+        for (int k = 0; k < 9; ++k) edges[k][count] = j.data()[k];
+      }
       lanes[count++] = {i, &sample};
       if (count < lanes.size()) continue;
       visit(reference++, std::span(lanes), edges);
@@ -445,10 +455,12 @@ void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edges,
     slopes.noalias() += sample.slopes.lazyProduct(by_edges.transpose());
     return;
   }
-  for (int k = 0; k < edge_count(sample); ++k) {
-    slopes.row(sample.corner[k + 1]) += by_edges.col(k).transpose();
-    slopes.row(sample.corner[0]) -= by_edges.col(k).transpose();
-  }
+  const int count = edge_count(sample);
+  for (int k = 0; k < count; ++k)
+    for (int axis = 0; axis < 3; ++axis) {
+      slopes(sample.corner[k + 1], axis) += by_edges(axis, k);
+      slopes(sample.corner[0], axis) -= by_edges(axis, k);
+    }
 }
 
 void ShapeEnergy::give_to_corners(const Chunk& chunk, Points& slopes) const {

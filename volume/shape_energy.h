@@ -68,6 +68,8 @@ class ShapeEnergy {
     std::array<int, 4> corner;
     NodeRows slopes;  ///< weights of the cell's nodes, where not empty
     double unit;      ///< one over the determinant in the ideal cell with unit edges
+
+    bool is_corner_of_solid() const { return slopes.size() == 0 && corner[3] >= 0; }
   };
   using Samples = std::vector<Sample>;
   static int edge_count(const Sample& sample) { return sample.corner[3] < 0 ? 2 : 3; }
