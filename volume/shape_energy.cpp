@@ -414,6 +414,21 @@ Matrix3d ShapeEnergy::edges(const Sample& sample, const NodeRows& x, const Vecto
   return j;
 }
 
+inline void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edges,
+                                    double* of_nodes) {
+  if (sample.slopes.size() > 0) {
+    Eigen::Map<Points>(of_nodes, sample.slopes.rows(), 3).noalias() +=
+        sample.slopes.lazyProduct(by_edges.transpose());
+    return;
+  }
+  const int count = edge_count(sample);
+  for (int k = 0; k < count; ++k)
+    for (int axis = 0; axis < 3; ++axis) {
+      of_nodes[3 * sample.corner[k + 1] + axis] += by_edges(axis, k);
+      of_nodes[3 * sample.corner[0] + axis] -= by_edges(axis, k);
+    }
+}
+
 // Calls visit(lane, energy, slopes by the edges, edges) for each sample of a chunk, while all are
 // positive; returns their energy.
 template <class Visit>
@@ -449,20 +464,6 @@ double ShapeEnergy::add_faces(const Chunk& chunk, Points& slopes, Visit&& visit)
   return sum;
 }
 
-void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edges,
-                             Eigen::Ref<Points> slopes) {
-  if (sample.slopes.size() > 0) {
-    slopes.noalias() += sample.slopes.lazyProduct(by_edges.transpose());
-    return;
-  }
-  const int count = edge_count(sample);
-  for (int k = 0; k < count; ++k)
-    for (int axis = 0; axis < 3; ++axis) {
-      slopes(sample.corner[k + 1], axis) += by_edges(axis, k);
-      slopes(sample.corner[0], axis) -= by_edges(axis, k);
-    }
-}
-
 void ShapeEnergy::give_to_corners(const Chunk& chunk, Points& slopes) const {
   if (!free_.has_followers()) return;
   for (Index i = chunk.first; i < chunk.last; ++i) {
@@ -494,7 +495,7 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
       slopes.setZero(first_node_[chunk.last] - first_node_[chunk.first], 3);
       energies[c] =
           evaluate(chunk, [&](const Lane& lane, double, const Matrix3d& by_edges, const auto&) {
-            add_slopes(*lane.sample, by_edges, of_cell(slopes, chunk, lane.cell));
+            add_slopes(*lane.sample, by_edges, of_cell(slopes, chunk, lane.cell).data());
           });
       if (faces_ && std::isfinite(energies[c]))
         energies[c] += add_faces(chunk, slopes, [](auto&&...) {});
@@ -537,7 +538,7 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
             const Sample& sample = *lane.sample;
             const Cell& cell = cells_[lane.cell];
             energies[lane.cell - chunk.first] += energy;
-            add_slopes(sample, by_edges, of_cell(slopes, chunk, lane.cell));
+            add_slopes(sample, by_edges, of_cell(slopes, chunk, lane.cell).data());
             const Matrix3d inverse = j.inverse();  // rows: how the edges' coordinates vary in space
             const auto add = [&](Index node, double square) {
               ChunkSums::Block& block = sums_->block(first_node_[lane.cell] + node);

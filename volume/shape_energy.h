@@ -113,8 +113,8 @@ class ShapeEnergy {
   double evaluate(const Chunk& chunk, Visit&& visit) const;
   template <class Visit>
   double add_faces(const Chunk& chunk, Points& slopes, Visit&& visit) const;
-  static void add_slopes(const Sample& sample, const Eigen::Matrix3d& by_edges,
-                         Eigen::Ref<Points> slopes);
+  /// `of_nodes`: x, y, z of each node of the cell.
+  static void add_slopes(const Sample& sample, const Eigen::Matrix3d& by_edges, double* of_nodes);
   /// Gives the slopes of nodes that follow their corners to these.
   void give_to_corners(const Chunk& chunk, Points& slopes) const;
   /// The rows of a cell's nodes in a matrix of all those of a chunk.
