@@ -6,99 +6,39 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <span>
 #include <utility>
 
 #include "core/parallel.h"
-#include "core/rbf/register.h"
+#include "core/rbf/tile_sum.h"
 
 namespace cadmorph {
 namespace {
 
 using Eigen::MatrixXd;
 
-constexpr int kTile = 16;  // targets that are summed together
-
 // Targets that a thread takes at a time.
 constexpr Index kGrain = 512;
 
-// The sources near a tile of targets.
-struct Task {
-  const double* points;
-  Index point_stride;
-  const double* weights;
-  Index weight_stride;
+// Wendland's kernel of the sources near a tile of targets. A source beyond the support adds zero:
+// which of those are among the sources makes no difference.
+struct NearKernel {
   std::span<const Index> sources;
-  double support;
-};
+  double scale;  // one over the support
 
-// Sums for one tile of targets x (3 x kTile) and M columns into out (M x kTile). A source beyond
-// the support adds zero: which of those are among the sources makes no difference.
-template <int Bytes, int M>
-CADMORPH_INLINE void sum_tile(const Task& t, const double* x, const double* weights, double* out) {
-  using Vec = typename Register<Bytes>::Vec;
-  constexpr int kLanes = Register<Bytes>::kLanes, kUnroll = kTile / kLanes;
-  Vec place[kUnroll][3], sum[kUnroll][M];
-  for (int u = 0; u < kUnroll; ++u) {
-    for (int d = 0; d < 3; ++d) std::memcpy(&place[u][d], x + d * kTile + u * kLanes, sizeof(Vec));
-    for (int m = 0; m < M; ++m) sum[u][m] = Vec{};
+  Index source_count() const { return std::ssize(sources); }
+  Index source(Index i) const { return sources[std::size_t(i)]; }
+
+  template <class Vec>
+  CADMORPH_INLINE void evaluate(Vec& r) const {
+    take_root(r);
+    r *= scale;
+    Vec rest = 1 - r;
+    rest = rest > 0 ? rest : Vec{};
+    const Vec square = rest * rest;
+    r = square * square * (4 * r + 1);
   }
-  const double scale = 1 / t.support;
-  for (const Index j : t.sources)
-    for (int u = 0; u < kUnroll; ++u) {
-      const Vec dx = place[u][0] - t.points[j];
-      const Vec dy = place[u][1] - t.points[j + t.point_stride];
-      const Vec dz = place[u][2] - t.points[j + 2 * t.point_stride];
-      Vec r = dx * dx + dy * dy + dz * dz;
-      take_root(r);
-      r *= scale;
-      Vec rest = 1 - r;
-      rest = rest > 0 ? rest : Vec{};
-      const Vec square = rest * rest;
-      const Vec value = square * square * (4 * r + 1);
-      for (int m = 0; m < M; ++m) sum[u][m] += value * weights[m * t.weight_stride + j];
-    }
-  for (int m = 0; m < M; ++m)
-    for (int u = 0; u < kUnroll; ++u)
-      std::memcpy(out + m * kTile + u * kLanes, &sum[u][m], sizeof(Vec));
-}
-
-template <int Bytes>
-CADMORPH_INLINE void sum_columns(const Task& t, const double* x, Index columns, double* out) {
-  Index m = 0;
-  for (; m + 3 <= columns; m += 3)
-    sum_tile<Bytes, 3>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
-  for (; m < columns; ++m)
-    sum_tile<Bytes, 1>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
-}
-
-void sum_plain(const Task& t, const double* x, Index columns, double* out) {
-  sum_columns<16>(t, x, columns, out);
-}
-
-using TileSum = void (*)(const Task&, const double*, Index, double*);
-
-#if defined(__x86_64__)
-__attribute__((target("avx2"))) void sum_avx2(const Task& t, const double* x, Index columns,
-                                              double* out) {
-  sum_columns<32>(t, x, columns, out);
-}
-
-__attribute__((target("avx512f"))) void sum_avx512(const Task& t, const double* x, Index columns,
-                                                   double* out) {
-  sum_columns<64>(t, x, columns, out);
-}
-#endif
-
-TileSum tile_sum(simd::InstructionSet set) {
-#if defined(__x86_64__)
-  if (set == simd::InstructionSet::Avx512) return sum_avx512;
-  if (set == simd::InstructionSet::Avx2) return sum_avx2;
-#endif
-  (void)set;
-  return sum_plain;
-}
+};
 
 struct Box {
   std::array<double, 3> low, high;
@@ -131,28 +71,15 @@ void find_near(const BoxTree& tree, int id, const Box& box, double squared_reach
     if (squared_gap(tree.point(j), tree.point(j), box) <= squared_reach) sources.push_back(j);
 }
 
-// A tile of targets. The last one is filled up: every target goes through the same instructions.
-struct Tile {
-  Tile(const Eigen::Ref<const MatrixXd>& targets, Index begin)
-      : count(std::min<Index>(kTile, targets.rows() - begin)) {
-    for (int d = 0; d < 3; ++d)
-      for (Index i = 0; i < kTile; ++i)
-        x[d * kTile + i] = targets(begin + std::min(i, count - 1), d);
+Box box_of(const TargetTile& tile) {
+  Box result{};
+  for (int d = 0; d < 3; ++d) {
+    const auto [low, high] = std::minmax_element(tile.x + d * kTile, tile.x + (d + 1) * kTile);
+    result.low[d] = *low;
+    result.high[d] = *high;
   }
-
-  Box box() const {
-    Box result{};
-    for (int d = 0; d < 3; ++d) {
-      const auto [low, high] = std::minmax_element(x + d * kTile, x + (d + 1) * kTile);
-      result.low[d] = *low;
-      result.high[d] = *high;
-    }
-    return result;
-  }
-
-  Index count;
-  double x[3 * kTile];
-};
+  return result;
+}
 
 // Spreads the lowest 21 bits to every third.
 std::uint64_t spread(std::uint64_t x) {
@@ -191,19 +118,14 @@ MatrixXd CompactSum::sum(const Eigen::Ref<const MatrixXd>& targets, const Matrix
                          const Near& near) const {
   const Index columns = weights.cols();
   MatrixXd result(targets.rows(), columns);
-  const TileSum sum_tile = tile_sum(set_);
+  const WeightedPoints from{points_->data(), points_->rows(), weights.data(), weights.rows()};
   parallel_for(targets.rows(), kGrain, [&](Index first, Index last) {
     std::vector<Index> buffer;
     std::vector<double> values(kTile * columns);
     for (Index begin = first; begin < last; begin += kTile) {
-      const Tile tile(targets, begin);
-      const Task task{points_->data(),
-                      points_->rows(),
-                      weights.data(),
-                      weights.rows(),
-                      near(begin / kTile, tile, buffer),
-                      support_};
-      sum_tile(task, tile.x, columns, values.data());
+      const TargetTile tile(targets, begin);
+      const NearKernel kernel{near(begin / kTile, tile, buffer), 1 / support_};
+      sum_tile(set_, kernel, from, tile, columns, values.data());
       for (Index m = 0; m < columns; ++m)
         for (Index i = 0; i < tile.count; ++i) result(begin + i, m) = values[m * kTile + i];
     }
@@ -215,9 +137,9 @@ MatrixXd CompactSum::operator()(const Eigen::Ref<const MatrixXd>& targets,
                                 const Eigen::Ref<const MatrixXd>& coefficients) const {
   const double reach = squared_reach(support_);
   return sum(targets, in_tree_order(coefficients),
-             [&](Index, const Tile& tile, std::vector<Index>& buffer) {
+             [&](Index, const TargetTile& tile, std::vector<Index>& buffer) {
                buffer.clear();
-               find_near(*tree_, 0, tile.box(), reach, buffer);
+               find_near(*tree_, 0, box_of(tile), reach, buffer);
                return std::span<const Index>(buffer);
              });
 }
@@ -228,7 +150,7 @@ CompactMatrix::CompactMatrix(const CompactSum& sum) : sum_(sum) {
   const double reach = squared_reach(sum.support_);
   parallel_for(static_cast<Index>(near_.size()), kGrain / kTile, [&](Index first, Index last) {
     for (Index i = first; i < last; ++i)
-      find_near(*sum.tree_, 0, Tile(points, i * kTile).box(), reach, near_[i]);
+      find_near(*sum.tree_, 0, box_of(TargetTile(points, i * kTile)), reach, near_[i]);
   });
 }
 

@@ -4,84 +4,27 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
-#include "core/rbf/register.h"
+#include "core/rbf/tile_sum.h"
 
 namespace cadmorph {
 namespace {
 
-constexpr int kTile = 16;  // targets that are summed together
+// r^(2 factors + 1), of all sources.
+struct OddPower {
+  Index count;
+  int factors;
 
-struct Task {
-  const double* sources;
-  Index source_stride, source_count;
-  const double* weights;
-  Index weight_stride;
-  int factors;  // the kernel is r^(2 factors + 1)
-};
+  Index source_count() const { return count; }
+  Index source(Index i) const { return i; }
 
-// Sums for one tile of targets x (3 x kTile) and M columns into out (M x kTile).
-template <int Bytes, int M>
-CADMORPH_INLINE void sum_tile(const Task& t, const double* x, const double* weights, double* out) {
-  using Vec = typename Register<Bytes>::Vec;
-  constexpr int kLanes = Register<Bytes>::kLanes, kUnroll = kTile / kLanes;
-  Vec place[kUnroll][3], sum[kUnroll][M];
-  for (int u = 0; u < kUnroll; ++u) {
-    for (int d = 0; d < 3; ++d) std::memcpy(&place[u][d], x + d * kTile + u * kLanes, sizeof(Vec));
-    for (int m = 0; m < M; ++m) sum[u][m] = Vec{};
+  template <class Vec>
+  CADMORPH_INLINE void evaluate(Vec& value) const {
+    const Vec r2 = value;
+    take_root(value);
+    for (int i = 0; i < factors; ++i) value *= r2;
   }
-  for (Index j = 0; j < t.source_count; ++j)
-    for (int u = 0; u < kUnroll; ++u) {
-      const Vec dx = place[u][0] - t.sources[j];
-      const Vec dy = place[u][1] - t.sources[j + t.source_stride];
-      const Vec dz = place[u][2] - t.sources[j + 2 * t.source_stride];
-      const Vec r2 = dx * dx + dy * dy + dz * dz;
-      Vec value = r2;
-      take_root(value);
-      for (int i = 0; i < t.factors; ++i) value *= r2;
-      for (int m = 0; m < M; ++m) sum[u][m] += value * weights[m * t.weight_stride + j];
-    }
-  for (int m = 0; m < M; ++m)
-    for (int u = 0; u < kUnroll; ++u)
-      std::memcpy(out + m * kTile + u * kLanes, &sum[u][m], sizeof(Vec));
-}
-
-template <int Bytes>
-CADMORPH_INLINE void sum_columns(const Task& t, const double* x, Index columns, double* out) {
-  Index m = 0;
-  for (; m + 3 <= columns; m += 3)
-    sum_tile<Bytes, 3>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
-  for (; m < columns; ++m)
-    sum_tile<Bytes, 1>(t, x, t.weights + m * t.weight_stride, out + m * kTile);
-}
-
-void sum_plain(const Task& t, const double* x, Index columns, double* out) {
-  sum_columns<16>(t, x, columns, out);
-}
-
-using TileSum = void (*)(const Task&, const double*, Index, double*);
-
-#if defined(__x86_64__)
-__attribute__((target("avx2"))) void sum_avx2(const Task& t, const double* x, Index columns,
-                                              double* out) {
-  sum_columns<32>(t, x, columns, out);
-}
-
-__attribute__((target("avx512f"))) void sum_avx512(const Task& t, const double* x, Index columns,
-                                                   double* out) {
-  sum_columns<64>(t, x, columns, out);
-}
-#endif
-
-TileSum tile_sum(simd::InstructionSet set) {
-#if defined(__x86_64__)
-  if (set == simd::InstructionSet::Avx512) return sum_avx512;
-  if (set == simd::InstructionSet::Avx2) return sum_avx2;
-#endif
-  (void)set;
-  return sum_plain;
-}
+};
 
 bool is_odd_power(const Kernel& kernel) {
   return kernel.kind == KernelKind::Polyharmonic && kernel.dimension % 2 == 1;
@@ -112,23 +55,14 @@ void ExactSum::add(const Eigen::Ref<const Eigen::MatrixXd>& targets,
                    const Eigen::Ref<const Eigen::MatrixXd>& weights,
                    Eigen::Ref<Eigen::MatrixXd> out) const {
   if (!is_odd_power(kernel_)) return add_other(kernel_, targets, sources, weights, out);
-  const Task task{.sources = sources.data(),
-                  .source_stride = sources.outerStride(),
-                  .source_count = sources.rows(),
-                  .weights = weights.data(),
-                  .weight_stride = weights.outerStride(),
-                  .factors = (2 * kernel_.order - kernel_.dimension - 1) / 2};
-  const TileSum sum = tile_sum(set_);
-  double x[3 * kTile];
+  const OddPower kernel{sources.rows(), (2 * kernel_.order - kernel_.dimension - 1) / 2};
+  const WeightedPoints from{sources.data(), sources.outerStride(), weights.data(),
+                            weights.outerStride()};
   Eigen::MatrixXd values(kTile, out.cols());
   for (Index begin = 0; begin < targets.rows(); begin += kTile) {
-    const Index count = std::min<Index>(kTile, targets.rows() - begin);
-    // The last tile is filled up: every target goes through the same instructions.
-    for (int d = 0; d < 3; ++d)
-      for (Index i = 0; i < kTile; ++i)
-        x[d * kTile + i] = targets(begin + std::min(i, count - 1), d);
-    sum(task, x, out.cols(), values.data());
-    out.middleRows(begin, count) += values.topRows(count);
+    const TargetTile tile(targets, begin);
+    sum_tile(set_, kernel, from, tile, out.cols(), values.data());
+    out.middleRows(begin, tile.count) += values.topRows(tile.count);
   }
 }
 
