@@ -573,4 +573,11 @@ Association associate(const CadModel& base, const Mesh& mesh, const Boundary& bo
   return result;
 }
 
+std::vector<RowId> Association::prescribed_rows() const {
+  std::vector<RowId> rows;
+  for (const RowId row : is_free.ids())
+    if (!is_free[row]) rows.push_back(row);
+  return rows;
+}
+
 }  // namespace cadmorph

@@ -34,14 +34,6 @@ std::shared_ptr<const CadModel> cad_at(Series& series, int step) {
   return cad;
 }
 
-// Of nodes whose positions are prescribed.
-std::vector<RowId> prescribed_rows(const Association& association) {
-  std::vector<RowId> rows;
-  for (const RowId row : association.is_free.ids())
-    if (!association.is_free[row]) rows.push_back(row);
-  return rows;
-}
-
 /// A CAD model with a mesh of it, from which the surface goes to another.
 class Stage {
  public:
@@ -50,7 +42,7 @@ class Stage {
         boundary_(boundary),
         start_(mesh.points(boundary.nodes, Eigen::all)),
         surface_(cad_, mesh, boundary),
-        rows_(prescribed_rows(surface_.association())) {}
+        rows_(surface_.association().prescribed_rows()) {}
 
   const std::vector<RowId>& rows() const { return rows_; }
 

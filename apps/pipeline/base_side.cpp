@@ -42,13 +42,6 @@ void count_others(const Mesh& mesh, const Boundary& boundary, PipelineReport& re
   report.mesh.loose_nodes = std::ranges::count(is_used, 0);
 }
 
-std::vector<RowId> prescribed_rows(const Association& association) {
-  std::vector<RowId> rows;
-  for (const RowId row : association.is_free.ids())
-    if (!association.is_free[row]) rows.push_back(row);
-  return rows;
-}
-
 }  // namespace
 
 BaseSide::BaseSide(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<const MeshFile> file,
@@ -100,7 +93,7 @@ void BaseSide::take_unnamed_interfaces(const std::vector<char>& parts) {
 }
 
 void BaseSide::set_up_volume() {
-  rows = prescribed_rows(association());
+  rows = association().prescribed_rows();
   std::vector<Index> nodes, free;
   for (const RowId row : rows) nodes.push_back(boundary.nodes[row]);
   std::ranges::set_difference(boundary.nodes, nodes, std::back_inserter(free));

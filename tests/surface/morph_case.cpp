@@ -43,13 +43,9 @@ Morphed morph(const MorphCase& c, const CadModel& variant, const SurfaceMorphOpt
   const SurfaceMorph surface(c.base, c.mesh, c.boundary, options);
   Morphed result;
   result.surface = surface.morph(variant, match_topology(*c.base, variant));
+  const std::vector<RowId> rows = surface.association().prescribed_rows();
   std::vector<Index> nodes;
-  std::vector<RowId> rows;
-  for (const RowId row : surface.association().is_free.ids())
-    if (!surface.association().is_free[row]) {
-      nodes.push_back(c.boundary.nodes[row]);
-      rows.push_back(row);
-    }
+  for (const RowId row : rows) nodes.push_back(c.boundary.nodes[row]);
   const Points prescribed = result.surface.positions(rows, Eigen::all);
   result.points = VolumeMorph(c.mesh, nodes).morph(prescribed);
   return result;
