@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <functional>
 #include <vector>
 
@@ -36,6 +37,17 @@ struct SlidingNodes {
   std::function<bool(Index i, const Eigen::Vector2d& slide)> is_within;
 
   std::vector<EdgeSegment> segments;  ///< of the edges with nodes that slide
+
+  /// The i of a node's nodes[i]; -1 where it does not slide.
+  Index find(Index node) const {
+    const auto found = std::ranges::lower_bound(nodes, node);
+    return found != nodes.end() && *found == node ? found - nodes.begin() : -1;
+  }
 };
+
+/// The same; -1 where none slides, which null says.
+inline Index find_slider(const SlidingNodes* sliding, Index node) {
+  return sliding ? sliding->find(node) : -1;
+}
 
 }  // namespace cadmorph

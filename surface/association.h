@@ -58,7 +58,8 @@ struct Association {
   EdgeId edge(RowId row) const { return EdgeId(entity[row]); }
   FaceId face(RowId row) const { return FaceId(entity[row]); }
   double t(RowId row) const { return uv.coeff(row, 0); }  ///< on its edge
-  /// Of the nodes whose positions the surface morph prescribes to the volume: all that are not free.
+  /// Of the nodes whose positions the surface morph prescribes to the volume: all that are not
+  /// free.
   std::vector<RowId> prescribed_rows() const;
 
   template <class Archive>

@@ -17,11 +17,7 @@ constexpr double kSame = 1e-15;  // of a way
 ImageSlides::ImageSlides(const std::vector<ImagePair>& images, const Boundary& boundary,
                          const SlidingNodes& sliding)
     : sliding_(sliding) {
-  const auto find = [&](RowId row) -> Index {
-    const Index node = boundary.nodes[row];
-    const auto found = std::ranges::lower_bound(sliding.nodes, node);
-    return found != sliding.nodes.end() && *found == node ? found - sliding.nodes.begin() : -1;
-  };
+  const auto find = [&](RowId row) { return sliding.find(boundary.nodes[row]); };
   for (const ImagePair& pair : images)
     for (std::size_t i = 0; i < pair.from.size(); ++i) {
       const Twins twins{find(pair.from[i]), find(pair.to[i]), pair.after.linear};

@@ -192,12 +192,8 @@ Index count_turned_facets(const Mesh& mesh, const Association& association,
   // Of a facet with the normal of its CAD face at a node that slides, if there is one.
   const auto cosine_of = [&](FacetId f) -> std::optional<double> {
     for (const RowId row : surface.facets[f]) {
-      const Index node = boundary.nodes[row];
-      const auto found = std::ranges::lower_bound(sliding.nodes, node);
-      if (association.dimension[row] != CadDimension::Face || found == sliding.nodes.end() ||
-          *found != node)
-        continue;
-      const Index i = found - sliding.nodes.begin();
+      const Index i = sliding.find(boundary.nodes[row]);
+      if (i < 0 || association.dimension[row] != CadDimension::Face) continue;
       const Tangents t = sliding.at(i, slides.row(i).transpose()).tangents;
       return area_vector(surface, moved, f).normalized().dot(t.col(0).cross(t.col(1)).normalized());
     }

@@ -681,7 +681,8 @@ class BestMesh {
   // For a node and all its images.
   void for_images(Index node, const auto& act) const {
     const std::vector<Index>* group = nullptr;
-    if (!images_.groups.empty() && is_slider(node)) group = group_of_[slider_of(node)];
+    if (const Index slider = images_.groups.empty() ? -1 : find_slider(sliding_, node); slider >= 0)
+      group = group_of_[slider];
     if (!group) return act(node);
     for (const Index i : *group) act(sliding_->nodes[i]);
   }
@@ -691,9 +692,8 @@ class BestMesh {
     const RowMatrix alike = images_.alike(state.slides);
     // Only the patch's: nodes amid edges go with their corners, and others are where they were.
     for (const Index node : around.nodes) {
-      if (!is_slider(node)) continue;
-      const Index i = slider_of(node);
-      if (alike.row(i) == state.slides.row(i)) continue;
+      const Index i = find_slider(sliding_, node);
+      if (i < 0 || alike.row(i) == state.slides.row(i)) continue;
       state.positions.row(node) = sliding_->at(i, alike.row(i)).point;
       state.slides.row(i) = alike.row(i);
     }
@@ -756,19 +756,14 @@ class BestMesh {
     const Eigen::RowVector3d move = state.positions.row(node) - home;
     if (move.isZero(0)) return false;
     state.positions.row(node) = home + kept * move;
-    if (!is_slider(node)) return true;
-    const Index i = slider_of(node);
+    const Index i = find_slider(sliding_, node);
+    if (i < 0) return true;
     state.slides.row(i) = slides_.row(i) + kept * (state.slides.row(i) - slides_.row(i));
     if (kept > 0) state.positions.row(node) = sliding_->at(i, state.slides.row(i)).point;
     return true;
   }
 
-  bool is_slider(Index node) const {
-    return sliding_ && std::ranges::binary_search(sliding_->nodes, node);
-  }
-  Index slider_of(Index node) const {
-    return std::ranges::lower_bound(sliding_->nodes, node) - sliding_->nodes.begin();
-  }
+  bool is_slider(Index node) const { return find_slider(sliding_, node) >= 0; }
 
   const Mesh& mesh_;
   const MeasuredShape &reference_, &came_;

@@ -5,24 +5,14 @@
 #include "core/parallel.h"
 
 namespace cadmorph {
-namespace {
 
 using Eigen::VectorXd;
-
-Index slide_of(const SlidingNodes* sliding, Index node) {
-  if (!sliding) return -1;
-  const auto found = std::ranges::lower_bound(sliding->nodes, node);
-  if (found == sliding->nodes.end() || *found != node) return -1;
-  return found - sliding->nodes.begin();
-}
-
-}  // namespace
 
 FreeNodes::FreeNodes(Index node_count, const std::vector<Index>& nodes, const SlidingNodes* sliding)
     : sliding_(sliding), local_(node_count, -1), tangents_(nodes.size()) {
   for (const Index node : nodes) {
     local_[node] = static_cast<Index>(nodes_.size());
-    const Index slide = slide_of(sliding, node);
+    const Index slide = find_slider(sliding, node);
     nodes_.push_back({node, unknowns_, slide});
     unknowns_ += slide < 0 ? 3 : 2;
   }

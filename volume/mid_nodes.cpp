@@ -90,12 +90,10 @@ Points MidNodes::carried(const Mesh& mesh, const Points& positions) const {
 
 MidNodes::Follower MidNodes::follower(Index i, const SlidingNodes* sliding) const {
   Follower result{i};
-  if (!sliding) return result;
-  const auto found = std::ranges::lower_bound(sliding->nodes, nodes_[i]);
-  if (found == sliding->nodes.end() || *found != nodes_[i]) return result;
-  result.slide = found - sliding->nodes.begin();
-  result.tangents =
-      sliding->at(result.slide, sliding->slides.row(result.slide).transpose()).tangents;
+  result.slide = find_slider(sliding, nodes_[i]);
+  if (result.slide >= 0)
+    result.tangents =
+        sliding->at(result.slide, sliding->slides.row(result.slide).transpose()).tangents;
   return result;
 }
 

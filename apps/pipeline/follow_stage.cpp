@@ -86,8 +86,7 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   std::vector<char> is_fixed = base.fixed_nodes();
   for (const RowId row : surface.entity.ids())
     if (const Index node = base.boundary.nodes[row];
-        std::ranges::binary_search(nodes.nodes, node) &&
-        !std::ranges::binary_search(surface.jointed, row))
+        nodes.find(node) >= 0 && !std::ranges::binary_search(surface.jointed, row))
       is_fixed[node] = 0;
   for (const Index node : base.layer_nodes().feet) is_fixed[node] = 1;
   Points moved = result.positions;

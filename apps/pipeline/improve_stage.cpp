@@ -25,11 +25,8 @@ bool take_back_worse(const BaseSide& base, const MorphResult& before, const Slid
       if (!(now.values[c] < before.quality.min)) continue;
       for (const Index node : mesh.cell(c)) {
         improved.positions.row(node) = before.positions.row(node);
-        if (!sliding) continue;
-        const auto slider = std::ranges::lower_bound(sliding->nodes, node);
-        if (slider != sliding->nodes.end() && *slider == node)
-          improved.slides.row(slider - sliding->nodes.begin()) =
-              sliding->slides.row(slider - sliding->nodes.begin());
+        if (const Index slider = find_slider(sliding, node); slider >= 0)
+          improved.slides.row(slider) = sliding->slides.row(slider);
       }
     }
     now = measure_quality(mesh, improved.positions, base.orientation);

@@ -12,6 +12,7 @@
 #include "apps/pipeline/repair_stage.h"
 #include "apps/pipeline/volume_steps.h"
 #include "core/remedies.h"
+#include "surface/surface_mesh.h"
 #include "volume/loose_nodes.h"
 
 namespace cadmorph {
@@ -188,11 +189,9 @@ void recount_folds(const BaseSide& base, Sliding& sliding, MorphResult& result) 
   SurfaceMorphResult& surface = result.surface;
   if (surface.folded_facets.empty()) return;
   const SlidingNodes& nodes = *sliding.nodes();
-  for (std::size_t i = 0; i < nodes.nodes.size(); ++i) {
-    const auto slot = std::ranges::lower_bound(base.boundary.nodes, nodes.nodes[i]);
-    const RowId row(slot - base.boundary.nodes.begin());
-    surface.uv.row(row) = nodes.parameters(Index(i), nodes.slides.row(Index(i)).transpose());
-  }
+  for (std::size_t i = 0; i < nodes.nodes.size(); ++i)
+    surface.uv.row(row_of(base.boundary, nodes.nodes[i])) =
+        nodes.parameters(Index(i), nodes.slides.row(Index(i)).transpose());
   surface.folded_facets = base.surface->folds_left(
       *result.variant, result.match, surface, result.positions(base.boundary.nodes, Eigen::all));
 }

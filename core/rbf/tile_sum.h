@@ -99,8 +99,7 @@ void sum_tile(simd::InstructionSet set, const Kernel& kernel, const WeightedPoin
               const TargetTile& tile, Index columns, double* out) {
   using namespace tile_sum_detail;
 #if defined(__x86_64__)
-  if (set == simd::InstructionSet::Avx512)
-    return sum_avx512(kernel, from, tile.x, columns, out);
+  if (set == simd::InstructionSet::Avx512) return sum_avx512(kernel, from, tile.x, columns, out);
   if (set == simd::InstructionSet::Avx2) return sum_avx2(kernel, from, tile.x, columns, out);
 #endif
   (void)set;
