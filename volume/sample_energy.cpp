@@ -124,7 +124,7 @@ CADMORPH_INLINE void evaluate_from(int first, const SampleLane edges[9],
   const Vec norm = dot(of_a, a) + dot(of_b, b) + dot(of_c, c), third = norm / 3;
   const Vec inverse_det0 = load_from<Vec>(first, reference.inverse_determinant),
             ratio = det * inverse_det0;
-  Vec kept = kKeep * power(powers.scale * (third * third * third / (ratio * ratio)), powers.kept);
+  Vec kept = kKeep * power(third * third * third / (ratio * ratio), powers.kept);
   Vec by_norm = 3 * share * kept / norm;
   const auto has_shape = inverse_det0 != zero;
   kept = has_shape ? kept : zero;

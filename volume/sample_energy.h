@@ -9,7 +9,9 @@ using SampleLane = double[kSampleLanes];
 /// What does not change while nodes move. J0: edges or tangents of the sample in the mesh of
 /// reference.
 struct alignas(64) SampleReference {
-  SampleLane metric[6];            ///< of J0^-1 J0^-T: 00, 10, 20, 11, 21, 22; zero: none to keep
+  /// Of J0^-1 J0^-T: 00, 10, 20, 11, 21, 22; zero: none to keep. Times a, the ratio counts a^3
+  /// times.
+  SampleLane metric[6];
   SampleLane inverse_determinant;  ///< 1 / det(J0); zero: none to keep
   SampleLane unit;  ///< signed: a determinant of a positive sample times this is positive, and one
                     ///< for unit edges in the ideal cell
@@ -25,7 +27,6 @@ struct alignas(64) SampleEnergy {
 struct SamplePowers {
   int squarings;  ///< p = 2^(squarings + 1), at least 1
   int kept;       ///< that of the shape of reference: 2^kept
-  double scale;   ///< by which the ratio to that power is multiplied before
 };
 
 /// The summands of ShapeEnergy. `edges`: x, y, z of the first edge, then of the others;

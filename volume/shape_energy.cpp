@@ -37,9 +37,9 @@ constexpr int kFaceDoublings = 2;
 // With finite volumes a cell that kept its shape counts as a face of 50 degrees.
 constexpr double kShapeWeight = 1.5;
 constexpr double kLeastShape = 0.01;
-// (|F|^2 / 3)^3 / det(F)^2 of a cell that may become as flat as this: of a stretch or a pressing to
-// half and double.
-constexpr double kFreelyFlat = 2;
+// (|F|^2 / 3)^3 / det(F)^2 of a cell that may become as flat as this: of a stretch by 1.6 or its
+// inverse.
+constexpr double kFreelyFlat = 1.5;
 // Cells that a thread takes at a time.
 constexpr Index kGrain = 256;
 
@@ -74,6 +74,19 @@ Eigen::Matrix3d lane_of(const SampleLane rows[9], std::size_t lane) {
   Eigen::Matrix3d result;
   for (int k = 0; k < 9; ++k) result.data()[k] = rows[k][lane];
   return result;
+}
+
+// (|F|^2 / 3)^3 / det(F)^2 of a sample's edges; 1 where there is no shape of reference.
+double flatness(const SampleReference& reference, std::size_t lane, const Matrix3d& j) {
+  const double ratio = j.determinant() * reference.inverse_determinant[lane];
+  if (ratio == 0) return 1;
+  Matrix3d metric;
+  int k = 0;
+  for (int column = 0; column < 3; ++column)
+    for (int row = column; row < 3; ++row)
+      metric(row, column) = metric(column, row) = reference.metric[k++][lane];
+  const double third = (j * metric).cwiseProduct(j).sum() / 3;
+  return third * third * third / (ratio * ratio);
 }
 
 }  // namespace
@@ -351,45 +364,37 @@ void ShapeEnergy::set_references(const Chunk& chunk, const Points& points) {
   });
 }
 
-ShapeEnergy::Extremes ShapeEnergy::extremes(const Points& points) const {
-  std::vector<Extremes> of_chunks(chunks_.size());
+template <class Visit>
+double ShapeEnergy::largest(const Points& points, Visit&& visit) {
+  std::vector<double> of_chunks(chunks_.size(), 1);
   parallel_for(std::ssize(chunks_), 1, [&](Index begin, Index end) {
     for (Index c = begin; c < end; ++c) {
       if (chunks_[c].are_tetrahedra) continue;
-      Extremes& own = of_chunks[c];
       for_each_group(chunks_[c], points, [&](Index group, auto lanes, const auto& edges) {
-        const SampleReference& reference = references_[group];
-        for (std::size_t l = 0; l < lanes.size(); ++l) {
-          const Matrix3d j = lane_of(edges, l);
-          const double det = j.determinant(), ratio = det * reference.inverse_determinant[l];
-          own.least_quality =
-              std::min(own.least_quality, reference.unit[l] * det / j.colwise().norm().prod());
-          if (ratio == 0) continue;
-          Matrix3d metric;
-          int k = 0;
-          for (int column = 0; column < 3; ++column)
-            for (int row = column; row < 3; ++row)
-              metric(row, column) = metric(column, row) = reference.metric[k++][l];
-          const double third = (j * metric).cwiseProduct(j).sum() / 3;
-          own.greatest_ratio =
-              std::max(own.greatest_ratio, third * third * third / (ratio * ratio));
-        }
+        for (std::size_t l = 0; l < lanes.size(); ++l)
+          of_chunks[c] = std::max(of_chunks[c], visit(references_[group], l, lane_of(edges, l)));
       });
     }
   });
-  Extremes result;
-  for (const Extremes& own : of_chunks) {
-    result.least_quality = std::min(result.least_quality, own.least_quality);
-    result.greatest_ratio = std::max(result.greatest_ratio, own.greatest_ratio);
-  }
-  return result;
+  return std::ranges::max(of_chunks);
 }
 
 void ShapeEnergy::keep_flatness(const Points& plain) {
-  if (faces_) return;
-  const double quality = extremes(placed_).least_quality;
-  const double ratio = std::max(kFreelyFlat, extremes(of_nodes(plain)).greatest_ratio);
-  if (quality > 0) ratio_scale_ = 1 / (quality * quality * ratio);
+  if (faces_ || chunks_.empty()) return;
+  const double worst = largest(placed_, [](const auto& reference, auto l, const Matrix3d& j) {
+    const double quality = reference.unit[l] * j.determinant() / j.colwise().norm().prod();
+    return quality > 0 ? 1 / quality : kInfinite;
+  });
+  if (!std::isfinite(worst)) return;
+  const Points at_plain = of_nodes(plain);
+  const double flattest = largest(at_plain, flatness);
+  largest(at_plain, [&](SampleReference& reference, auto l, const Matrix3d& j) {
+    const double free = std::max(kFreelyFlat, std::sqrt(flatness(reference, l, j) * flattest));
+    const double scale = std::cbrt(worst * worst / free);
+    for (SampleLane& entry : reference.metric) entry[l] *= scale;
+    return 1.0;
+  });
+  keeps_flatness_ = true;
 }
 
 void ShapeEnergy::read_nodes(Index cell, const Points& points, NodeRows& x) const {
@@ -433,9 +438,8 @@ inline void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edg
 // positive; returns their energy.
 template <class Visit>
 double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
-  const bool keeps_flatness = ratio_scale_ > 0 && !chunk.are_tetrahedra;
-  const SamplePowers powers{squarings_, faces_ || keeps_flatness ? squarings_ : squarings_ - 1,
-                            keeps_flatness ? ratio_scale_ : 1};
+  const bool is_half = faces_ || (keeps_flatness_ && !chunk.are_tetrahedra);
+  const SamplePowers powers{squarings_, is_half ? squarings_ : squarings_ - 1};
   double sum = 0;
   SampleEnergy result;
   for_each_group(chunk, placed_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {

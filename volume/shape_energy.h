@@ -40,9 +40,10 @@ class ShapeEnergy {
   /// Sets the power p to 2^doublings, of 2 to 7.
   void set_power(int doublings) { squarings_ = doublings - 1; }
 
-  /// Has cells other than tetrahedra, whose q feels how flat they are, become hardly flatter than
-  /// the flattest at `plain` (N x 3): n = p/2, and s such that this one counts as much as the least
-  /// q does where the nodes are now. Not for finite volumes. O(cells).
+  /// Has cells other than tetrahedra, whose q feels how flat they are, become little flatter than
+  /// at `plain` (N x 3), once: n = p/2, and s such that a sample whose r is the mean of its own and
+  /// of the largest there, as a geometric mean, counts as much as the least q does where the nodes
+  /// are now. Not for finite volumes. O(cells).
   void keep_flatness(const Points& plain);
 
   /// Value at the unknowns with its gradient. The same to the last bit for any number of threads;
@@ -101,12 +102,10 @@ class ShapeEnergy {
   void set_normals(const Points& points);
   void make_chunks();
   void set_references(const Chunk& chunk, const Points& points);
-  /// Of all samples but those of tetrahedra.
-  struct Extremes {
-    double least_quality = 1;   ///< q
-    double greatest_ratio = 1;  ///< r
-  };
-  Extremes extremes(const Points& points) const;
+  /// Calls visit(reference, lane, edges) for the samples of all cells but tetrahedra at `points`,
+  /// and returns the largest of what it returns and 1.
+  template <class Visit>
+  double largest(const Points& points, Visit&& visit);
   template <class Visit>
   void for_each_group(const Chunk& chunk, const Points& points, Visit&& visit) const;
   template <class Visit>
@@ -134,7 +133,7 @@ class ShapeEnergy {
   Eigen::Vector3d normal_;
   std::vector<Eigen::Vector3d> normals_;
   int squarings_ = 1;
-  double ratio_scale_ = 0;                            ///< s of keep_flatness; 0: not set
+  bool keeps_flatness_ = false;
   std::vector<std::unique_ptr<Samples>> samples_;     ///< of a cell type; then of polyhedra
   std::vector<std::vector<LocalMidNode>> mid_nodes_;  ///< of a cell type
   std::vector<Cell> cells_;

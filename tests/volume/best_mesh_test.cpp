@@ -293,19 +293,27 @@ TEST_CASE("Cells whose right angles hide it count as flat where they were not", 
     return std::pow((2 + height * height) / 3, 3) / (height * height);
   };
   const Points positions = pressed(0.25);
-  ShapeEnergy energy(cube.mesh, cube.mesh.points, positions,
-                     FreeNodes(cube.mesh.node_count(), {}, nullptr), all(cube.mesh.cell_count()),
-                     cube.orientation);
-  energy.set_power(7);
-  VectorXd unused;
+  const auto energy = [&](const Points* plain) {
+    ShapeEnergy shape(cube.mesh, cube.mesh.points, positions,
+                      FreeNodes(cube.mesh.node_count(), {}, nullptr), all(cube.mesh.cell_count()),
+                      cube.orientation);
+    shape.set_power(7);
+    if (plain) shape.keep_flatness(*plain);
+    VectorXd unused;
+    return shape({}, unused);
+  };
   // log(100) / 128 at most from the maximum. All q are 1.
-  CHECK(energy({}, unused) == Approx(std::log(ratio(0.25)) / 4).margin(0.04));
-  energy.keep_flatness(pressed(0.3));
-  CHECK(energy({}, unused) == Approx(std::log(ratio(0.25) / ratio(0.3)) / 2).margin(0.04));
-  energy.keep_flatness(cube.mesh.points);  // half the height is free
-  CHECK(energy({}, unused) == Approx(std::log(ratio(0.25) / 2) / 2).margin(0.04));
-  energy.keep_flatness(pressed(0.1));
-  CHECK(energy({}, unused) == Approx(0).margin(0.04));
+  CHECK(energy(nullptr) == Approx(std::log(ratio(0.25)) / 4).margin(0.04));
+  Points plain = pressed(0.3);
+  CHECK(energy(&plain) == Approx(std::log(ratio(0.25) / ratio(0.3)) / 2).margin(0.04));
+  CHECK(energy(&cube.mesh.points) == Approx(std::log(ratio(0.25) / 1.5) / 2).margin(0.04));
+  plain = pressed(0.1);
+  CHECK(energy(&plain) == Approx(0).margin(0.04));
+  // Half of the cells are flat: the others may become so, by half the logarithm.
+  plain = cube.mesh.points;
+  plain.col(2) = (0.2 * plain.col(2)).cwiseMax((plain.col(2).array() - 0.4).matrix());
+  CHECK(energy(&plain) ==
+        Approx(std::log(ratio(0.25) / std::sqrt(ratio(0.2) * ratio(1))) / 2).margin(0.04));
 }
 
 TEST_CASE("The slope of the energy counts the nodes that follow their corners", "[volume][best]") {
@@ -784,7 +792,7 @@ TEST_CASE("Right angles don't come from flat cells", "[volume][best]") {
     }
     return greatest;
   };
-  CHECK(longest_to_shortest(result.positions) < 1.8 * longest_to_shortest(positions));
+  CHECK(longest_to_shortest(result.positions) < 1.9 * longest_to_shortest(positions));
 }
 
 TEST_CASE("Images of nodes that no attempt moves stay where they are", "[volume][best]") {
