@@ -506,17 +506,18 @@ class BestMesh {
     }
     std::ranges::sort(result, {}, first);
     count = 0;
-    while (count < result.size() &&
-           (double(count) < most || (double(count) < kWholeBins * most && is_alike(result, count))))
-      ++count;
+    while (count < result.size() && has_room(double(count), most, result, count)) ++count;
     result.resize(count);
     return result;
   }
 
-  // Whether the cell at `next` is of the same bin as the one before.
-  bool is_alike(const std::vector<Index>& cells, std::size_t next) const {
+  // Whether the cell at `next` is still taken where `most` are to be and `taken` are: to the end of
+  // the bin of the one before, up to kWholeBins times as many.
+  bool has_room(double taken, double most, const std::vector<Index>& cells,
+                std::size_t next) const {
     const std::vector<double>& values = at_.quality.values;
-    return next > 0 && bin_of(values[cells[next - 1]]) == bin_of(values[cells[next]]);
+    return taken < most || (taken < kWholeBins * most && next > 0 &&
+                            bin_of(values[cells[next - 1]]) == bin_of(values[cells[next]]));
   }
 
   // The nodes of `seeds` that may move, of the first until so many cells change, and of layers of
@@ -536,9 +537,7 @@ class BestMesh {
     std::size_t next = 0;
     for (int layer = 0; layer < layers; ++layer)
       for (const std::size_t last = cells.size();
-           next < last && (double(changed) < most ||
-                           (double(changed) < kWholeBins * most && is_alike(cells, next)));
-           ++next) {
+           next < last && has_room(double(changed), most, cells, next); ++next) {
         const Index cell = cells[next];
         for (const Index node : mesh_.cell(cell)) for_images(node, take);
       }

@@ -438,8 +438,8 @@ inline void ShapeEnergy::add_slopes(const Sample& sample, const Matrix3d& by_edg
 // positive; returns their energy.
 template <class Visit>
 double ShapeEnergy::evaluate(const Chunk& chunk, Visit&& visit) const {
-  const bool is_half = faces_ || (keeps_flatness_ && !chunk.are_tetrahedra);
-  const SamplePowers powers{squarings_, is_half ? squarings_ : squarings_ - 1};
+  const bool has_half_power = faces_ || (keeps_flatness_ && !chunk.are_tetrahedra);
+  const SamplePowers powers{squarings_, has_half_power ? squarings_ : squarings_ - 1};
   double sum = 0;
   SampleEnergy result;
   for_each_group(chunk, placed_, [&](Index group, std::span<const Lane> lanes, const auto& edges) {
