@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -70,6 +71,9 @@ struct Mesh {
   std::vector<Index> polyhedron_faces;
   std::vector<int> regions;  ///< region id of each cell; empty when the mesh has no regions
   std::string region_array;  ///< name of the cell array that `regions` came from; may be empty
+  /// Regions that may be no more than blocks, which the mesher needed, and the number of what the
+  /// file names them with: those of one zone are told apart where the CAD has a face between them.
+  std::map<int, int> zone_of_block = {};
   std::vector<NodeGroup> groups = {};  ///< in the file's order
   std::vector<Tie> ties = {};          ///< in the file's order
   /// Whether solvers take a cell for what its faces enclose, as finite volumes do: no map, no

@@ -97,8 +97,7 @@ struct BestMeshResult {
 /// many morphs; below 99.9 % for one attempt), the nodes of the worst cells minimise ShapeEnergy
 /// with growing powers: the inner ones (not `is_fixed`, N; of shells those that slide within faces)
 /// first, then, where less than 90 % are kept of what the affine map nearest to the motion leaves
-/// (where less than three quarters are, before more is tried by inner nodes; of hexahedra and
-/// quadrilaterals, which do not feel how flat they are, only then), all those that slide,
+/// (where less than three quarters are, before more is tried by inner nodes), all those that slide,
 /// too, at last those round the cells below the worst alone. A motion that is an affine map is left
 /// as it is. An attempt is taken when neither figure is below that of `moved` (of rows, by more
 /// than a thousandth) and their sum, each as a share of the reference's, is the largest so far; no

@@ -1,5 +1,6 @@
 #include "volume/follow_slides.h"
 
+#include <Eigen/Dense>
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -13,8 +14,12 @@ namespace {
 
 using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
 
-// Directions that a node can go, unit vectors, a column each.
-using Ways = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3>;
+// A node that goes along its surface alone.
+struct Slider {
+  Index node, slide;                     ///< SlidingNodes::slides' row
+  Eigen::Matrix<double, 2, 3> to_slide;  ///< the slide that comes nearest to a step
+  Eigen::Matrix3d along;                 ///< what of a step is along the surface
+};
 
 // Over the square of the reach, of the weights that a node's edges had at their mean length: it
 // draws a node back that slides, so that what moves is forgotten there.
@@ -36,6 +41,31 @@ std::vector<Index> grow(const Mesh& mesh, const NodeCells& incidence, std::vecto
           if (!std::exchange(has_cell[c], 1)) cells.push_back(c);
   }
   return cells;
+}
+
+// Solves A x = b (count x 3) by preconditioned conjugate gradients, among those x whose rows at
+// `sliders` are along their surfaces.
+RowMatrix solve_along(const Matrix& a, const RowMatrix& b, const std::vector<Slider>& sliders) {
+  const auto project = [&](RowMatrix x) {
+    for (const Slider& slider : sliders) x.row(slider.node) *= slider.along;
+    return x;
+  };
+  const Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<Index>> factor(a);
+  RowMatrix x = RowMatrix::Zero(b.rows(), 3), residual = project(b);
+  const double allowed = kAccuracy * residual.norm();
+  RowMatrix direction = RowMatrix::Zero(b.rows(), 3);
+  double before = 1;
+  for (int k = 0; k < kMostIterations && residual.norm() > allowed; ++k) {
+    const RowMatrix z = project(factor.solve(residual));
+    const double now = residual.cwiseProduct(z).sum();
+    direction = z + now / before * direction;
+    const RowMatrix image = project(a * direction);
+    const double step = now / direction.cwiseProduct(image).sum();
+    x += step * direction;
+    residual -= step * image;
+    before = now;
+  }
+  return x;
 }
 
 }  // namespace
@@ -60,17 +90,17 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
   const Index count = std::ssize(nodes);
   FollowingNodes result{sliding.slides, moved};
   if (count == 0) return result;
-  // Nodes that slide go along their surfaces alone.
-  std::vector<Ways> ways(count, Ways{Eigen::Matrix3d::Identity()});
-  std::vector<Index> slider(count, -1), first(count + 1, 0);
+  std::vector<char> does_slide(count, 0);
+  std::vector<Slider> sliders;
   for (Index i = 0; i < std::ssize(sliding.nodes); ++i) {
     const Index a = unknown[sliding.nodes[i]];
     if (a < 0) continue;
-    slider[a] = i;
+    does_slide[a] = 1;
     const auto tangents = sliding.at(i, sliding.slides.row(i).transpose()).tangents;
-    ways[a] = tangents.leftCols(tangents.col(1).isZero(0) ? 1 : 2);
+    const Eigen::Matrix<double, 2, 3> to_slide =
+        tangents.completeOrthogonalDecomposition().pseudoInverse();
+    sliders.push_back({a, i, to_slide, tangents * to_slide});
   }
-  for (Index i = 0; i < count; ++i) first[i + 1] = first[i] + ways[i].cols();
   struct Row {
     std::vector<std::pair<Index, double>> weights;  // by node, ascending; its own one among them
     Eigen::RowVector3d pull;
@@ -90,7 +120,7 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
         if (unknown[b] >= 0) row.weights.emplace_back(unknown[b], -1 / square);
       }
     // By the long edges: thin cells are to pass on what moves across them, too.
-    if (slider[i] >= 0) sum += kDrawnBack / (reach * reach) * pairs * pairs / squares;
+    if (does_slide[i]) sum += kDrawnBack / (reach * reach) * pairs * pairs / squares;
     row.weights.emplace_back(i, sum);
     std::ranges::sort(row.weights);
     std::size_t last = 0;
@@ -102,46 +132,30 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
     row.weights.resize(last + 1);
     return row;
   };
-  Matrix matrix(first[count], first[count]);
-  Eigen::VectorXd right(first[count]);
+  Matrix matrix(count, count);
+  RowMatrix pulls(count, 3);
   std::vector<Row> rows(kRowsAtOnce);
   for (Index from = 0; from < count; from += kRowsAtOnce) {
     const Index to = std::min(from + kRowsAtOnce, count);
     parallel_for(to - from, 256, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) rows[i] = row_of(from + i);
     });
-    for (Index i = from; i < to; ++i)
-      for (Index k = 0; k < ways[i].cols(); ++k) {
-        right(first[i] + k) = rows[i - from].pull * ways[i].col(k);
-        matrix.startVec(first[i] + k);
-        for (const auto& [j, weight] : rows[i - from].weights)
-          for (Index l = 0; l < ways[j].cols(); ++l) {
-            const double part = i == j ? double(k == l) : ways[i].col(k).dot(ways[j].col(l));
-            if (part != 0) matrix.insertBack(first[i] + k, first[j] + l) = part * weight;
-          }
-      }
+    for (Index i = from; i < to; ++i) {
+      pulls.row(i) = rows[i - from].pull;
+      matrix.startVec(i);
+      for (const auto& [j, weight] : rows[i - from].weights) matrix.insertBack(i, j) = weight;
+    }
   }
   matrix.finalize();
-  Eigen::ConjugateGradient<
-      Matrix, Eigen::Lower | Eigen::Upper,
-      Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<Index>>>
-      solver;
-  solver.setTolerance(kAccuracy);
-  solver.setMaxIterations(kMostIterations);
-  solver.compute(matrix);
-  const Eigen::VectorXd steps = solver.solve(right);
-  for (Index i = 0; i < count; ++i) {
-    const Eigen::VectorXd step = steps.segment(first[i], ways[i].cols());
-    const Index node = nodes[i], s = slider[i];
-    if (s < 0) {
-      result.positions.row(node) += step.transpose();
-      continue;
-    }
-    Eigen::Vector2d slide = sliding.slides.row(s);
-    slide.head(step.size()) += step;
-    if (!sliding.is_within(s, slide)) continue;
-    result.slides.row(s) = slide;
-    result.positions.row(node) = sliding.at(s, slide).point;
+  const RowMatrix steps = solve_along(matrix, pulls, sliders);
+  for (Index i = 0; i < count; ++i)
+    if (!does_slide[i]) result.positions.row(nodes[i]) += steps.row(i);
+  for (const Slider& slider : sliders) {
+    const Eigen::Vector2d slide = sliding.slides.row(slider.slide).transpose() +
+                                  slider.to_slide * steps.row(slider.node).transpose();
+    if (!sliding.is_within(slider.slide, slide)) continue;
+    result.slides.row(slider.slide) = slide;
+    result.positions.row(nodes[slider.node]) = sliding.at(slider.slide, slide).point;
   }
   return result;
 }

@@ -9,6 +9,7 @@
 #include "core/cell_topology.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
+#include "surface/block_borders.h"
 #include "surface/motion_path.h"
 #include "surface/unnamed_interfaces.h"
 #include "volume/mid_nodes.h"
@@ -49,7 +50,7 @@ BaseSide::BaseSide(std::shared_ptr<const CadModel> base_cad, std::shared_ptr<con
     : options(with_progress_everywhere(std::move(all_options))),
       cad(std::move(base_cad)),
       mesh_file(std::move(file)) {
-  const bool starts_elsewhere = start.size() > 0;
+  starts_elsewhere = start.size() > 0;
   if (starts_elsewhere) set_start(std::move(start));
   if (auto turned = in_one_sense(mesh())) own = std::move(turned);
   PhaseClock clock(options.progress);
@@ -73,6 +74,7 @@ void BaseSide::set_up(PhaseClock& clock) {
   clock.start("association");
   surface = std::make_shared<SurfaceMorph>(cad, mesh(), boundary, options.surface);
   take_unnamed_interfaces(parts);
+  drop_block_borders();
   clock.start("volume set-up");
   set_up_volume();
   clock.start("quality before");
@@ -87,6 +89,24 @@ void BaseSide::take_unnamed_interfaces(const std::vector<char>& parts) {
   crossed_faces = found.crossed;
   if (found.faces.empty()) return;
   boundary = extract_boundary(mesh(), neighbours, parts, found.faces);
+  associate_anew();
+}
+
+// Faces between blocks of a mesh that are not in the CAD are no surface.
+void BaseSide::drop_block_borders() {
+  JoinedBlocks joined = join_blocks(mesh(), boundary, association());
+  if (joined.regions.empty()) return;
+  set_regions(std::move(joined.regions));
+  boundary = std::move(joined.boundary);
+  associate_anew();
+}
+
+void BaseSide::set_regions(std::vector<int> regions) {
+  if (!own) own = mesh_file->mesh();
+  own->regions = std::move(regions);
+}
+
+void BaseSide::associate_anew() {
   SurfaceMorphOptions known = options.surface;
   known.association.mesh_unit_mm = association().mesh_unit_mm;
   surface = std::make_shared<SurfaceMorph>(cad, mesh(), boundary, known);
@@ -108,14 +128,19 @@ void BaseSide::measure() {
 }
 
 void BaseSide::store(OutputArchive& archive) const {
-  archive(boundary, crossed_faces, association(), rows, orientation, neighbours, quality, validity,
-          checks);
+  const std::vector<int> joined =
+      mesh().regions == mesh_file->mesh().regions ? std::vector<int>() : mesh().regions;
+  archive(joined, boundary, crossed_faces, association(), rows, orientation, neighbours, quality,
+          validity, checks);
   volume->store(archive);
 }
 
 void BaseSide::restore(InputArchive& archive) {
   Association found;
-  archive(boundary, crossed_faces, found, rows, orientation, neighbours, quality, validity, checks);
+  std::vector<int> joined;
+  archive(joined, boundary, crossed_faces, found, rows, orientation, neighbours, quality, validity,
+          checks);
+  if (!joined.empty()) set_regions(std::move(joined));
   surface =
       std::make_shared<SurfaceMorph>(cad, mesh(), boundary, std::move(found), options.surface);
   volume.emplace(mesh(), options.volume, archive);
@@ -245,6 +270,7 @@ BaseSide::BaseSide(const BaseSide& curved, Straight)
       cad(curved.cad),
       mesh_file(curved.mesh_file),
       own(corners_alone(curved.mesh())),
+      starts_elsewhere(curved.starts_elsewhere),
       boundary(corners_alone(curved.boundary)),
       surface(curved.surface),
       orientation(orientation_of_corners(curved.mesh(), curved.orientation)),

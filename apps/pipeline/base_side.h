@@ -67,8 +67,9 @@ struct BaseSide {
   std::shared_ptr<const CadModel> cad;
   std::shared_ptr<const MeshFile> mesh_file;
   /// The file's mesh where the morph starts elsewhere, or where the cells of a plane mesh do not
-  /// all go round the same way (in_one_sense).
+  /// all go round the same way (in_one_sense), or where blocks were joined.
   std::optional<Mesh> own;
+  bool starts_elsewhere = false;  ///< than at the file's positions
 
   Boundary boundary;
   std::shared_ptr<const SurfaceMorph> surface;
@@ -95,6 +96,9 @@ struct BaseSide {
 
   void set_start(Points start);
   void take_unnamed_interfaces(const std::vector<char>& parts);
+  void drop_block_borders();
+  void set_regions(std::vector<int> regions);
+  void associate_anew();
   void set_up_volume();
   void measure();
   void fill_report();

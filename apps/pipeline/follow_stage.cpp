@@ -13,38 +13,48 @@
 namespace cadmorph {
 namespace {
 
-// Surface nodes follow what moves beside them where less than this share is kept, by raising too,
-// and that makes more of it by this factor; all the way, or where they fold then, the second share.
-// What moves far, so that many cells lose, is to be forgotten farther away (follow_neighbours'
-// reach, in cells); in large meshes that costs too much.
-constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
+// Surface nodes follow what moves beside them where less than the first share is kept and that
+// makes more of it by this factor, and where less than half is kept by raising, too; all the way,
+// or where they fold then, the second share. What moves far, so that many cells lose, is to be
+// forgotten farther away (follow_neighbours' reach, in cells); in large meshes that costs too much.
+constexpr double kKeptLittle = 0.75, kKeptHalf = 0.5, kWorthFollowing = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
 constexpr std::array kReaches{12, 24, 48, 96};
 constexpr Index kMostToReachFar = 300'000;
 // What follows is repaired where no more than so many times the cells are inverted that were
-// without: up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or took
-// ten morphs.
+// without: up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or
+// took ten morphs.
 constexpr Index kMostInverted = 4;
+// Or no more than one cell in so many: 12 of 74,000 were repaired in no time, 21 of 43,000 took
+// longer than all else and stayed.
+constexpr Index kFewInverted = 5'000;
 
-// Moves the volume anew with nodes at these slides, in as many steps as before, and repairs it
-// where it was repaired before, unless much more is inverted.
-void morph_with_slides(const BaseSide& base, Sliding& sliding, const RowMatrix& slides,
-                       PhaseClock& clock, MorphResult& result) {
+// Moves the volume anew with surface nodes that share of the way, in as many steps as before, and
+// repairs it where it was repaired before, unless much more is inverted.
+void morph_on_way(const BaseSide& base, const WayToFollow& way, double share, Sliding& sliding,
+                  PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();
+  RowMatrix slides = way.start + share * way.steps;
+  for (Index i = 0; i < slides.rows(); ++i)
+    if (!nodes.is_within(i, slides.row(i).transpose())) slides.row(i) = way.start.row(i);
+  way.images.hold_unlike(way.start, same_place(result), slides);
   const std::vector<Index>& prescribed = base.volume->surface_nodes();
   std::vector<Index> row_of(base.mesh().node_count(), -1);
   for (Index row = 0; row < std::ssize(prescribed); ++row) row_of[prescribed[row]] = row;
   for (Index i = 0; i < slides.rows(); ++i)
     if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
       result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
+  for (Index i = 0; i < std::ssize(way.plane_nodes); ++i)
+    result.surface_positions.row(row_of[way.plane_nodes[i]]) += share * way.plane_steps.row(i);
   const Index inverted = result.report.untangling ? result.report.untangling->before : 0;
   result.report.untangling.reset();
   SteppingOptions how = stepping(base);
   how.steps = result.report.stepping.steps;
   step_volume(base, result.surface_positions, how, clock, result, nullptr);
-  sliding.move_to(slides);
+  sliding.move_to(std::move(slides));
   settle_slid_nodes(base, result);
-  if (result.validity.invalid <= kMostInverted * inverted) {
+  if (result.validity.invalid <=
+      std::max(kMostInverted * inverted, base.quality.cells / kFewInverted)) {
     clock.start("untangling");
     untangle_result(base, Bending::Some, result);
     slide_surface(base, Bending::Some, sliding, result);
@@ -67,11 +77,11 @@ bool is_worth_following(const BaseSide& base, const QualityReport& now,
 
 std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
                                               const MorphResult& result) {
-  const bool can_follow = is_free(base) && base.options.quality != QualityMode::Fast &&
-                          base.options.can_repair && dimension(base.mesh()) == 3 &&
-                          !is_for_finite_volumes(base);
-  if (!can_follow || !has_lost_half(worst_cells(result.quality), worst_cells(base.quality)))
-    return std::nullopt;
+  const bool can_follow =
+      is_free(base) && base.options.quality != QualityMode::Fast && base.options.can_repair &&
+      (dimension(base.mesh()) == 3 || is_in_plane(result)) && !is_for_finite_volumes(base);
+  const WorstCells had = worst_cells(base.quality), now = worst_cells(result.quality);
+  if (!can_follow || least_share(now, had) >= kKeptLittle) return std::nullopt;
   const Mesh& mesh = base.mesh();
   const SlidingNodes& nodes = *sliding.nodes();
   if (sliding.known_way && sliding.known_way->start == nodes.slides) {
@@ -81,19 +91,18 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   }
   std::vector<Index> suffering;
   for (Index c = 0; c < mesh.cell_count(); ++c)
-    if (result.quality.values[c] < kKeptHalf * base.quality.values[c]) suffering.push_back(c);
+    if (result.quality.values[c] < kKeptLittle * base.quality.values[c]) suffering.push_back(c);
   const SurfaceMorphResult& surface = result.surface;
-  std::vector<char> is_fixed = base.fixed_nodes();
+  const bool is_plane = is_in_plane(result);
+  std::vector<char> is_fixed = is_plane ? nodes_to_leave(result) : base.fixed_nodes();
   for (const RowId row : surface.entity.ids())
     if (const Index node = base.boundary.nodes[row];
         nodes.find(node) >= 0 && !std::ranges::binary_search(surface.jointed, row))
       is_fixed[node] = 0;
-  for (const Index node : base.layer_nodes().feet) is_fixed[node] = 1;
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
-  const bool have_many_lost = worst_cells(result.quality).worst_twentieth <
-                              kKeptHalf * worst_cells(base.quality).worst_twentieth;
+  const bool have_many_lost = now.worst_twentieth < kKeptHalf * had.worst_twentieth;
   FollowingNodes found;
   QualityReport estimate;
   // Nodes amid edges follow their corners, so that edges stay as straight as they are.
@@ -116,9 +125,18 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
         mesh.node_count() > kMostToReachFar)
       break;
   }
-  WayToFollow way{.start = nodes.slides,
-                  .steps = found.slides - nodes.slides,
-                  .images = ImageSlides(surface.images, base.boundary, nodes)};
+  // It is rougher than the field that then moves the volume, and few cells can be repaired.
+  if (estimate.inverted > 0 && estimate.inverted <= few_cells(base))
+    estimate.min = result.quality.min;
+  std::vector<Index> plane_nodes;
+  for (Index node = 0; is_plane && node < mesh.node_count(); ++node)
+    if (!is_fixed[node] && nodes.find(node) < 0) plane_nodes.push_back(node);
+  WayToFollow way{
+      .start = nodes.slides,
+      .steps = found.slides - nodes.slides,
+      .images = ImageSlides(surface.images, base.boundary, nodes),
+      .plane_nodes = plane_nodes,
+      .plane_steps = found.positions(plane_nodes, Eigen::all) - moved(plane_nodes, Eigen::all)};
   way.images.average(way.steps);
   way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
   way.is_promising = is_worth_following(base, estimate, result.quality);
@@ -130,15 +148,9 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
 
 bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
                         PhaseClock& clock, MorphResult& result) {
-  const SlidingNodes& nodes = *sliding.nodes();
-  const double same = same_place(result);
   for (const double share : kSharesToFollow) {
     Undo undo(sliding, result);
-    RowMatrix slides = way.start + share * way.steps;
-    for (Index i = 0; i < slides.rows(); ++i)
-      if (!nodes.is_within(i, slides.row(i).transpose())) slides.row(i) = way.start.row(i);
-    way.images.hold_unlike(way.start, same, slides);
-    morph_with_slides(base, sliding, slides, clock, result);
+    morph_on_way(base, way, share, sliding, clock, result);
     const bool is_better = is_worth_following(base, result.quality, undo.kept().quality);
     if (is_better && result.validity.invalid <= undo.kept().validity.invalid &&
         sliding.turned_facets(result.positions, sliding.slides()) <=

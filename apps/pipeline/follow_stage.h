@@ -18,9 +18,11 @@ bool is_worth_following(const BaseSide& base, const QualityReport& now,
 struct WayToFollow {
   RowMatrix start, steps;
   ImageSlides images;
-  QualityReport estimate = {};  ///< of the cells once the surface follows
-  Index nodes = 0;              ///< that slide
-  bool is_promising = false;    ///< by the estimate
+  std::vector<Index> plane_nodes = {};  ///< those within the faces of a plane mesh, which go along
+  Points plane_steps = {};              ///< theirs, in the mesh's unit
+  QualityReport estimate = {};          ///< of the cells once the surface follows
+  Index nodes = 0;                      ///< that slide
+  bool is_promising = false;            ///< by the estimate
 };
 
 /// Finds how surface nodes could follow; nothing where the cells kept half, or nothing can follow.
@@ -29,9 +31,9 @@ struct WayToFollow {
 std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
                                               const MorphResult& result);
 
-/// Where a rib or a boss moves along a thin wall, the cells of the wall shear: nothing holds the
-/// nodes of the face on its other side where its parameters put them. They follow then, but for the
-/// CAD's vertices, if that keeps more of the cells' shape. `result.quality`: of its positions.
+/// Where a rib or a boss moves along a thin wall, or a channel gets longer in which a body stays, the
+/// cells beside the wall shear: nothing holds the wall's nodes where its parameters put them. They
+/// follow then, but for the CAD's vertices, if that keeps more of the cells' shape. `result.quality`: of its positions.
 /// Returns whether they did.
 bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
                         PhaseClock& clock, MorphResult& result);

@@ -59,9 +59,9 @@ struct MorphJob::Impl {
     if (!kept) {
       PipelineOptions options = base->options;
       options.cache.clear();
-      const auto merged =
-          std::make_shared<BaseSide>(std::make_shared<const CadModel>(cad), base->mesh_file,
-                                     std::move(options), base->own ? base->own->points : Points());
+      const auto merged = std::make_shared<BaseSide>(
+          std::make_shared<const CadModel>(cad), base->mesh_file, std::move(options),
+          base->starts_elsewhere ? base->mesh().points : Points());
       merged->report.run.phases = base->report.run.phases;  // its own are a part of the matching
       if (!references_.empty()) merged->volume = linearised(*merged, references_);
       kept = merged;

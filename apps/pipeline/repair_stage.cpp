@@ -14,14 +14,8 @@
 namespace cadmorph {
 namespace {
 
-// Inverted cells are few when they are at most one in so many.
-constexpr Index kFewCells = 1'000;
 // Share of the inverted that an attempt leaves at most where it leaves fewer at all.
 constexpr double kAnyGain = 0.999;
-
-Index few_cells(const BaseSide& base) {
-  return std::max<Index>(1, base.mesh().cell_count() / kFewCells);
-}
 
 void step_and_untangle(const BaseSide& base, const Points& surface_positions,
                        const SteppingOptions& how, PhaseClock& clock, MorphResult& result,

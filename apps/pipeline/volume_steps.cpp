@@ -8,6 +8,8 @@ namespace cadmorph {
 namespace {
 
 constexpr int kMostFirstRings = 4;
+// Inverted cells are few when they are at most one in so many.
+constexpr Index kFewCells = 1'000;
 
 }  // namespace
 
@@ -16,6 +18,10 @@ SteppingOptions stepping(const BaseSide& base) {
   if (base.options.untangle == UntangleMode::Always && result.steps == 0) result.steps = 1;
   if (base.options.untangle == UntangleMode::Never) result.least_gain_share = 1;
   return result;
+}
+
+Index few_cells(const BaseSide& base) {
+  return std::max<Index>(1, base.mesh().cell_count() / kFewCells);
 }
 
 bool is_free(const BaseSide& base) {

@@ -10,6 +10,9 @@ SteppingOptions stepping(const BaseSide& base);
 /// Whether the program chooses steps and repair.
 bool is_free(const BaseSide& base);
 
+/// So many inverted cells are few.
+Index few_cells(const BaseSide& base);
+
 /// Whether what counts are faces of finite volumes, not the shapes of cells.
 bool is_for_finite_volumes(const BaseSide& base);
 

@@ -710,6 +710,11 @@ class Reader {
     const auto node = [&](Index i, Index j, Index k) {
       return nodes_[std::size_t(zone.vertex({i, j, k}))];
     };
+    const CgnsNode* family = zone.node->with_label("FamilyName_t");
+    result_.mesh.zone_of_block[zone_number_] =
+        zones_of_families_
+            .try_emplace(family ? tree_.text(*family) : "", int(zones_of_families_.size()))
+            .first->second;
     if (zone.dimensions == 2) {
       for (Index j = 0; j + 1 < zone.size[1]; ++j)
         for (Index i = 0; i + 1 < zone.size[0]; ++i)
@@ -824,7 +829,7 @@ class Reader {
     if (zones_.size() > 1)
       mesh.region_array = "zone";
     else
-      mesh.regions.clear();
+      mesh.regions.clear(), mesh.zone_of_block.clear();
     tidy_groups(mesh);
     if (mesh.types.empty()) tree_.fail(*base_, "it has no cells");
   }
@@ -842,6 +847,7 @@ class Reader {
   mutable double size_ = 0;
   int dimension_ = 0;
   int zone_number_ = 0;
+  std::map<std::string, int> zones_of_families_;  ///< of structured zones
 };
 
 Recognition recognise(const FileStart& start) {

@@ -571,12 +571,19 @@ class Reader {
     Mesh& mesh = result_.mesh;
     mesh.region_array = "elementary entity";
     const int highest = dimension(mesh);
+    std::map<std::vector<Index>, int> zones;
+    for (const auto& [key, entity] : entities_)
+      if (key.first == highest)
+        mesh.zone_of_block[int(entity.region)] =
+            zones.try_emplace(entity.physical, int(zones.size())).first->second;
     std::map<int, Index> physical_of;
     for (std::size_t c = 0; c < physical_.size(); ++c) {
       if (dimension(mesh.types[c]) != highest) continue;
       const auto [entry, is_new] = physical_of.try_emplace(mesh.regions[c], physical_[c]);
+      mesh.zone_of_block[mesh.regions[c]] = int(physical_[c]);
       if (is_new || entry->second == physical_[c]) continue;
       mesh.region_array = "physical group";
+      mesh.zone_of_block.clear();
       mesh.regions.assign(physical_.begin(), physical_.end());
       return;
     }

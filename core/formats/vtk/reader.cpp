@@ -27,11 +27,12 @@ namespace {
 
 /// Cell arrays that tools keep region ids in, most telling first: one of a geometric entity divides
 /// at least as finely as one of a material.
+constexpr const char *kGmshEntities = "gmsh:geometrical", *kGmshGroups = "gmsh:physical";
 constexpr const char* kRegionArrays[] = {
-    "CellEntityIds", "gmsh:geometrical", "gmsh:physical",   "MaterialIds", "MaterialId",
-    "material",      "Material",         "RegionIds",       "RegionId",    "region",
-    "Region",        "regions",          "ElementBlockIds", "cell_tags",   "CellTags",
-    "medit:ref",     "cell_ids",         "PartIds",         "PartId"};
+    "CellEntityIds", kGmshEntities, kGmshGroups,       "MaterialIds", "MaterialId",
+    "material",      "Material",    "RegionIds",       "RegionId",    "region",
+    "Region",        "regions",     "ElementBlockIds", "cell_tags",   "CellTags",
+    "medit:ref",     "cell_ids",    "PartIds",         "PartId"};
 
 constexpr std::size_t kHeaderBytes = 1024;  // a title has 256 characters
 
@@ -168,11 +169,21 @@ std::vector<int> regions_from(vtkDataArray* array, const Mesh& mesh) {
   return has_several ? regions : std::vector<int>{};
 }
 
+/// `groups`: of each cell, or nothing.
+void take_blocks(vtkDataArray* groups, Mesh& mesh) {
+  const std::vector<int> zones = regions_from(groups, mesh);
+  for (Index c = 0; c < mesh.cell_count(); ++c)
+    if (dimension(mesh.types[c]) == dimension(mesh))
+      mesh.zone_of_block[mesh.regions[c]] = zones.empty() ? 0 : zones[c];
+}
+
 void take_regions(vtkUnstructuredGrid* grid, Mesh& mesh) {
   for (const char* name : kRegionArrays) {
     mesh.regions = regions_from(grid->GetCellData()->GetArray(name), mesh);
     if (mesh.regions.empty()) continue;
     mesh.region_array = name;
+    if (mesh.region_array == kGmshEntities)
+      take_blocks(grid->GetCellData()->GetArray(kGmshGroups), mesh);
     return;
   }
 }

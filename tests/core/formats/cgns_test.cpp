@@ -347,6 +347,7 @@ TEST_CASE("Structured CGNS zones are joined where their interfaces say", "[core]
   CHECK(mesh.node_count() == 18 + 6);
   CHECK(mesh.cell_count() == 4 + 2);
   CHECK(mesh.regions == std::vector<int>{1, 1, 1, 1, 2, 2});
+  CHECK(mesh.zone_of_block == std::map<int, int>{{1, 0}, {2, 0}});
   CHECK(mesh.region_array == "zone");
   CHECK(group(mesh, "floor").nodes.size() == 9 + 3);
   CHECK(file.remarks().empty());

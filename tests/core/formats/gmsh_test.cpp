@@ -320,6 +320,27 @@ TEST_CASE("Physical groups part a gmsh mesh whose entities are all alike", "[cor
   const MeshFile file(folder.put("alike.msh", text));
   CHECK(file.mesh().regions == std::vector<int>{0, 7, 1, 5});
   CHECK(file.mesh().region_array == "physical group");
+  CHECK(file.mesh().zone_of_block.empty());
+}
+
+TEST_CASE("Entities of a gmsh mesh are blocks of what its physical groups name",
+          "[core][formats]") {
+  const FormatFolder folder;
+  const auto zones = [&](std::string_view first, std::string_view second) {
+    std::string text = kVersion4;
+    const std::size_t begin = text.find("$Entities"), end = text.find("$EndEntities");
+    text.replace(begin, end - begin,
+                 "$Entities\n0 0 0 2\n1 0 0 0 1 1 1 " + std::string(first) + " 0\n2 0 0 0 1 1 1 " +
+                     std::string(second) + " 0\n");
+    return MeshFile(folder.put("blocks.msh", text)).mesh().zone_of_block;
+  };
+  const auto none = zones("0", "0"), one = zones("1 7", "1 7"), two = zones("1 7", "2 7 8");
+  REQUIRE(none.size() == 2);
+  CHECK(none.at(1) == none.at(2));
+  CHECK(one.at(1) == one.at(2));
+  CHECK(two.at(1) != two.at(2));
+  const auto old = MeshFile(folder.put("old.msh", kVersion2)).mesh().zone_of_block;
+  CHECK(old.size() == 2);
 }
 
 TEST_CASE("Bad gmsh files are refused by place", "[core][formats]") {
