@@ -31,10 +31,10 @@ struct WayToFollow {
 std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
                                               const MorphResult& result);
 
-/// Where a rib or a boss moves along a thin wall, or a channel gets longer in which a body stays, the
-/// cells beside the wall shear: nothing holds the wall's nodes where its parameters put them. They
-/// follow then, but for the CAD's vertices, if that keeps more of the cells' shape. `result.quality`: of its positions.
-/// Returns whether they did.
+/// Where a rib or a boss moves along a thin wall, or a channel gets longer in which a body stays,
+/// the cells beside the wall shear: nothing holds the wall's nodes where its parameters put them.
+/// They follow then, but for the CAD's vertices, if that keeps more of the cells' shape.
+/// `result.quality`: of its positions. Returns whether they did.
 bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& sliding,
                         PhaseClock& clock, MorphResult& result);
 
