@@ -22,7 +22,9 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Tangents = Eigen::Matrix<double, 3, 2>;
 
-constexpr double kTwin = 1e-9;        // of the diagonal: nodes at one place
+// Of the diagonal: nodes at one place. Bodies that gmsh meshed each for itself had nodes of their
+// interface up to 4e-9 apart.
+constexpr double kTwin = 1e-7;
 constexpr double kTurned = 0.5;       // cosine: coarse facets of curved faces may stand steep
 constexpr double kDegenerate = 1e-6;  // of the larger tangent: a pole
 

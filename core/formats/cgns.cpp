@@ -826,10 +826,12 @@ class Reader {
   void finish() {
     for (NodeGroup& group : families_) add_group(std::move(group));
     Mesh& mesh = result_.mesh;
-    if (zones_.size() > 1)
+    if (zones_.size() > 1) {
       mesh.region_array = "zone";
-    else
-      mesh.regions.clear(), mesh.zone_of_block.clear();
+    } else {
+      mesh.regions.clear();
+      mesh.zone_of_block.clear();
+    }
     tidy_groups(mesh);
     if (mesh.types.empty()) tree_.fail(*base_, "it has no cells");
   }
