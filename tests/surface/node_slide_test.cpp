@@ -196,7 +196,7 @@ TEST_CASE("Nodes stay that others depend on", "[surface][slide]") {
   const RowId a = rows.front(), b = rows.back();
   SurfaceMorphResult slit = s.moved;
   slit.positions.row(a) = slit.positions.row(b);
-  slit.positions(a, 0) += GENERATE(0, 5e-9) * s.c.diagonal;
+  slit.positions.row(a).x() += GENERATE(0, 5e-9) * s.c.diagonal;
   const SlidingNodes beside = slide_on_cad(*s.c.base, s.surface.association(), s.c.boundary, slit);
   CHECK(beside.nodes.size() == s.nodes.nodes.size() - 2);
   CHECK_FALSE((slides(beside, a) || slides(beside, b)));
