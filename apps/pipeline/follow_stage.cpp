@@ -13,11 +13,11 @@
 namespace cadmorph {
 namespace {
 
-// Surface nodes follow what moves beside them where less than the first share is kept and that
-// makes more of it by this factor, and where less than half is kept by raising, too; all the way,
-// or where they fold then, the second share. What moves far, so that many cells lose, is to be
-// forgotten farther away (follow_neighbours' reach, in cells); in large meshes that costs too much.
-constexpr double kKeptLittle = 0.75, kKeptHalf = 0.5, kWorthFollowing = 1.1;
+// Surface nodes follow what moves beside them where less than this share is kept, by raising too,
+// and that makes more of it by this factor; all the way, or where they fold then, the second share.
+// What moves far, so that many cells lose, is to be forgotten farther away (follow_neighbours'
+// reach, in cells); in large meshes that costs too much.
+constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
 constexpr std::array kSharesToFollow{1.0, 0.75};
 constexpr std::array kReaches{12, 24, 48, 96};
 constexpr Index kMostToReachFar = 300'000;
@@ -44,8 +44,6 @@ void morph_on_way(const BaseSide& base, const WayToFollow& way, double share, Sl
   for (Index i = 0; i < slides.rows(); ++i)
     if (const Index row = row_of[nodes.nodes[i]]; row >= 0 && slides.row(i) != nodes.slides.row(i))
       result.surface_positions.row(row) = nodes.at(i, slides.row(i).transpose()).point;
-  for (Index i = 0; i < std::ssize(way.plane_nodes); ++i)
-    result.surface_positions.row(row_of[way.plane_nodes[i]]) += share * way.plane_steps.row(i);
   const Index inverted = result.report.untangling ? result.report.untangling->before : 0;
   result.report.untangling.reset();
   SteppingOptions how = stepping(base);
@@ -60,6 +58,20 @@ void morph_on_way(const BaseSide& base, const WayToFollow& way, double share, Sl
     slide_surface(base, Bending::Some, sliding, result);
   }
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
+}
+
+// Where layers stand on the ends of a swept mesh, its levels would bend.
+void hold_ends_of_sweeps(const BaseSide& base, const SurfaceMorphResult& surface,
+                         std::vector<char>& is_fixed) {
+  const std::vector<Index>& feet = base.layer_nodes().feet;
+  const auto is_foot = [&](RowId row) {
+    return std::ranges::binary_search(feet, base.boundary.nodes[row]);
+  };
+  for (const ImagePair& pair : surface.images) {
+    if (2 * std::ranges::count_if(pair.from, is_foot) <= std::ssize(pair.from)) continue;
+    for (const std::vector<RowId>* end : {&pair.from, &pair.to})
+      for (const RowId row : *end) is_fixed[base.boundary.nodes[row]] = 1;
+  }
 }
 
 }  // namespace
@@ -77,11 +89,11 @@ bool is_worth_following(const BaseSide& base, const QualityReport& now,
 
 std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
                                               const MorphResult& result) {
-  const bool can_follow =
-      is_free(base) && base.options.quality != QualityMode::Fast && base.options.can_repair &&
-      (dimension(base.mesh()) == 3 || is_in_plane(result)) && !is_for_finite_volumes(base);
+  const bool can_follow = is_free(base) && base.options.quality != QualityMode::Fast &&
+                          base.options.can_repair && dimension(base.mesh()) == 3 &&
+                          !is_for_finite_volumes(base);
   const WorstCells had = worst_cells(base.quality), now = worst_cells(result.quality);
-  if (!can_follow || least_share(now, had) >= kKeptLittle) return std::nullopt;
+  if (!can_follow || least_share(now, had) >= kKeptHalf) return std::nullopt;
   const Mesh& mesh = base.mesh();
   const SlidingNodes& nodes = *sliding.nodes();
   if (sliding.known_way && sliding.known_way->start == nodes.slides) {
@@ -91,14 +103,14 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   }
   std::vector<Index> suffering;
   for (Index c = 0; c < mesh.cell_count(); ++c)
-    if (result.quality.values[c] < kKeptLittle * base.quality.values[c]) suffering.push_back(c);
+    if (result.quality.values[c] < kKeptHalf * base.quality.values[c]) suffering.push_back(c);
   const SurfaceMorphResult& surface = result.surface;
-  const bool is_plane = is_in_plane(result);
-  std::vector<char> is_fixed = is_plane ? nodes_to_leave(result) : base.fixed_nodes();
+  std::vector<char> is_fixed = base.fixed_nodes();
   for (const RowId row : surface.entity.ids())
     if (const Index node = base.boundary.nodes[row];
         nodes.find(node) >= 0 && !std::ranges::binary_search(surface.jointed, row))
       is_fixed[node] = 0;
+  hold_ends_of_sweeps(base, surface, is_fixed);
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
@@ -128,15 +140,9 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   // It is rougher than the field that then moves the volume, and few cells can be repaired.
   if (estimate.inverted > 0 && estimate.inverted <= few_cells(base))
     estimate.min = result.quality.min;
-  std::vector<Index> plane_nodes;
-  for (Index node = 0; is_plane && node < mesh.node_count(); ++node)
-    if (!is_fixed[node] && nodes.find(node) < 0) plane_nodes.push_back(node);
-  WayToFollow way{
-      .start = nodes.slides,
-      .steps = found.slides - nodes.slides,
-      .images = ImageSlides(surface.images, base.boundary, nodes),
-      .plane_nodes = plane_nodes,
-      .plane_steps = found.positions(plane_nodes, Eigen::all) - moved(plane_nodes, Eigen::all)};
+  WayToFollow way{.start = nodes.slides,
+                  .steps = found.slides - nodes.slides,
+                  .images = ImageSlides(surface.images, base.boundary, nodes)};
   way.images.average(way.steps);
   way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
   way.is_promising = is_worth_following(base, estimate, result.quality);

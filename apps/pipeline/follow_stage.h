@@ -18,11 +18,9 @@ bool is_worth_following(const BaseSide& base, const QualityReport& now,
 struct WayToFollow {
   RowMatrix start, steps;
   ImageSlides images;
-  std::vector<Index> plane_nodes = {};  ///< those within the faces of a plane mesh, which go along
-  Points plane_steps = {};              ///< theirs, in the mesh's unit
-  QualityReport estimate = {};          ///< of the cells once the surface follows
-  Index nodes = 0;                      ///< that slide
-  bool is_promising = false;            ///< by the estimate
+  QualityReport estimate = {};  ///< of the cells once the surface follows
+  Index nodes = 0;              ///< that slide
+  bool is_promising = false;    ///< by the estimate
 };
 
 /// Finds how surface nodes could follow; nothing where the cells kept half, or nothing can follow.

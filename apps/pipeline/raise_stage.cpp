@@ -10,6 +10,7 @@
 #include "apps/pipeline/repair_stage.h"
 #include "apps/pipeline/volume_steps.h"
 #include "core/cell_topology.h"
+#include "core/plane_mesh.h"
 #include "volume/mid_nodes.h"
 
 namespace cadmorph {
@@ -50,6 +51,27 @@ SlidingImages sliding_images(const BaseSide& base, const SlidingNodes& nodes,
   };
   if (result.surface.images.empty()) return {};
   return {images->groups(), images->bound(), alike};
+}
+
+// Nodes that raising leaves, but for those that slide: the surface's; of a mesh in a plane those of
+// its border, on CAD edges, at rest, or amid straight edges. Surface nodes that nothing prescribes
+// stay where the morph put them, on their surface.
+std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult& surface,
+                                 bool is_in_plane) {
+  const Mesh& mesh = base.mesh();
+  std::vector<char> result = base.fixed_nodes();
+  for (const Index node : base.boundary.nodes) result[node] = 1;
+  if (!is_in_plane) return result;
+  const std::vector<char> is_border = border_nodes(mesh, mesh.points);
+  const Association& association = base.association();
+  for (const RowId row : association.dimension.ids())
+    if (const Index node = base.boundary.nodes[row];
+        association.dimension[row] == CadDimension::Face && !association.is_amid[row] &&
+        surface.positions.row(row) != mesh.points.row(node))
+      result[node] = is_border[node];
+  for (const Index c : base.misordered)
+    for (const Index node : mesh.cell(c)) result[node] = 1;
+  return result;
 }
 
 // Second-order cells of plane meshes and shells that the curve of an edge turned over: those with
@@ -201,7 +223,9 @@ std::vector<char> nodes_of_sweeps(const BaseSide& base, const std::vector<NodeRo
 void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const FiniteVolumes* volumes,
                  Sliding& sliding, MorphResult& result) {
   const Points& reference = of_file.points;
-  std::vector<char> is_fixed = nodes_to_leave(result);
+  const bool is_in_plane =
+      !plane_normal(base.mesh(), base.mesh().points, result.positions).isZero(0);
+  std::vector<char> is_fixed = nodes_to_leave(base, result.surface, is_in_plane);
   BestMeshOptions how;
   how.volumes = volumes;
   hold_nodes(base, result, how);

@@ -11,9 +11,11 @@ constexpr double kSamePlace = 1e-9;  // of the diagonal
 
 const SlidingNodes* Sliding::nodes() {
   if (nodes_) return &*nodes_;
+  const Mesh& mesh = base_.mesh();
   // Those of a plane mesh within faces need no surface to stay in the plane.
-  return &nodes_.emplace(slide_on_cad(variant_, base_.association(), base_.boundary,
-                                      result_.surface, is_in_plane(result_)));
+  const bool is_in_plane = !plane_normal(mesh, mesh.points, result_.positions).isZero(0);
+  return &nodes_.emplace(
+      slide_on_cad(variant_, base_.association(), base_.boundary, result_.surface, is_in_plane));
 }
 
 Index Sliding::turned_facets(const Points& positions, const RowMatrix& slides) const {
@@ -31,29 +33,6 @@ void take_volume(MorphResult& result, MorphResult& from) {
 
 double same_place(const MorphResult& result) {
   return kSamePlace * result.variant->diagonal() / result.base->association().mesh_unit_mm;
-}
-
-bool is_in_plane(const MorphResult& result) {
-  const Mesh& mesh = result.base->mesh();
-  return !plane_normal(mesh, mesh.points, result.positions).isZero(0);
-}
-
-std::vector<char> nodes_to_leave(const MorphResult& result) {
-  const BaseSide& base = *result.base;
-  const Mesh& mesh = base.mesh();
-  std::vector<char> leave = base.fixed_nodes();
-  for (const Index node : base.boundary.nodes) leave[node] = 1;
-  if (!is_in_plane(result)) return leave;
-  const std::vector<char> is_border = border_nodes(mesh, mesh.points);
-  const Association& association = base.association();
-  for (const RowId row : association.dimension.ids())
-    if (const Index node = base.boundary.nodes[row];
-        association.dimension[row] == CadDimension::Face && !association.is_amid[row] &&
-        result.surface.positions.row(row) != mesh.points.row(node))
-      leave[node] = is_border[node];
-  for (const Index c : base.misordered)
-    for (const Index node : mesh.cell(c)) leave[node] = 1;
-  return leave;
 }
 
 void settle_slid_nodes(const BaseSide& base, MorphResult& result) {

@@ -81,14 +81,6 @@ class Undo {
 /// the mesh's unit.
 double same_place(const MorphResult& result);
 
-/// Whether the mesh is one in a plane and stays so.
-bool is_in_plane(const MorphResult& result);
-
-/// A flag a node that has no way but to slide: the surface's; of a mesh in a plane those of its
-/// border, on CAD edges, at rest, or amid straight edges. Surface nodes that nothing prescribes
-/// stay where the morph put them, on their surface.
-std::vector<char> nodes_to_leave(const MorphResult& result);
-
 /// Nodes that slid lie within the wires of their faces: takes off what they were beyond these.
 void settle_slid_nodes(const BaseSide& base, MorphResult& result);
 
