@@ -60,20 +60,6 @@ void morph_on_way(const BaseSide& base, const WayToFollow& way, double share, Sl
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
 }
 
-// Where layers stand on the ends of a swept mesh, its levels would bend.
-void hold_ends_of_sweeps(const BaseSide& base, const SurfaceMorphResult& surface,
-                         std::vector<char>& is_fixed) {
-  const std::vector<Index>& feet = base.layer_nodes().feet;
-  const auto is_foot = [&](RowId row) {
-    return std::ranges::binary_search(feet, base.boundary.nodes[row]);
-  };
-  for (const ImagePair& pair : surface.images) {
-    if (2 * std::ranges::count_if(pair.from, is_foot) <= std::ssize(pair.from)) continue;
-    for (const std::vector<RowId>* end : {&pair.from, &pair.to})
-      for (const RowId row : *end) is_fixed[base.boundary.nodes[row]] = 1;
-  }
-}
-
 }  // namespace
 
 bool has_lost_half(const WorstCells& now, const WorstCells& had) {
@@ -110,7 +96,6 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
     if (const Index node = base.boundary.nodes[row];
         nodes.find(node) >= 0 && !std::ranges::binary_search(surface.jointed, row))
       is_fixed[node] = 0;
-  hold_ends_of_sweeps(base, surface, is_fixed);
   Points moved = result.positions;
   for (std::size_t i = 0; i < base.rows.size(); ++i)
     moved.row(base.boundary.nodes[base.rows[i]]) = result.surface_positions.row(Index(i));
