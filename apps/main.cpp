@@ -65,6 +65,7 @@ void name_remedies() {
        {Remedy::ExpectUnmatched, "--unmatched fix or slide, or --slide, --hold, --follow NAME"},
        {Remedy::Method, "another --method"},
        {Remedy::RbfMethod, "--method rbf"},
+       {Remedy::ListPairs, "'cadmorph match'"},
        {Remedy::FaceMap, "--map"},
        {Remedy::Via, "--via"},
        {Remedy::Improve, "--improve"},

@@ -16,18 +16,6 @@ std::optional<TopologyMatch> match_by_position(const MatchSide& base, const Matc
 /// The match that `colours`, all decided, describe. Confidences are not set.
 TopologyMatch to_match(const MatchSide& base, const ColourRefinement& colours);
 
-/// Sets match.alignment (see align) and match.cost, but for its names. Distances x, in diagonals of
-/// the variant, cost log2(1 + x / x0) + x / x1: a root mean square over entities of the
-/// deformation, the mean of what each costs of departures from the neighbours' motion.
-void rate(const MatchSide& base, const MatchSide& variant, TopologyMatch& match);
-
-/// Whether a rated match deforms nothing, to the rounding of exchanged files.
-bool fits_exactly(const TopologyMatch& match);
-
-/// Whichever costs less; the other one is a runner-up, where it costs less than those known.
-std::optional<TopologyMatch> cheaper(std::optional<TopologyMatch> a,
-                                     std::optional<TopologyMatch> b);
-
 /// Sets the confidences of a match: 1 where `colours` leave one possibility; else d2 / (d1 + d2),
 /// d1 the distance of the entity from where its neighbours' motion puts it, d2 that of the nearest
 /// other possibility.

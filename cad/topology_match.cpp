@@ -14,10 +14,12 @@
 
 #include "cad/alignment.h"
 #include "cad/match_choice.h"
+#include "cad/match_cost.h"
 #include "cad/match_refusal.h"
 #include "cad/match_search.h"
 #include "core/byte_order_mark.h"
 #include "core/errors.h"
+#include "core/remedies.h"
 
 namespace cadmorph {
 namespace {
@@ -51,8 +53,8 @@ void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOpt
     if (b < 1 || b > base.graph.faces || v < 1 || v > variant.graph.faces)
       throw InvalidInputError("face map: pair " + std::to_string(b) + "," + std::to_string(v) +
                               " is outside 1.." + std::to_string(base.graph.faces) + " and 1.." +
-                              std::to_string(variant.graph.faces) +
-                              "; face numbers are those that 'cadmorph match' prints.");
+                              std::to_string(variant.graph.faces) + "; face numbers are those of " +
+                              words_for(Remedy::ListPairs) + ".");
   }
   const std::size_t all = options.given_faces.size();
   if (auto given = with_given(colours, options, all)) {
@@ -68,7 +70,8 @@ void apply_given(const MatchSide& base, const MatchSide& variant, const MatchOpt
   throw TopologyError("face map: with pair " + std::to_string(b) + "," + std::to_string(v) +
                       (possible == 0 ? "" : " and those before it") +
                       " the pairs contradict how the faces of the two models are connected. "
-                      "Check them against 'cadmorph match'.");
+                      "Check them against " +
+                      words_for(Remedy::ListPairs) + ".");
 }
 
 using Names = std::vector<std::pair<std::string, FaceId>>;  // name and face

@@ -14,7 +14,7 @@ struct FileKind {
   std::string_view mark;  ///< its first line, the line's end included
   unsigned format;        ///< version of the contents; files of others are refused
   std::string name;       ///< "field file"
-  std::string remedy;     ///< "make it anew with cadmorph field"
+  std::string remedy;     ///< "make the field anew"
 };
 
 /// Writes a file, whole or not at all: its mark; the format, the size and the XXH3 checksum of what

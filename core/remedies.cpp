@@ -17,6 +17,7 @@ auto& all_words() {
       "have unmatched patches fixed or slide",
       "another method",
       "the RBF method",
+      "the list of pairs",
       "a face map",
       "in a series of morphs",
       "improve below",

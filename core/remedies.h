@@ -19,6 +19,7 @@ enum class Remedy {
   ExpectUnmatched,       ///< say that they are meant, and what they do
   Method,                ///< another method of the volume morph
   RbfMethod,             ///< radial basis functions for it
+  ListPairs,             ///< look at the pairs of faces that were found
   FaceMap,               ///< give the pairs of faces
   Via,                   ///< go there by CAD models between
   Improve,               ///< raise elements below a quality

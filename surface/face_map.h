@@ -3,9 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "surface/curve_map.h"
-#include "surface/face_border.h"
-#include "surface/face_domain.h"
+#include "surface/parameter_warp.h"
 
 namespace cadmorph {
 
@@ -14,13 +12,6 @@ struct FaceMapResult {
   Parameters uv;              ///< on the variant face
   bool is_projected = false;  ///< predicted positions were projected, no warp was possible
   std::string note = {};      ///< why; empty when all went well
-};
-
-/// What carries the nodes of a face along.
-struct FaceMotion {
-  const CurveMaps& curve_maps;
-  Points joints_before, joints_after;  ///< positions of the domain's joints, millimetres
-  const FaceBorder& border;
 };
 
 /// Warps parameters `uv` of the domain's face with the images of its wires and joints, in one or

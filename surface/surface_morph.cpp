@@ -15,17 +15,18 @@
 #include "core/parallel.h"
 #include "core/remedies.h"
 #include "surface/curve_maps.h"
-#include "surface/face_folds.h"
-#include "surface/face_map.h"
 #include "surface/face_nodes.h"
-#include "surface/face_unfold.h"
+#include "surface/face_placement.h"
 #include "surface/free_patches.h"
 #include "surface/image_pairs.h"
 #include "surface/joint_motion.h"
 #include "surface/joints.h"
+#include "surface/junctions.h"
 #include "surface/node_feet.h"
 #include "surface/periodic_sides.h"
+#include "surface/placement.h"
 #include "surface/surface_mesh.h"
+#include "surface/surface_remarks.h"
 
 namespace cadmorph {
 namespace {
@@ -36,120 +37,18 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kRounding = 1e-13;  // of the largest coordinate, of some 1e-16 an operation
-constexpr int kMostSteps = 8;
-// Rings of facets round folded ones that are laid out anew, before the whole face is. With 8, cells
-// behind facets that are no longer folded were (bore hex at 150 %).
-constexpr int kLeastRings = 16, kMostRings = 32;
-constexpr int kRefinement = 4;
-
-// Orthonormal frame of a surface: tangent, bitangent, normal. Identity at a pole.
-Matrix3d frame(const SurfacePoint& s) {
-  const Vector3d cross = s.du.cross(s.dv);
-  Matrix3d f = Matrix3d::Identity();
-  if (cross.norm() <= 1e-12 * s.du.norm() * s.dv.norm() || cross.norm() == 0) return f;
-  f.col(0) = s.du.normalized();
-  f.col(2) = cross.normalized();
-  f.col(1) = f.col(2).cross(f.col(0));
-  return f;
-}
-
-// Orthonormal tangents of a face or an edge, columns; all directions where it has none.
-Matrix3Xd tangents(const CadModel& model, int entity, bool is_face, const Vector2d& uv) {
-  if (!is_face) return model.evaluate_edge(EdgeId(entity), uv[0]).dt.normalized();
-  const SurfacePoint s = model.evaluate(FaceId(entity), uv);
-  const Matrix3d all = frame(s);
-  return all.isIdentity(0) ? Matrix3Xd(all) : Matrix3Xd(all.leftCols<2>());
-}
-
-// The least step along tangents (columns, orthonormal) that, to first order, is each of the ways
-// (columns) long in its direction.
-Vector3d step_along(const Matrix3Xd& tangents, const Matrix3Xd& ways) {
-  const VectorXd lengths = ways.colwise().norm();
-  Matrix3Xd directions = ways;
-  for (Index i = 0; i < ways.cols(); ++i) directions.col(i).normalize();
-  const Eigen::MatrixXd parts = directions.transpose() * tangents;
-  return tangents * parts.completeOrthogonalDecomposition().solve(lengths);
-}
-
-std::string describe(const PartedJoints& parted) {
-  std::ostringstream text;
-  text << parted.nodes
-       << " nodes where parts meet without an edge lie on one of them only, by up to "
-       << parted.distance << " mm off the other: do the parts still meet in the variant?";
-  return text.str();
-}
-
-// Surface nodes on the variant CAD, their entities and parameters there, and what they keep of
-// their offset from the base CAD, turned with the entity but not yet stretched. Millimetres.
-struct Placement {
-  explicit Placement(Points base_feet)
-      : feet(std::move(base_feet)),
-        offsets(Points::Zero(feet.rows(), 3)),
-        uv(Parameters::Zero(feet.rows(), 2)),
-        entity(feet.rows(), -1),
-        is_crossing(feet.rows(), 0) {}
-
-  Placement rows(const std::vector<RowId>& nodes) const {
-    Placement result(feet(nodes, Eigen::all));
-    result.offsets = offsets(nodes, Eigen::all);
-    result.uv = uv(nodes, Eigen::all);
-    return result;
-  }
-  void set_rows(const std::vector<RowId>& nodes, const Placement& values) {
-    feet(nodes, Eigen::all) = values.feet;
-    offsets(nodes, Eigen::all) = values.offsets;
-    uv(nodes, Eigen::all) = values.uv;
-  }
-
-  void cross(RowId row, const Vector3d& to) {
-    feet.row(row) = to;
-    is_crossing[row] = 1;
-  }
-
-  Points feet, offsets;
-  Parameters uv;                      ///< face (u, v), edge (t, 0)
-  IdVector<RowId, int> entity;        ///< variant face or edge; -1
-  IdVector<RowId, char> is_crossing;  ///< on several faces: the foot stays
-};
-
 // A node that moved by no more than the rounding of its way through the CAD has not moved.
 void keep_still(const Points& start, Points& positions) {
-  const double least = kRounding * start.cwiseAbs().maxCoeff();
+  const double least = kWayRounding * start.cwiseAbs().maxCoeff();
   for (Index n = 0; n < start.rows(); ++n)
     if ((positions.row(n) - start.row(n)).cwiseAbs().maxCoeff() <= least)
       positions.row(n) = start.row(n);
-}
-
-// Where the warp puts a node, unless it has its place already.
-Vector2d place_on_face(const CadModel& variant, FaceId face, const Placement& placed, RowId row,
-                       const Vector2d& warped) {
-  if (!placed.is_crossing[row]) return warped;
-  return project_on_face(variant, face, placed.feet.row(row), warped).uv;
-}
-
-std::string describe_left_patches(const PartedJoints& left) {
-  std::ostringstream text;
-  text << left.nodes
-       << " nodes where the CAD meets a part of the mesh that slides went with the CAD, by up to "
-       << left.distance << " mm off that part: the two hardly meet there in the variant";
-  return text.str();
 }
 
 std::string text_of(const Vector3d& point) {
   std::ostringstream text;
   text << point.transpose();
   return text.str();
-}
-
-// The first face between two solids that no facet of the mesh lies on.
-FaceId face_between_solids_off_mesh(const CadModel& base, const Association& association) {
-  IdVector<FaceId, char> is_met(base.faces().size(), 0);
-  for (const FaceId face : association.facet_face)
-    if (face >= 0) is_met[face] = 1;
-  for (const FaceId f : is_met.ids())
-    if (base.faces()[f].other_solid >= 0 && !is_met[f]) return f;
-  return {};
 }
 
 // What the options say of nodes on no CAD face vouches for these.
@@ -160,33 +59,6 @@ AssociationOptions for_association(const Mesh& mesh, const SurfaceMorphOptions& 
   result.takes_strays = options.unmatched != UnmatchedPolicy::Error;
   result.expected_off = named_nodes(mesh, options.groups);
   return result;
-}
-
-std::string describe_strays(const Mesh& mesh, const Boundary& boundary, const Association& found) {
-  const RowId row = found.farthest_stray;
-  std::ostringstream text;
-  text.precision(4);
-  text << found.stray_nodes
-       << " surface nodes lie farther off the CAD than the tolerance, by up to "
-       << found.distance[row] << " mm (" << node_name(mesh, boundary.nodes[row])
-       << "): amid nodes that lie on it they go with what is nearest, as far off as they are ("
-       << words_for(Remedy::Snap) << " puts them on it)";
-  return text.str();
-}
-
-std::string describe_stranded(const Mesh& mesh, const Boundary& boundary,
-                              const Association& found) {
-  std::ostringstream text;
-  text << found.stranded.size()
-       << " surface nodes lie on no CAD face, amid others that do (such as "
-       << node_name(mesh, boundary.nodes[found.stranded.front()])
-       << "): they go with the volume beside them";
-  return text.str();
-}
-
-std::string name_of(const CadModel& base, const TopologyMatch& match, FaceId face) {
-  return "face " + std::to_string(face + 1) + " (" + to_string(base.faces()[face].type) +
-         ", variant face " + std::to_string(match.faces[face] + 1) + ")";
 }
 
 // A node that is held where the CAD has a face.
@@ -226,6 +98,9 @@ struct SurfaceMorph::Impl {
   Points feet;     // of all nodes on the base CAD, millimetres
   Points offsets;  // of the nodes from these; of those on faces in the face's own frame
 
+  BasePlacement base_placement() const {
+    return {*base, surface, association, faces, feet, offsets};
+  }
   void find_feet();
   void find_offsets();
   void find_forms();
@@ -235,10 +110,6 @@ struct SurfaceMorph::Impl {
 
   void move_corners(const ModelPair& pair, const CurveMaps& maps, Placement& placed) const;
   void move_edges(const ModelPair& pair, const CurveMaps& maps, Placement& placed) const;
-  FaceMotion motion_of(const FaceNodes& nodes, const CurveMaps& maps,
-                       const Placement& placed) const;
-  void move_faces(const ModelPair& pair, const CurveMaps& maps, Placement& placed,
-                  SurfaceMorphResult& result) const;
   std::vector<ImagePair> image_faces(const ModelPair& pair, const Points& moved) const;
   void place_images(const ModelPair& pair, const std::vector<ImagePair>& images,
                     Placement& placed) const;
@@ -249,10 +120,6 @@ struct SurfaceMorph::Impl {
   std::vector<ImagePair> named_pairs(const std::vector<PeriodicSides>& sides,
                                      const Points& moved) const;
   void follow_named(Points& moved) const;
-  PartedJoints settle_junctions(const CadModel& variant, Placement& placed) const;
-  void unfold(const ModelPair& pair, const CurveMaps& maps, FaceId face,
-              const FaceMapResult& mapped, Placement& placed, SurfaceMorphResult& result) const;
-  void place(const ModelPair& pair, FaceId face, FaceMapResult& mapped, Placement& placed) const;
   VectorXd distances_beyond_wires(const ModelPair& pair, const Placement& placed) const;
   double least_stretch(RowId row, const Points& moved_feet) const;
   void move_amid(Points& moved) const;
@@ -291,7 +158,7 @@ void SurfaceMorph::Impl::find_offsets() {
   parallel_for(offsets.rows(), 1024, [&](Index begin, Index end) {
     for (RowId n(begin); n < end; ++n)
       if (association.dimension[n] == CadDimension::Face && !offsets.row(n).isZero(0))
-        offsets.row(n) *= frame(base->evaluate(association.face(n), association.uv.row(n)));
+        offsets.row(n) *= surface_frame(base->evaluate(association.face(n), association.uv.row(n)));
   });
 }
 
@@ -360,77 +227,6 @@ void SurfaceMorph::Impl::move_edges(const ModelPair& pair, const CurveMaps& maps
   });
 }
 
-// Whether the outside of a face is that of another solid than in the base: between two solids.
-bool is_seen_from_the_other(const ModelPair& pair, FaceId face) {
-  const CadFace& shared = pair.base.faces()[face];
-  if (shared.other_solid < 0) return false;
-  for (const FaceId f : pair.match.faces.ids()) {
-    const CadFace& own = pair.base.faces()[f];
-    if (own.solid == shared.solid && own.other_solid < 0)
-      return pair.variant.faces()[pair.match.faces[f]].solid !=
-             pair.variant.faces()[pair.match.faces[face]].solid;
-  }
-  return false;
-}
-
-// The edges of quadratic cells that are straight within a plane face stay so; `mapped` takes that.
-void SurfaceMorph::Impl::place(const ModelPair& pair, FaceId face, FaceMapResult& mapped,
-                               Placement& placed) const {
-  const FaceNodes& nodes = faces[face];
-  const FaceId variant = pair.match.faces[face];
-  const bool is_turned_over =
-      (base->faces()[face].is_reversed != pair.variant.faces()[variant].is_reversed) !=
-      is_seen_from_the_other(pair, face);
-  parallel_for(nodes.uv.rows(), 256, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      const RowId n = nodes.rows[static_cast<std::size_t>(i)];
-      const Vector2d uv = place_on_face(pair.variant, variant, placed, n, mapped.uv.row(i));
-      const SurfacePoint to = pair.variant.evaluate(variant, uv);
-      Vector3d offset = offsets.row(n);
-      if (is_turned_over) offset.tail<2>() *= -1;
-      placed.feet.row(n) = to.point;
-      placed.offsets.row(n) = frame(to) * offset;
-      placed.uv.row(n) = uv;
-      placed.entity[n] = variant;
-    }
-  });
-  if (pair.variant.faces()[variant].type != SurfaceType::Plane) return;
-  for (const Index i : nodes.straight) {
-    const RowId n = nodes.rows[i];
-    if (placed.is_crossing[n]) continue;
-    // What the file's digits leave between node and middle stays.
-    const Vector3d off = feet.row(n).transpose() - surface.middle(n, feet);
-    const Vector3d middle = surface.middle(n, placed.feet);
-    const FaceFoot foot = project_on_face(
-        pair.variant, variant, middle + pair.match.alignment.rotation * off, placed.uv.row(n));
-    placed.feet.row(n) = foot.point;
-    placed.uv.row(n) = mapped.uv.row(i) = foot.uv;
-  }
-}
-
-// Once corners and edges are placed.
-FaceMotion SurfaceMorph::Impl::motion_of(const FaceNodes& nodes, const CurveMaps& maps,
-                                         const Placement& placed) const {
-  return {maps, feet(nodes.joints, Eigen::all), placed.feet(nodes.joints, Eigen::all),
-          nodes.border};
-}
-
-// All faces are placed before any is judged: a facet may have nodes of several.
-void SurfaceMorph::Impl::move_faces(const ModelPair& pair, const CurveMaps& maps, Placement& placed,
-                                    SurfaceMorphResult& result) const {
-  IdVector<FaceId, FaceMapResult> mapped(faces.size());
-  parallel_for(std::ssize(faces), 1, [&](Index begin, Index end) {
-    for (FaceId f(begin); f < end; ++f)
-      if (const FaceNodes& nodes = faces[f]; !nodes.rows.empty())
-        mapped[f] =
-            map_face(*nodes.domain, pair, motion_of(nodes, maps, placed), nodes.uv, nodes.points);
-  });
-  for (const FaceId f : faces.ids())
-    if (!faces[f].rows.empty()) place(pair, f, mapped[f], placed);
-  for (const FaceId f : faces.ids())
-    if (!faces[f].rows.empty()) unfold(pair, maps, f, mapped[f], placed, result);
-}
-
 // The sides of a periodic or extruded mesh that move.
 std::vector<ImagePair> SurfaceMorph::Impl::image_faces(const ModelPair& pair,
                                                        const Points& moved) const {
@@ -458,7 +254,7 @@ void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<I
       const RowId to = found.to[i];
       const int entity = placed.entity[to];
       const Vector3d motion = found.place(surface, moved, i) - moved.row(to).transpose();
-      if (motion.norm() <= kRounding * tolerance || entity < 0 || to == found.from[i]) continue;
+      if (motion.norm() <= kWayRounding * tolerance || entity < 0 || to == found.from[i]) continue;
       const Vector3d place = placed.feet.row(to).transpose() + motion;
       const Vector2d uv = placed.uv.row(to);
       if (association.dimension[to] == CadDimension::Face) {
@@ -472,66 +268,6 @@ void SurfaceMorph::Impl::place_images(const ModelPair& pair, const std::vector<I
       }
     }
   }
-}
-
-// Replaces a folded map by a finer one, or by projection, where that folds less.
-void SurfaceMorph::Impl::unfold(const ModelPair& pair, const CurveMaps& maps, FaceId face,
-                                const FaceMapResult& mapped, Placement& placed,
-                                SurfaceMorphResult& result) const {
-  const FaceNodes& nodes = faces[face];
-  const FaceMotion motion = motion_of(nodes, maps, placed);
-  const FaceId variant = pair.match.faces[face];
-  std::string note = mapped.note;
-  const auto find = [&](const Parameters& uv) {
-    return nodes.folds.find(surface, {pair.variant, variant, uv, placed.feet});
-  };
-  std::vector<FacetId> folds = find(mapped.uv);
-  // Keeps the other map where it folds less. One that fails leaves what is there.
-  const auto improve = [&](const std::function<FaceMapResult()>& map, const char* how) {
-    try {
-      FaceMapResult other = map();
-      const Placement kept = placed.rows(nodes.rows);
-      place(pair, face, other, placed);
-      auto remaining = find(other.uv);
-      if (remaining.size() < folds.size()) {
-        folds = std::move(remaining);
-        note = how;
-      } else {
-        placed.set_rows(nodes.rows, kept);
-      }
-    } catch (const SolverError&) {  // wires that pass through each other on their way, many samples
-    }
-  };
-  if (!folds.empty())
-    improve(
-        [&] {
-          const FaceDomain fine(*base, face, kRefinement * nodes.samples_per_curve, nodes.joint_uv,
-                                nodes.uv);
-          return map_face(fine, pair, motion, nodes.uv, nodes.points);
-        },
-        "wires sampled finer");
-  const auto lay_out = [&](int rings) {
-    const Parameters start = placed.uv(nodes.rows, Eigen::all);
-    const FaceSide folded{pair.variant, variant, start, placed.feet};
-    return FaceMapResult{
-        .uv = rings > 0 ? unfold_face(surface, nodes.facets, nodes.rows, folded, folds, rings)
-                        : unfold_face(surface, nodes.facets, nodes.rows, folded)};
-  };
-  const char* const laid_out = "facets of a folded map laid out anew";
-  for (int steps = 2; !folds.empty() && steps <= kMostSteps && !nodes.domain->is_closed();
-       steps *= 2)
-    improve([&] { return map_face(*nodes.domain, pair, motion, nodes.uv, nodes.points, steps); },
-            "motion of the wires split into steps");
-  for (int rings = kLeastRings; !folds.empty() && rings <= kMostRings && !nodes.domain->is_closed();
-       rings *= 2)
-    improve([&] { return lay_out(rings); }, laid_out);
-  if (!folds.empty() && !mapped.is_projected)
-    improve([&] { return project_face(*nodes.domain, pair, motion, nodes.points); },
-            "parameter warp folded, predicted positions projected instead");
-  if (!folds.empty() && !nodes.domain->is_closed()) improve([&] { return lay_out(0); }, laid_out);
-  result.folded_facets.insert(result.folded_facets.end(), folds.begin(), folds.end());
-  if (folds.empty() && !note.empty())
-    result.remedies[note].push_back(name_of(pair.base, pair.match, face));
 }
 
 // Of the nodes on faces: how far the warp put them on the carrier surface beyond the trimmed face.
@@ -599,66 +335,6 @@ void SurfaceMorph::Impl::follow_named(Points& moved) const {
     for (std::size_t i = 0; i < pairs[k].to.size(); ++i)
       if (!periodic[k].is_given[i] && pairs[k].to[i] != pairs[k].from[i])
         moved.row(pairs[k].to[i]) = pairs[k].place(surface, moved, i);
-}
-
-// Nodes on the CAD and on a patch that slides stay on both: on a symmetry plane that cuts a face,
-// on a hub that a blade goes through. Least steps along the CAD's tangents onto the patches, and
-// from there back to the CAD; where they don't meet nearby, the CAD's place counts. Returns how
-// many nodes that are, and by how much they leave their patches.
-PartedJoints SurfaceMorph::Impl::settle_junctions(const CadModel& variant,
-                                                  Placement& placed) const {
-  constexpr int kMostSteps = 50;  // projections in turn, which halve what is left at 45 degrees
-  // Times what the node is off the patch: surfaces that meet at 15 degrees.
-  constexpr double kFarthest = 4;
-  const double rounding = kRounding * tolerance / kSamePlane;
-  std::map<RowId, std::vector<const FreePatch*>> patches_of;
-  const auto sliding = sliding_patches();
-  for (const FreePatch& patch : sliding)
-    for (const RowId n : patch.touched) patches_of[n].push_back(&patch);
-  PartedJoints parted;
-  for (const auto& entry : patches_of) {
-    const RowId n = entry.first;
-    const std::vector<const FreePatch*>& own = entry.second;
-    if (placed.is_crossing[n] || placed.entity[n] < 0) continue;
-    const bool is_on_face = association.dimension[n] == CadDimension::Face;
-    const auto project = [&](const Vector3d& x, const Vector2d& uv) {
-      if (is_on_face) return project_on_face(variant, FaceId(placed.entity[n]), x, uv);
-      const EdgeFoot foot = project_on_edge(variant, EdgeId(placed.entity[n]), x, uv[0]);
-      return FaceFoot{{foot.t, 0}, foot.point, foot.distance};
-    };
-    // The node itself is as far off as its foot is on the base.
-    const Vector3d from = (options.snap ? surface.points : feet).row(n);
-    const auto ways = [&](const Vector3d& x) {
-      Matrix3Xd result(3, std::ssize(own));
-      for (std::size_t i = 0; i < own.size(); ++i)
-        result.col(Index(i)) = onto_patch(*own[i], n, from, x) - x;
-      return result;
-    };
-    const Vector3d start = placed.feet.row(n);
-    FaceFoot at{placed.uv.row(n), start, 0};
-    Matrix3Xd way = ways(start);
-    const double off = way.colwise().norm().maxCoeff();
-    // What a node is off a curved patch has a direction of its own, which turns with the patch.
-    double least = rounding;
-    for (const FreePatch* patch : own)
-      if (patch->form) least = std::max(least, (from - patch->form->foot(from, n).point).norm());
-    if (off <= least) continue;
-    for (int k = 0; k < kMostSteps && way.colwise().norm().maxCoeff() > least; ++k) {
-      Vector3d step = step_along(tangents(variant, placed.entity[n], is_on_face, at.uv), way);
-      if (step.norm() > off) step *= off / step.norm();
-      at = project(at.point + step, at.uv);
-      way = ways(at.point);
-    }
-    const double left = way.colwise().norm().maxCoeff();
-    if (left > least || (at.point - start).norm() > kFarthest * off) {
-      ++parted.nodes;
-      parted.distance = std::max(parted.distance, off);
-      continue;
-    }
-    placed.feet.row(n) = at.point;
-    placed.uv.row(n) = at.uv;
-  }
-  return parted;
 }
 
 std::vector<FreePatch> SurfaceMorph::Impl::sliding_patches() const {
@@ -790,11 +466,9 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
   if (!impl_->association.stranded.empty())
     impl_->idle.push_back(describe_stranded(mesh, boundary, impl_->association));
   // With regions, who holds an interface takes its facets from the CAD.
-  if (const FaceId face = face_between_solids_off_mesh(*impl_->base, impl_->association);
-      face >= 0 && mesh.regions.empty())
-    impl_->idle.push_back("face " + std::to_string(face + 1) + " of " + impl_->base->file_name() +
-                          " lies between two solids, but the mesh has no regions: its nodes there "
-                          "are moved as inner ones");
+  if (mesh.regions.empty())
+    if (std::string text = describe_face_off_mesh(*impl_->base, impl_->association); !text.empty())
+      impl_->idle.push_back(std::move(text));
   impl_->check_policy();
   impl_->find_feet();
   impl_->find_offsets();
@@ -849,12 +523,16 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
        cross_faces(pair, maps, self.joints, self.faces, {self.surface, self.feet, placed.feet}))
     placed.cross(row, to);
   SurfaceMorphResult result;
-  self.move_faces(pair, maps, placed, result);
+  PlacedFaces placed_faces = FacePlacement(pair, maps, self.base_placement()).place_all(placed);
+  result.folded_facets = std::move(placed_faces.folded);
+  result.remedies = std::move(placed_faces.remedies);
   const auto images = self.image_faces(pair, self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, images, placed);
   const auto named = self.named_pairs(sides, self.surface.points + (placed.feet - self.feet));
   self.place_images(pair, named, placed);
-  const PartedJoints left = self.settle_junctions(joined, placed);
+  const PartedJoints left = settle_junctions(
+      joined, self.sliding_patches(), self.association,
+      {self.options.snap ? self.surface.points : self.feet, self.tolerance / kSamePlane}, placed);
   for (const RowId n : placed.entity.ids())
     placed.offsets.row(n) *= self.least_stretch(n, placed.feet);
   Points moved = placed.feet + placed.offsets;
@@ -863,7 +541,7 @@ SurfaceMorphResult SurfaceMorph::Impl::morph(const CadModel& variant, const Topo
   result.notes = move_rigid_groups(self.surface, self.rigid, moved);
   if (left.nodes > 0) result.warnings.push_back(describe_left_patches(left));
   result.parted = find_parted_joints(pair, maps, self.joints, self.surface, placed.feet);
-  if (result.parted.nodes > 0) result.warnings.push_back(describe(result.parted));
+  if (result.parted.nodes > 0) result.warnings.push_back(describe_parted_joints(result.parted));
   if (!self.crack.empty()) result.warnings.push_back(self.crack);
   if (std::string text = self.describe_held(pair); !text.empty())
     result.warnings.push_back(std::move(text));
@@ -943,38 +621,6 @@ Points SurfaceMorph::onto_sliding_patches(const Points& from, const Points& to) 
 
 SlideDerivative SurfaceMorph::slide_derivative(const Points& positions) const {
   return {impl_->surface, impl_->sliding_patches(), positions * impl_->association.mesh_unit_mm};
-}
-
-std::vector<std::string> describe_folds(const CadModel& base, const TopologyMatch& match,
-                                        const Association& association,
-                                        const std::vector<FacetId>& folded) {
-  std::map<FaceId, int> counts;
-  for (const FacetId f : folded) ++counts[association.facet_face[f]];
-  std::vector<std::string> lines;
-  for (const auto& [face, count] : counts)
-    lines.push_back(name_of(base, match, face) + ": " + std::to_string(count) +
-                    " of its facets are folded");
-  return lines;
-}
-
-std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,
-                                               const Association& association,
-                                               const VectorXd& beyond_wires) {
-  std::map<FaceId, std::pair<int, double>> beyond;  // nodes and largest distance, by base face
-  for (const RowId n : association.entity.ids())
-    if (beyond_wires[n] > 0) {
-      auto& [count, most] = beyond[association.face(n)];
-      ++count;
-      most = std::max(most, beyond_wires[n]);
-    }
-  std::vector<std::string> lines;
-  for (const auto& [face, found] : beyond) {
-    std::ostringstream text;
-    text << name_of(base, match, face) << ": " << found.first
-         << " of its nodes lie beyond its wires, by up to " << found.second << " mm";
-    lines.push_back(text.str());
-  }
-  return lines;
 }
 
 }  // namespace cadmorph

@@ -55,16 +55,6 @@ struct SurfaceMorphResult {
   std::map<std::string, std::vector<std::string>> remedies;
 };
 
-/// A line for each base face with folded facets.
-std::vector<std::string> describe_folds(const CadModel& base, const TopologyMatch& match,
-                                        const Association& association,
-                                        const std::vector<FacetId>& folded);
-
-/// A line for each base face with nodes beyond the wires of its variant.
-std::vector<std::string> describe_beyond_wires(const CadModel& base, const TopologyMatch& match,
-                                               const Association& association,
-                                               const Eigen::VectorXd& beyond_wires);
-
 /// Moves the surface nodes of a mesh from a base CAD model to its variants (Sieger et al. 2013,
 /// sect. 4). Holds everything that depends on the base alone: association, sampled wires, and the
 /// factorisations of the parameter warps.

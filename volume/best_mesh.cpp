@@ -3,8 +3,6 @@
 #include <Eigen/Dense>
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
-#include <atomic>
 #include <cmath>
 #include <iterator>
 #include <numeric>
@@ -73,30 +71,8 @@ constexpr double kForRows = 0.999, kForRowsRaised = 0.98;
 // Rounds of taking back what fell too low; first by half, since the next cells come off worst where
 // a node goes back as a whole.
 constexpr int kHalvings = 8, kTakeBacks = 16;
-// Of the values of cells, -1 to 1.
-constexpr std::size_t kBins = 2048;
 // Below, a cell has no shape to start from.
 constexpr double kFlat = 1e-9;
-
-double share(double after, double base) { return base > 0 ? std::min(after / base, 1.0) : 1; }
-
-bool is_measured(double value) { return !std::isnan(value); }
-
-QualityReport of_faces(std::vector<double> values) {
-  QualityReport result;
-  result.min = 1;
-  for (const double value : values) {
-    if (!is_measured(value)) continue;
-    ++result.cells;
-    result.min = std::min(result.min, value);
-  }
-  result.values = std::move(values);
-  return result;
-}
-
-std::size_t bin_of(double value) {
-  return std::size_t(std::clamp((value + 1) / 2, 0.0, 1.0) * (kBins - 1));
-}
 
 // Ascending.
 std::vector<Index> marked(const std::vector<char>& marks) {
@@ -174,13 +150,13 @@ class BestMesh {
 
   QualityReport measure(const Points& positions) const {
     if (!options_.volumes) return measure_quality(mesh_, positions, orientation_);
-    return of_faces(face_quality(*options_.volumes, positions));
+    return quality_of_faces(face_quality(*options_.volumes, positions));
   }
   QualityReport measure_after(QualityReport before, const Points& positions,
                               const std::vector<Index>& cells) const {
     if (!options_.volumes)
       return measure_again(std::move(before), mesh_, positions, orientation_, cells);
-    return of_faces(
+    return quality_of_faces(
         face_quality_again(std::move(before.values), *options_.volumes, positions, cells));
   }
   const QualityReport& reference_quality() const {
@@ -498,7 +474,7 @@ class BestMesh {
       if (is_measured(values[c]) && values[c] < kKept * reference_quality().values[c])
         result.push_back(c);
     const double most = std::max(1.0, kMostSeeds * double(result_.quality.cells));
-    const auto first = [&](Index c) { return std::pair(bin_of(values[c]), c); };
+    const auto first = [&](Index c) { return std::pair(quality_bin(values[c]), c); };
     std::size_t count = std::size_t(std::ceil(kWholeBins * most));
     if (result.size() > count) {
       std::ranges::nth_element(result, result.begin() + std::ptrdiff_t(count), {}, first);
@@ -516,8 +492,9 @@ class BestMesh {
   bool has_room(double taken, double most, const std::vector<Index>& cells,
                 std::size_t next) const {
     const std::vector<double>& values = at_.quality.values;
-    return taken < most || (taken < kWholeBins * most && next > 0 &&
-                            bin_of(values[cells[next - 1]]) == bin_of(values[cells[next]]));
+    return taken < most ||
+           (taken < kWholeBins * most && next > 0 &&
+            quality_bin(values[cells[next - 1]]) == quality_bin(values[cells[next]]));
   }
 
   // The nodes of `seeds` that may move, of the first until so many cells change, and of layers of
@@ -791,52 +768,6 @@ class BestMesh {
 };
 
 }  // namespace
-
-double least_share(const WorstCells& after, const WorstCells& base) {
-  return std::min(share(after.min, base.min), share(after.worst_twentieth, base.worst_twentieth));
-}
-
-double sum_of_shares(const WorstCells& after, const WorstCells& base) {
-  return (base.min > 0 ? after.min / base.min : 0) +
-         (base.worst_twentieth > 0 ? after.worst_twentieth / base.worst_twentieth : 0);
-}
-
-WorstCells worst_cells(const QualityReport& quality) {
-  // Few values need an order: those of the bins that hold the least.
-  constexpr Index kGrain = 1 << 16;
-  const Index cells = std::ssize(quality.values);
-  const auto chunk = [&](Index begin, Index end) {
-    return std::span(quality.values).subspan(std::size_t(begin), std::size_t(end - begin));
-  };
-  std::array<std::atomic<std::size_t>, kBins> sizes{};
-  parallel_for(cells, kGrain, [&](Index begin, Index end) {
-    std::array<std::size_t, kBins> some{};
-    for (const double value : chunk(begin, end))
-      if (is_measured(value)) ++some[bin_of(value)];
-    for (std::size_t i = 0; i < kBins; ++i) sizes[i] += some[i];
-  });
-  const std::size_t measured = std::accumulate(sizes.begin(), sizes.end(), std::size_t{0});
-  if (measured == 0) return {};
-  const std::size_t count = std::max<std::size_t>(measured / 20, 1);
-  std::size_t last = 0, held = sizes[0];
-  while (held < count) held += sizes[++last];
-  std::vector<double> values(held);
-  std::atomic<std::size_t> next = 0;
-  parallel_for(cells, kGrain, [&](Index begin, Index end) {
-    std::vector<double> least;
-    std::ranges::copy_if(chunk(begin, end), std::back_inserter(least),
-                         [&](double value) { return is_measured(value) && bin_of(value) <= last; });
-    std::ranges::copy(least, values.begin() + std::ptrdiff_t(next.fetch_add(least.size())));
-  });
-  std::ranges::nth_element(values, values.begin() + std::ptrdiff_t(count - 1));
-  values.resize(count);
-  std::ranges::sort(values);  // the sum in one order
-  return {quality.min, std::accumulate(values.begin(), values.end(), 0.0) / double(count)};
-}
-
-WorstCells worst_faces(const FiniteVolumes& volumes, const Points& points) {
-  return worst_cells(of_faces(face_quality(volumes, points)));
-}
 
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
                               const MeasuredShape& moved, const std::vector<char>& is_fixed,

@@ -8,24 +8,9 @@
 #include "core/sliding_nodes.h"
 #include "core/validity.h"
 #include "volume/wall_rows.h"
+#include "volume/worst_cells.h"
 
 namespace cadmorph {
-
-/// What of a mesh's elements a solver feels first.
-struct WorstCells {
-  double min = 0;              ///< smallest scaled Jacobian, or face_quality
-  double worst_twentieth = 0;  ///< mean of it over the worst 5 % of the cells
-};
-
-/// Of the cells that a report measured.
-WorstCells worst_cells(const QualityReport& quality);
-
-/// Of face_quality with the nodes at `points` (N x 3).
-WorstCells worst_faces(const FiniteVolumes& volumes, const Points& points);
-
-/// The lesser of the two figures' shares of the base's, at most 1.
-double least_share(const WorstCells& after, const WorstCells& base);
-double sum_of_shares(const WorstCells& after, const WorstCells& base);
 
 /// Positions of a mesh's nodes, N x 3, and the quality of its cells there.
 struct MeasuredShape {

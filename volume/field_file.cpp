@@ -9,7 +9,7 @@ namespace {
 const FileKind kFieldFile{.mark = "cadmorph deformation field\n",
                           .format = kFieldFormat,
                           .name = "field file",
-                          .remedy = "make it anew with cadmorph field"};
+                          .remedy = "make the field anew"};
 
 }  // namespace
 

@@ -18,6 +18,7 @@ const bool kHasWords = [] {
                     {Remedy::ExpectUnmatched, "unmatched fix or slide, or slide, hold or follow"},
                     {Remedy::Method, "another method"},
                     {Remedy::RbfMethod, "method rbf"},
+                    {Remedy::ListPairs, "'cadmorph match'"},
                     {Remedy::FaceMap, "face_map"},
                     {Remedy::Via, "Mesh::at"},
                     {Remedy::Improve, "improve_below"},

@@ -8,6 +8,7 @@
 
 #include "apps/pipeline/output_file.h"
 #include "core/errors.h"
+#include "surface/surface_remarks.h"
 
 namespace cadmorph {
 namespace {

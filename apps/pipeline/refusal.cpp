@@ -129,7 +129,7 @@ std::vector<std::string> advice(const MorphResult& result) {
       static_cast<double>(made) > kWrongPairs * static_cast<double>(figures.mesh.cells);
   const bool is_unclear = made > 0 && lead(result.match) < kHardlyMore;
   if (is_inverted && (are_many || is_unclear))
-    lines.push_back("look at the pairs of faces ('cadmorph match'): " +
+    lines.push_back("look at the pairs of faces (" + words_for(Remedy::ListPairs) + "): " +
                     std::string(is_unclear
                                     ? "others fit hardly worse"
                                     : "so many cells invert where faces are paired wrongly") +

@@ -64,9 +64,9 @@ void warn_of_unclear_match(const CadModel& base, const CadModel& variant,
   text.precision(3);
   text << "the faces of " << variant.file_name() << " are paired with those of " << base.file_name()
        << " in one of two ways that fit alike (" << match.cost.sum() << " against "
-       << match.runner_up->cost.sum()
-       << " bits speak against them): look at the pairs ('cadmorph match'), set them by "
-       << words_for(Remedy::FaceMap) << " where they are wrong";
+       << match.runner_up->cost.sum() << " bits speak against them): look at the pairs ("
+       << words_for(Remedy::ListPairs) << "), set them by " << words_for(Remedy::FaceMap)
+       << " where they are wrong";
   figures.run.warnings.push_back(text.str());
 }
 

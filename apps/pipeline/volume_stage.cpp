@@ -13,6 +13,7 @@
 #include "apps/pipeline/volume_steps.h"
 #include "core/remedies.h"
 #include "surface/surface_mesh.h"
+#include "surface/surface_remarks.h"
 #include "volume/loose_nodes.h"
 
 namespace cadmorph {

@@ -3,9 +3,9 @@
 #include <vector>
 
 #include "core/archive.h"
+#include "core/rbf/cluster_skeleton.h"
 #include "core/rbf/kernel_sum.h"
 #include "core/rbf/octree.h"
-#include "core/rbf/skeleton.h"
 
 namespace cadmorph {
 
@@ -60,7 +60,7 @@ class H2Matrix {
   KernelSum sum_{Kernel::triharmonic_3d()};
   std::vector<std::vector<int>> far_;   // nodes seen through skeletons
   std::vector<std::vector<int>> near_;  // leaves summed directly
-  std::vector<Skeleton> skeletons_;
+  std::vector<ClusterSkeleton> skeletons_;
   std::vector<Index> skeleton_begin_;
   Eigen::MatrixXd skeleton_points_;
 };

@@ -7,7 +7,7 @@
 namespace cadmorph {
 
 /// Some of the points of a cluster that stand for all of them, seen from afar.
-struct Skeleton {
+struct ClusterSkeleton {
   std::vector<Index> permutation;  ///< of the candidates; the first `rank` are the skeleton
   Index rank = 0;
   /// Weights of the rest carried over to the skeleton: rank x rest, rows padded by zeros as
@@ -47,8 +47,8 @@ class ProxyShell {
 /// (Cheng, Gimbutas, Martinsson, Rokhlin 2005) of their r^3 kernel with the proxies: beyond them
 /// its field misses by `tolerance` relative to the largest. Moments up to degree 2 are kept far
 /// more exactly: weights orthogonal to linear polynomials rely on their cancellation.
-Skeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
-                       const Eigen::RowVector3d& centre, double radius, double tolerance,
-                       const ProxyShell& proxies);
+ClusterSkeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
+                              const Eigen::RowVector3d& centre, double radius, double tolerance,
+                              const ProxyShell& proxies);
 
 }  // namespace cadmorph

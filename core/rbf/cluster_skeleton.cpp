@@ -1,4 +1,4 @@
-#include "core/rbf/skeleton.h"
+#include "core/rbf/cluster_skeleton.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -47,9 +47,9 @@ ProxyShell::ProxyShell(double separation) : points_(kProxies, 3), scale_(kProxie
   }
 }
 
-Skeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
-                       const Eigen::RowVector3d& centre, double radius, double tolerance,
-                       const ProxyShell& proxies) {
+ClusterSkeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
+                              const Eigen::RowVector3d& centre, double radius, double tolerance,
+                              const ProxyShell& proxies) {
   const simd::Functions& simd = simd::functions(simd::best());
   const Index n = candidates.rows(), rows = proxy_count(tolerance);
   const Index stride = simd::padded(rows + kMoments);
@@ -68,7 +68,7 @@ Skeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
     A.col(j).segment<kMoments>(rows) *= weight;
   }
 
-  Skeleton result;
+  ClusterSkeleton result;
   result.permutation.resize(n);
   MatrixXd R(n, n);
   const Index rank =
@@ -82,7 +82,7 @@ Skeleton find_skeleton(const Eigen::Ref<const Eigen::MatrixXd>& candidates,
   return result;
 }
 
-MatrixXd Skeleton::compress(const Eigen::Ref<const MatrixXd>& weights) const {
+MatrixXd ClusterSkeleton::compress(const Eigen::Ref<const MatrixXd>& weights) const {
   const Index rest = transfer.cols(), columns = weights.cols();
   MatrixXd result(transfer.rows(), columns);
   MatrixXd others(rest, columns);
@@ -97,7 +97,7 @@ MatrixXd Skeleton::compress(const Eigen::Ref<const MatrixXd>& weights) const {
   return result;
 }
 
-MatrixXd Skeleton::expand(const Eigen::Ref<const MatrixXd>& potentials) const {
+MatrixXd ClusterSkeleton::expand(const Eigen::Ref<const MatrixXd>& potentials) const {
   const Index rest = transfer.cols(), columns = potentials.cols();
   MatrixXd own = MatrixXd::Zero(transfer.rows(), columns);
   own.topRows(rank) = potentials;
