@@ -41,7 +41,7 @@ constexpr double kParameterBits = 4;
 // has fewer bits than the second. With 2 bits holes jump over others: kernels write a pattern's
 // holes by where they lie, which may still fit the adjacency.
 constexpr double kOrder = 1, kOrderBits = 20;
-constexpr double kStill = 0.5;       // of the fitted distance: standing still fits clearly better
+constexpr double kStill = 0.5;  // of the fitted distance: standing still fits clearly better
 
 double bits(double x, double unit) { return std::log2(1 + x / unit); }
 
