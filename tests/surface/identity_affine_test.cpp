@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "cad/step_reader.h"
+#include "cad/topology_match.h"
 #include "morph_case.h"
 
 using namespace cadmorph;
@@ -153,4 +154,50 @@ TEST_CASE("a cylinder that grows in radius and height stretches evenly", "[surfa
     return {x.x() * 12 / 15, x.y() * 12 / 15, x.z() * 70 / 40};
   });
   CHECK(largest_difference(m.points, expected) <= kAffine * c.diagonal);
+}
+
+TEST_CASE("a part far from the origin is carried as well", "[surface][affine]") {
+  gp_Trsf away;
+  away.SetTranslation(gp_Vec(2e4, -3e4, 1e4));
+  for (const std::string name : {"bracket", "torus", "cone"}) {
+    DYNAMIC_SECTION(name) {
+      const TopoDS_Shape shape =
+          transformed(read_shape(model_file("shapes/" + name + ".step")), away);
+      MorphCase c = shape_case(name);
+      Mesh mesh = c.mesh;
+      mesh.points.rowwise() += Eigen::RowVector3d(2e4, -3e4, 1e4);
+      c = mesh_case(to_model(shape), mesh);
+      const gp_Trsf map = similarity(0.7, 1.3, gp_Vec(5, 5, 5));
+      const CadModel variant = to_model(transformed(shape, map));
+      const auto result = morph_surface(c, variant);
+      const Points expected = images(surface_points(c.boundary, c.mesh.points),
+                                     [&](const Vector3d& x) { return apply(map, x); });
+      CHECK(largest_difference(result.positions, expected) <= 1e-8 * variant.diagonal());
+    }
+  }
+}
+
+TEST_CASE("many similarities carry the surfaces of all shapes", "[surface][affine]") {
+  for (const auto& name : all_shapes()) {
+    DYNAMIC_SECTION(name) {
+      const MorphCase c = shape_case(name);
+      const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+      const TopoDS_Shape shape = read_shape(model_file("shapes/" + name + ".step"));
+      for (int i = 0; i < 8; ++i) {
+        gp_Trsf tilt;
+        tilt.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(std::sin(i), std::cos(2 * i), 0.3)), i);
+        const gp_Trsf map =
+            tilt * similarity(0.8 * i, std::pow(10, 0.5 * (i - 4)), gp_Vec(20 * i, -7 * i, i * i));
+        const CadModel variant = to_model(transformed(shape, map));
+        const auto result = surface.morph(variant, match_topology(*c.base, variant));
+        const Points expected = images(surface_points(c.boundary, c.mesh.points),
+                                       [&](const Vector3d& x) { return apply(map, x); });
+        CAPTURE(i);
+        // Coordinates far above the part's own size cost digits of it.
+        const double reach = expected.rowwise().norm().maxCoeff();
+        CHECK(largest_difference(result.positions, expected) <=
+              1e-8 * variant.diagonal() + 1e-12 * reach);
+      }
+    }
+  }
 }

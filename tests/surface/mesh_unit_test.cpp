@@ -5,7 +5,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "cad/topology_match.h"
+#include "core/errors.h"
 #include "morph_case.h"
+#include "surface_parts.h"
 #include "triangulation.h"
 
 using namespace cadmorph;
@@ -61,4 +64,43 @@ TEST_CASE("the unit of a mesh off the CAD goes by its size", "[surface][unit]") 
     mesh.points /= 1.5 * mm;
     CHECK(detect_mesh_unit(base, mesh, extract_boundary(mesh)) == mm);
   }
+}
+
+TEST_CASE("the unit of the mesh is found and kept", "[surface][unit]") {
+  const gp_Trsf map = similarity(0.4, 1.2, gp_Vec(3, 4, 5));
+  for (const std::string name : {"bracket", "cylinder", "plate_12_holes"})
+    for (const double mm : {1.0, 1000.0, 10.0, 25.4, 304.8}) {
+      DYNAMIC_SECTION(name << " in units of " << mm << " mm") {
+        MorphCase c = shape_case(name);
+        const Points millimetres = c.mesh.points;
+        c.mesh.points /= mm;
+        const SurfaceMorph surface(c.base, c.mesh, c.boundary);
+        CHECK(surface.association().mesh_unit_mm == mm);
+        const CadModel variant =
+            to_model(transformed(read_shape(model_file("shapes/" + name + ".step")), map));
+        const auto result = surface.morph(variant, match_topology(*c.base, variant));
+        const Points expected = images(surface_points(c.boundary, millimetres),
+                                       [&](const Vector3d& x) { return apply(map, x); });
+        CHECK(largest_difference(mm * result.positions, expected) <= kKnown * variant.diagonal());
+      }
+    }
+}
+
+TEST_CASE("a given unit is taken, and a wrong one is refused", "[surface][unit][errors]") {
+  MorphCase c = shape_case("bracket");
+  SurfaceMorphOptions options;
+  options.association.mesh_unit_mm = 1000;
+  CHECK_THROWS_AS(SurfaceMorph(c.base, c.mesh, c.boundary, options), AssociationError);
+  c.mesh.points /= 1000;
+  CHECK(SurfaceMorph(c.base, c.mesh, c.boundary, options).association().mesh_unit_mm == 1000);
+}
+
+TEST_CASE("a mesh in an unknown unit is refused with the unit to try", "[surface][unit][errors]") {
+  MorphCase c = shape_case("bracket");
+  c.mesh.points *= 1000;  // micrometres
+  CHECK_THROWS_WITH(SurfaceMorph(c.base, c.mesh, c.boundary),
+                    Catch::Matchers::Contains("the mesh's unit 0.001 "));
+  SurfaceMorphOptions options;
+  options.association.mesh_unit_mm = 0.001;
+  CHECK(SurfaceMorph(c.base, c.mesh, c.boundary, options).association().unmatched_nodes == 0);
 }
