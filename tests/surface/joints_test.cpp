@@ -7,7 +7,9 @@
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRep_Builder.hxx>
 #include <TopoDS_Compound.hxx>
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <gp_Pln.hxx>
 
 #include "morph_case.h"
@@ -99,57 +101,102 @@ Parts rod_through_sheet(double x) {
           BRepPrimAPI_MakeCylinder(axis, 6, 24).Solid()};
 }
 
+/// Of the expected move: what nodes may be off by where parts meet in a point or along an edge of
+/// one of them; projections on one surface after the other stop there.
+constexpr double kMeeting = 5e-6;
+
+/// Of the expected move, twice what they measured: the pieces of an imprinted face are spread each
+/// by itself, a whole face as one.
+struct Allowed {
+  double within_faces;
+  double on_lines = kMeeting;  ///< in which sheets cross
+};
+
 /// Moves the mesh of the imprinted parts by CAD in which they are imprinted, and in which not.
-/// `tolerance`: of the expected move.
 void check_alike(const Parts& base, const Parts& variant, double expected_move,
-                 double tolerance = 1e-3) {
-  const Mesh mesh = triangulate(imprinted(base), 0.05, 0.2);
-  const MorphCase split = mesh_case(to_model(imprinted(base)), mesh);
-  const MorphCase whole = mesh_case(to_model(together(base)), mesh);
-  REQUIRE(whole.base->coedges().size() < split.base->coedges().size());
-  const SurfaceMorphResult expected = morph_surface(split, to_model(imprinted(variant)));
-  const SurfaceMorphResult result = morph_surface(whole, to_model(together(variant)));
-  REQUIRE(largest_difference(expected.positions, surface_points(split.boundary, mesh.points)) >
-          0.9 * expected_move);
-  CHECK(result.warnings.empty());
-  CHECK(result.folded_facets.empty());
-  CHECK(largest_difference(result.positions, expected.positions) < tolerance * expected_move);
+                 const Allowed& allowed) {
+  const Mesh corners = triangulate(imprinted(base), 0.05, 0.2);  // no nodes within plane faces
+  const CadModel split_cad = to_model(imprinted(base)), whole_cad = to_model(together(base));
+  REQUIRE(whole_cad.coedges().size() < split_cad.coedges().size());
+  const CadModel split_variant = to_model(imprinted(variant)),
+                 whole_variant = to_model(together(variant));
+  for (const bool has_inner_nodes : {false, true}) {
+    CAPTURE(has_inner_nodes);
+    const Mesh mesh = has_inner_nodes ? split_triangles(corners) : corners;
+    const MorphCase split = mesh_case(split_cad, mesh), whole = mesh_case(whole_cad, mesh);
+    const SurfaceMorphResult expected = morph_surface(split, split_variant);
+    const SurfaceMorphResult result = morph_surface(whole, whole_variant);
+    REQUIRE(largest_difference(expected.positions, surface_points(split.boundary, mesh.points)) >
+            0.9 * expected_move);
+    double where_parts_meet = 0, elsewhere = 0;
+    for (const RowId row : result.entity.ids()) {
+      const bool is_joint = std::ranges::binary_search(result.jointed, row);
+      double& worst = is_joint ? where_parts_meet : elsewhere;
+      worst = std::max(worst, (result.positions.row(row) - expected.positions.row(row)).norm());
+    }
+    CHECK(result.jointed.size() >= 2);
+    CHECK(result.folded_facets.empty());
+    CHECK(where_parts_meet <= (has_inner_nodes ? allowed.on_lines : kMeeting) * expected_move);
+    CHECK(elsewhere <= (has_inner_nodes ? allowed.within_faces : kMeeting) * expected_move);
+    if (!has_inner_nodes) CHECK(result.warnings.empty());  // chords leave the side of a tube
+  }
 }
 
 }  // namespace
 
 TEST_CASE("Parts that stand on each other move alike, imprinted or not", "[surface][joints]") {
-  SECTION("a pin on a plate") { check_alike(pin_on_plate(22), pin_on_plate(31), 9); }
-  SECTION("ribs across a plate") { check_alike(ribbed_plate(9), ribbed_plate(17), 8); }
-  SECTION("a wall at a plate's side") { check_alike(plate_with_wall(9), plate_with_wall(20), 11); }
-  SECTION("a pin on a tube") { check_alike(pin_on_tube(25), pin_on_tube(33), 8); }
+  SECTION("a pin on a plate") {
+    check_alike(pin_on_plate(22), pin_on_plate(31), 9, {.within_faces = 0.35});
+  }
+  SECTION("ribs across a plate") {
+    check_alike(ribbed_plate(9), ribbed_plate(17), 8, {.within_faces = 0.15});
+  }
+  SECTION("a wall at a plate's side") {
+    check_alike(plate_with_wall(9), plate_with_wall(20), 11, {.within_faces = 0.12});
+  }
+  SECTION("a pin on a tube") {
+    check_alike(pin_on_tube(25), pin_on_tube(33), 8, {.within_faces = 0.065});
+  }
   SECTION("a sheet through a plate") {
-    check_alike(crossing_sheets(20, 8, 24), crossing_sheets(29, 8, 24), 9);
+    check_alike(crossing_sheets(20, 8, 24), crossing_sheets(29, 8, 24), 9, {.within_faces = 0.065});
   }
   SECTION("a sheet through a plate and beyond") {
-    check_alike(crossing_sheets(20, -3, 46), crossing_sheets(29, -3, 46), 9);
+    check_alike(crossing_sheets(20, -3, 46), crossing_sheets(29, -3, 46), 9,
+                {.within_faces = 0.28});
   }
-  SECTION("three sheets") { check_alike(three_sheets(22), three_sheets(31), 9, 0.1); }
+  SECTION("three sheets") {
+    check_alike(three_sheets(22), three_sheets(31), 9, {.within_faces = 0.16, .on_lines = 0.2});
+  }
   SECTION("a rod by more than its diameter") {
-    check_alike(rod_through_sheet(20), rod_through_sheet(45), 25, 0.1);
+    check_alike(rod_through_sheet(20), rod_through_sheet(45), 25, {.within_faces = 0.24});
   }
 }
 
 TEST_CASE("Parts that no longer meet are remarked on", "[surface][joints]") {
-  const auto check = [](const Parts& base) {
+  const auto check = [](const Parts& base, const std::function<bool(const Vector3d&)>& is_joint) {
     gp_Trsf up;
     up.SetTranslation(gp_Vec(0, 0, 10));
     const Parts variant = {base[0], base[1].Moved(up)};
     const MorphCase c =
         mesh_case(to_model(together(base)), triangulate(imprinted(base), 0.05, 0.2));
+    Index joints = 0;
+    for (const Index n : c.boundary.nodes) joints += is_joint(c.mesh.points.row(n));
+    REQUIRE(joints >= 2);
     const SurfaceMorphResult result = morph_surface(c, to_model(together(variant)));
-    CHECK(result.parted.nodes > 0);
-    CHECK(result.parted.distance <= 10 + 1e-6);
+    CHECK(result.parted.nodes == joints);
+    CHECK(result.parted.distance == Approx(10));
     REQUIRE_FALSE(result.warnings.empty());
     CHECK(result.warnings.back().find("do the parts still meet") != std::string::npos);
   };
-  SECTION("sheets that crossed") { check(crossing_sheets(20, 8, 24)); }
-  SECTION("a pin off its plate") { check(pin_on_plate(22)); }
+  SECTION("sheets that crossed") {
+    check(crossing_sheets(20, 8, 24),
+          [](const Vector3d& x) { return std::abs(x.z()) < 1e-9 && std::abs(x.x() - 20) < 1e-9; });
+  }
+  SECTION("a pin off its plate") {
+    check(pin_on_plate(22), [](const Vector3d& x) {
+      return std::abs(x.z() - 6) < 1e-9 && std::abs(std::hypot(x.x() - 22, x.y() - 20) - 7) < 1e-6;
+    });
+  }
 }
 
 TEST_CASE("Ordinary parts have no joints", "[surface][joints]") {
