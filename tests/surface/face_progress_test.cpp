@@ -20,7 +20,7 @@ TEST_CASE("the angle about a hole tells how far along its rim a place is", "[sur
                           gp_Ax2(gp_Pnt(0, 0, 20), gp_Dir(1, 0, 0), gp_Dir(0, 0, 1)), kRadius, 30)
                           .Shape())
           .Shape());
-  int rims = 0;
+  int rims = 0, holes = 0;
   for (const CadCurve& curve : model.skeleton().curves) {
     const bool is_intersection = model.edges()[curve.links.front().edge].is_free_form;
     if (!is_intersection) continue;
@@ -33,6 +33,7 @@ TEST_CASE("the angle about a hole tells how far along its rim a place is", "[sur
       const bool is_hole = std::abs(Vector3d(0, x.y(), x.z() - 20).norm() - kRadius) < 1e-9;
       REQUIRE(progress.has_value() == is_hole);
       if (!is_hole) continue;
+      ++holes;
       // The rim rises by at most tan a = 4 sin(45) / sqrt(100 - 8) times sin(45) along the hole.
       CHECK(progress->straightness() > 0.9);
       CHECK(progress->straightness() <= 1);
@@ -52,4 +53,5 @@ TEST_CASE("the angle about a hole tells how far along its rim a place is", "[sur
     }
   }
   CHECK(rims == 1);
+  CHECK(holes == 1);
 }

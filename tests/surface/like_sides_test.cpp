@@ -34,6 +34,7 @@ TEST_CASE("a flow in a plane, one cell thick, stays extruded", "[surface][far-fi
   const MorphCase c = mesh_case(body(0, 0, 1), mesh);
   const Morphed m = morph(c, body(0.1, -0.07, 1.2));
   double apart = 0, off_plane = 0, farthest = 0, off_body = 0;
+  Index pairs = 0;
   for (Index n = 0; n < mesh.node_count(); ++n) {
     const Vector3d x = mesh.points.row(n), y = m.points.row(n);
     farthest = std::max(farthest, (y - x).norm());
@@ -42,9 +43,12 @@ TEST_CASE("a flow in a plane, one cell thick, stays extruded", "[surface][far-fi
       off_body = std::max(off_body, std::abs(std::hypot(y.x() - 0.1, y.y() + 0.07) - 1.2));
     if (x.z() > 0) continue;
     for (Index k = 0; k < mesh.node_count(); ++k)
-      if ((mesh.points.row(k).transpose() - x - Vector3d(0, 0, 1)).norm() < 1e-9)
+      if ((mesh.points.row(k).transpose() - x - Vector3d(0, 0, 1)).norm() < 1e-9) {
+        ++pairs;
         apart = std::max(apart, (m.points.row(k).transpose() - y - Vector3d(0, 0, 1)).norm());
+      }
   }
+  CHECK(pairs == mesh.node_count() / 2);
   CHECK(apart <= 1e-12 * 60);
   CHECK(off_plane <= 1e-12 * 60);
   CHECK(off_body <= 1e-9);

@@ -118,14 +118,19 @@ TEST_CASE("between a side at rest and one that turns the surface twists without 
   const double way = (middle - twist(0.5)).norm() < (middle - twist(-0.5)).norm() ? 0.5 : -0.5;
   const Points exact = twist(way), chord = (body.start + end) / 2;
   double off = 0, off_chord = 0;
+  int at_bottom = 0, on_top = 0;
   for (Index i = 0; i < exact.rows(); ++i) {
     const double error = (middle.row(i) - exact.row(i)).norm();
     const double height = body.start(i, 2);
+    at_bottom += height == 0;
+    on_top += height == 1;
     if (height == 0) CHECK(error < 0.02);
     if (height == 1) CHECK(error < 0.05);
     off = std::max(off, error);
     off_chord = std::max(off_chord, (chord.row(i) - exact.row(i)).norm());
   }
+  CHECK(at_bottom == 9 * 9);
+  CHECK(on_top == 9 * 9);
   CHECK(off < off_chord / 3);
   // No gap: neighbours stay neighbours.
   for (Index f = 0; f < body.boundary.facet_count(); ++f)

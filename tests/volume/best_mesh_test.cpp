@@ -158,11 +158,13 @@ TEST_CASE("The slope of the shape energy is that of its values", "[volume][best]
   std::vector<Mesh> meshes;
   for (const CellType type : solid_types()) meshes.push_back(testing::cube(type, 2));
   for (const CellType type : kSides) meshes.push_back(square(type, 3, 1));
+  std::size_t planes = 0;
   for (Mesh& mesh : meshes) {
     const FixedCube cube(std::move(mesh));
     INFO(static_cast<int>(cube.mesh.types[0]));
     Points start = shaken(cube.mesh.points, 0.02, 5);
     const bool is_plane = dimension(cube.mesh) == 2;
+    planes += is_plane;
     if (is_plane) start.col(1).setConstant(3);
     FreeNodes free(cube.mesh.node_count(), all(cube.mesh.node_count()), nullptr);
     const VectorXd x = free.start(start, RowMatrix());
@@ -178,9 +180,11 @@ TEST_CASE("The slope of the shape energy is that of its values", "[volume][best]
       const double ahead = energy(x + h * direction, unused);
       const double behind = energy(x - h * direction, unused);
       CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-5));
+      REQUIRE(slope.size() == 3 * cube.mesh.node_count());
       for (Index n = 0; is_plane && n < cube.mesh.node_count(); ++n) CHECK(slope[3 * n + 1] == 0);
     }
   }
+  CHECK(planes == kSides.size());
 }
 
 TEST_CASE("With finite volumes the slope of the energy is that of its values, too",
@@ -188,10 +192,12 @@ TEST_CASE("With finite volumes the slope of the energy is that of its values, to
   std::vector<Mesh> meshes;
   for (const CellType type : solid_types()) meshes.push_back(testing::cube(type, 3));
   for (const CellType type : kSides) meshes.push_back(square(type, 4, 1));
+  std::size_t planes = 0;
   for (Mesh& mesh : meshes) {
     const FixedCube cube(std::move(mesh));
     INFO(static_cast<int>(cube.mesh.types[0]));
     const bool is_plane = dimension(cube.mesh) == 2;
+    planes += is_plane;
     Points start = shaken(cube.mesh.points, 0.01, 5);
     if (is_plane) start.col(1).setConstant(3);
     const FiniteVolumes volumes = cube.volumes();
@@ -219,6 +225,7 @@ TEST_CASE("With finite volumes the slope of the energy is that of its values, to
       CHECK(slope.dot(direction) == Approx((ahead - behind) / (2 * h)).epsilon(1e-4));
     }
   }
+  CHECK(planes == kSides.size());
 }
 
 TEST_CASE(
@@ -523,8 +530,9 @@ TEST_CASE("Inner nodes of cells that lost shape raise them", "[volume][best]") {
     CHECK(after.min == report.best.min);
     CHECK(after.values == result.quality.values);
     CHECK(check_validity(cube.mesh, result.positions, cube.orientation).invalid == 0);
-    for (Index n = 0; n < cube.mesh.node_count(); ++n)
-      if (cube.is_fixed[n]) REQUIRE(result.positions.row(n) == positions.row(n));
+    const std::vector<Index> fixed = cube_surface(cube.mesh);
+    CHECK(fixed.size() >= 98);  // corners on the surface of 4 x 4 x 4 cells
+    CHECK(rows_of(result.positions, fixed) == rows_of(positions, fixed));
   }
 }
 
@@ -553,13 +561,19 @@ TEST_CASE("Inner nodes of a mesh in a plane raise its cells, and stay in the pla
       INFO(static_cast<int>(mesh.types[0]) << " across " << axis);
       const std::vector<char> is_border = border_nodes(mesh, mesh.points);
       plane.is_fixed = is_border;
+      std::vector<Index> fixed;
+      Index told = 0;
       for (Index n = 0; n < mesh.node_count(); ++n) {  // corners alone are told
         const double u = std::abs(mesh.points(n, (axis + 1) % 3)),
                      v = std::abs(mesh.points(n, (axis + 2) % 3));
         const bool is_on_border = std::min(u, v) == 0 || std::max(u, v) == 1;
         if (is_border[n]) CHECK(is_on_border);
+        told += is_border[n];
         plane.is_fixed[n] = is_on_border;
+        if (is_on_border) fixed.push_back(n);
       }
+      CHECK(told == 4 * 6);
+      REQUIRE(std::ssize(fixed) >= told);
       Points positions;
       for (double amount = 0.05; positions.size() == 0 || plane.least(positions) < 0.2;
            amount *= 0.7) {
@@ -573,8 +587,7 @@ TEST_CASE("Inner nodes of a mesh in a plane raise its cells, and stay in the pla
       CHECK(result.report.best.min > result.report.plain.min);
       CHECK(result.report.best.worst_twentieth > result.report.plain.worst_twentieth);
       CHECK((result.positions.col(axis).array() == 3).all());
-      for (Index n = 0; n < mesh.node_count(); ++n)
-        if (plane.is_fixed[n]) CHECK(result.positions.row(n) == positions.row(n));
+      CHECK(rows_of(result.positions, fixed) == rows_of(positions, fixed));
       const Mesh layer = one_layer(mesh, result.positions);
       CHECK(check_validity(layer, layer.points, detect_orientation(layer)).invalid == 0);
     }
@@ -586,6 +599,7 @@ TEST_CASE("With finite volumes the faces are raised", "[volume][best]") {
   for (const CellType type : {Tetra, Hexahedron, Wedge, Pyramid, Polyhedron})
     meshes.push_back(testing::cube(type, 5));
   for (const CellType type : {Tetra, Hexahedron, Polyhedron}) meshes.push_back(square(type, 6, 2));
+  int planes = 0;
   for (Mesh& mesh : meshes) {
     FixedCube cube(std::move(mesh));
     INFO(static_cast<int>(cube.mesh.types[0]));
@@ -620,8 +634,10 @@ TEST_CASE("With finite volumes the faces are raised", "[volume][best]") {
     const QualityReport after = measure_quality(cube.mesh, result.positions, cube.orientation);
     CHECK(after.values == result.quality.values);
     CHECK(after.inverted == 0);
+    planes += is_plane;
     if (is_plane) CHECK((result.positions.col(2).array() == 3).all());
   }
+  CHECK(planes == 3);
 }
 
 TEST_CASE("The best mesh is the same for any number of threads", "[volume][best]") {

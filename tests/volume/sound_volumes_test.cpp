@@ -43,9 +43,13 @@ TEST_CASE("Nodes of unsound volumes move to where these are sound", "[volume][fi
     REQUIRE(unsound.size() > 2);
     const Points mended = mend_volumes(mesh, positions, is_fixed, orientation, unsound);
     CHECK(check_validity(mesh, mended, orientation).invalid == 0);
+    Index fixed = 0;
     for (Index n = 0; n < mesh.node_count(); ++n) {
-      if (is_fixed[n]) CHECK(mended.row(n) == positions.row(n));
+      if (!is_fixed[n]) continue;
+      ++fixed;
+      CHECK(mended.row(n) == positions.row(n));
     }
+    CHECK(fixed >= 98);  // corners on the surface of 4 x 4 x 4 cells
     const UntangleResult repaired = untangle(mesh, positions, is_fixed, orientation);
     CHECK(repaired.report.before == std::ssize(unsound));
     CHECK(repaired.report.after == 0);
