@@ -147,10 +147,18 @@ TEST_CASE("Named parts are held, and unknown names refused", "[apps][formats]") 
   // The floor's hexahedra shear by two of ten: valid.
   REQUIRE(result.exit_code == 0);
   const Points held = place.points("held.su2");
+  int on_floor = 0, on_lid = 0;
   for (Index n = 0; n < before.rows(); ++n) {
-    if (before(n, 2) == 0) CHECK(held.row(n) == before.row(n));
-    if (before(n, 2) == 30) CHECK(held(n, 0) == Approx(1.2 * before(n, 0)).margin(1e-9));
+    if (before(n, 2) == 0) {
+      ++on_floor;
+      CHECK(held.row(n) == before.row(n));
+    } else if (before(n, 2) == 30) {
+      ++on_lid;
+      CHECK(held(n, 0) == Approx(1.2 * before(n, 0)).margin(1e-9));
+    }
   }
+  CHECK(on_floor == 4 * 7);
+  CHECK(on_lid == 4 * 7);
   // What the CAD moves can't follow anything else.
   const RunResult idle = place.run(job + "--follow floor --slide lid -o idle.su2");
   CHECK(idle.exit_code == 0);

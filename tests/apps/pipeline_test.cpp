@@ -188,13 +188,16 @@ TEST_CASE("CAD entities have the numbers that match prints", "[apps][pipeline]")
   const RowMatrix dimension = values("cadmorph_cad_dimension");
   const RowMatrix entity = values("cadmorph_cad_entity");
   std::set<int> edges;
+  std::size_t corners = 0;
   for (Index n = 0; n < points.rows(); ++n) {
     const int number = static_cast<int>(entity(n, 0));
     if (dimension(n, 0) == 1) edges.insert(number);
     if (dimension(n, 0) != 0) continue;
+    ++corners;
     const nlohmann::json& at = match["vertices"].at(number - 1)["base_point"];
     for (int k = 0; k < 3; ++k) CHECK(points(n, k) == Approx(at[k].get<double>()).margin(1e-6));
   }
+  CHECK(corners == match["vertices"].size());
   CHECK(edges.size() == match["edges"].size());
   CHECK(*edges.rbegin() == static_cast<int>(match["edges"].size()));
 }
