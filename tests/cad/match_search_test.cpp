@@ -177,6 +177,70 @@ TEST_CASE("sizes tell what lies at one place apart, as large as the guess makes 
   CHECK(found(base, variant, doubled) == Permutation{2, 1, 0});
 }
 
+TEST_CASE("what is decided tells where the rest goes", "[cad][search]") {
+  // A path that its foot decides, with twins at each node, grows to four times its length: where
+  // they are the twins seem to have changed places with others.
+  GraphEdges edges{{1, 8}};
+  std::vector<Vector3d> from, to;
+  for (int n = 0; n < 8; ++n) {
+    if (n > 0) edges.emplace_back(n - 1, n);
+    from.emplace_back(n, (n * n) % 5, n % 3);
+  }
+  from.emplace_back(2, -1, 1);
+  for (int n = 0; n < 8; ++n)
+    for (const double side : {-0.2, 0.2}) {
+      edges.emplace_back(n, static_cast<int>(from.size()));
+      from.emplace_back(from[n] + Vector3d(side, 0.5, 0));
+    }
+  for (const Vector3d& x : from) to.emplace_back(4 * x.x() - 40, x.y(), x.z());
+  const Permutation number = any_permutation(from.size(), 3);
+  CHECK(found(point_graph(any_model(), edges, from),
+              point_graph(any_model(), renamed(edges, number), rearranged(to, number))) == number);
+}
+
+TEST_CASE("what lies far from all that is decided is decided late", "[cad][search]") {
+  // Beads on a string that is pulled the more, the farther out: the first seven are known, and
+  // what they tell of the last ones is wrong by more than a bead.
+  const GraphEdges known{{0, 1}, {1, 2}, {2, 3}, {1, 4}, {0, 5}, {5, 6}};
+  std::vector<Vector3d> from, to;
+  for (int n = 0; n < 24; ++n) from.emplace_back(n, 0, 0);
+  for (const Vector3d& x : from) to.emplace_back(x.x() + 0.006 * x.x() * x.x(), 0, 0);
+  const Permutation number = any_permutation(from.size(), 9);
+  CHECK(found(point_graph(any_model(), known, from),
+              point_graph(any_model(), renamed(known, number), rearranged(to, number))) == number);
+}
+
+TEST_CASE("all that is clear is decided at once", "[cad][search]") {
+  // Forty alike stay, and two that lie close together move by half of their distance.
+  std::vector<Vector3d> from;
+  for (int n = 0; n < 40; ++n) from.emplace_back(n % 7, n / 7, n % 3);
+  from.emplace_back(20, 0, 0);
+  from.emplace_back(20.1, 0, 0);
+  auto to = from;
+  to[40].x() += 0.05;
+  to[41].x() += 0.05;
+  const Permutation number = any_permutation(from.size(), 2);
+  const MatchSide base = point_graph(any_model(), {}, from),
+                  variant = point_graph(any_model(), {}, rearranged(to, number));
+  CHECK(found(base, variant, in_place(), 3) == number);
+}
+
+TEST_CASE("a place that contradicts the adjacency gives way to the next one", "[cad][search]") {
+  // A hexagon and two triangles that seem to have changed places: to refinement all nodes are
+  // alike.
+  GraphEdges edges = ring(0, 6);
+  for (const int first : {6, 9})
+    for (const auto& edge : ring(first, 3)) edges.push_back(edge);
+  std::vector<Vector3d> from, to(12);
+  for (int n = 0; n < 12; ++n) from.push_back(on_circle(n / 6.) + Vector3d(n < 6 ? 0 : 9, 0, 0));
+  for (int n = 0; n < 12; ++n) to[n] = from[(n + 6) % 12] + Vector3d(0.01 * n, 0.02 * n, 0);
+  const auto all = isomorphisms(12, edges, edges);
+  REQUIRE(all.size() == 12 * 72);
+  const Permutation result =
+      found(point_graph(any_model(), edges, from), point_graph(any_model(), edges, to));
+  CHECK(std::ranges::count(all, result) == 1);
+}
+
 TEST_CASE("the search says no where no isomorphism is, or where it may not look", "[cad][search]") {
   // Refinement alone takes two triangles for a hexagon.
   const Shape shape = hexagon();

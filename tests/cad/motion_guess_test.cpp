@@ -214,3 +214,25 @@ TEST_CASE("a pattern that turns goes by the least turn that lays it onto itself"
     CHECK(first_guesses(base, still, ColourRefinement(base.graph, still.graph)).size() == 7);
   }
 }
+
+TEST_CASE("an irregular pattern turns as most of its members say", "[cad][guess]") {
+  std::vector<Vector3d> most = scattered(11);
+  for (Vector3d& x : most) x.z() = 0;
+  std::vector<Vector3d> points = most;
+  points.emplace_back(12, 1, 0);  // the farthest out
+  for (const double angle : {-2.2, 0.6, 3.0}) {
+    INFO(angle);
+    const Map turn = [&](const Vector3d& x) -> Vector3d {
+      return AngleAxisd(angle, Vector3d::UnitZ()) * x + Vector3d(3, 3, 3);
+    };
+    auto places = images(points, turn);
+    // It alone goes 0.6 aside, by a twentieth of its distance.
+    places.back() += AngleAxisd(angle, Vector3d::UnitZ()) * Vector3d(0, 0.6, 0);
+    const MatchSide base = point_graph(base_box(), {}, points),
+                    variant = point_graph(base_box(), {}, places);
+    const ColourRefinement colours(base.graph, variant.graph);
+    const auto all = first_guesses(base, variant, colours);
+    REQUIRE(all.size() == 8);
+    CHECK(error(all[3], turn, most) < 0.3);
+  }
+}
