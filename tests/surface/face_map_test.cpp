@@ -120,18 +120,29 @@ TEST_CASE("faces whose dimensions change take their nodes where the closed form 
                      [](const Vector3d& x) -> Vector3d {
                        return {2 * x.x(), 2 * x.y(), x.z()};
                      }) < kExact);
-  // A part of a cylinder that goes farther round.
-  const auto wedge = [](double radius, double angle) {
-    return BRepPrimAPI_MakeCylinder(radius, 10, angle).Solid();
-  };
-  const Change wider(wedge(3, 1.5), wedge(4, 2));
-  for (const FaceId f : wider.base.faces().ids()) {
-    if (wider.base.faces()[f].type != SurfaceType::Cylinder) continue;
-    const ChangedFace changed(wider, f);
-    const Parameters uv = changed.inside();
-    CHECK(largest_error(changed.points_at(uv), changed.images(changed.map(uv)),
-                        [](const Vector3d& x) { return at(angle_of(x) * 4 / 3, 4, x.z()); }) <
-          kExact);
+  // Surfaces whose u runs the other way.
+  const ShuffleOptions reversed{.has_reversed_surfaces = true, .probability = 1};
+  CHECK(error_of_all(Change(cylinder(3, 10), shuffle(cylinder(6, 10), reversed).shape),
+                     [](const Vector3d& x) -> Vector3d {
+                       return {2 * x.x(), 2 * x.y(), x.z()};
+                     }) < kExact);
+}
+
+TEST_CASE("walls that go farther round spread their nodes evenly, at an apex too",
+          "[surface][face_map]") {
+  const auto wedge = [](double angle) { return BRepPrimAPI_MakeCylinder(4, 10, angle).Solid(); };
+  const auto slice = [](double angle) { return BRepPrimAPI_MakeCone(5, 0, 10, angle).Solid(); };
+  for (const auto& [from, to] : {std::pair(wedge(1.5), wedge(2)), {slice(1.5), slice(2)}}) {
+    const Change wider(from, to);
+    for (const FaceId f : wider.base.faces().ids()) {
+      if (wider.base.faces()[f].type == SurfaceType::Plane) continue;
+      const ChangedFace changed(wider, f);
+      const Parameters uv = changed.inside();
+      CHECK(largest_error(changed.points_at(uv), changed.images(changed.map(uv)),
+                          [](const Vector3d& x) {
+                            return at(angle_of(x) * 4 / 3, x.head<2>().norm(), x.z());
+                          }) < kExact);
+    }
   }
 }
 
@@ -206,6 +217,10 @@ TEST_CASE("wires go to wires, corners to corners, joints to joints", "[surface][
     CHECK(largest_error(changed.points_at(uv), changed.images(changed.map(uv, steps)), bilinear) <
           kExact);
   }
+  const Points points = changed.points_at(uv);
+  const FaceMapResult projected =
+      project_face(changed.domain, change.pair, changed.motion(), points);
+  CHECK(largest_error(points, changed.images(projected), bilinear) < 1e-6);
 }
 
 namespace {

@@ -103,7 +103,12 @@ TEST_CASE("beside a flat part the prediction is the same on both sides, and stay
   const auto sheet = [](double x, double y) {
     return to_model(BRepBuilderAPI_MakeFace(gp_Pln(), 0, x, 0, y).Face());
   };
-  const auto prediction = predict(sheet(10, 10), sheet(14, 9));
+  const CadModel base = sheet(10, 10), variant = sheet(14, 9);
+  const auto match = match_topology(base, variant);
+  const MotionPrediction prediction(base, variant, match);
+  // One and a half diagonals away the part's motion as a whole holds.
+  const Vector3d far = Vector3d(5, 5, 0) + 1.5 * base.diagonal() * Vector3d(1, -1, 1);
+  CHECK((prediction(far) - match.alignment(far)).norm() < 1e-6);
   const Points above = places({10, 10, 2});
   Points below = above;
   below.col(2) *= -1;
