@@ -1,4 +1,5 @@
 #include "cad/match_choice.h"
+#include "cad/match_cost.h"
 
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <Eigen/Geometry>
