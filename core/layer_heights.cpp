@@ -126,8 +126,15 @@ bool is_flat(const Storey& one, const Points& points, double most) {
   return true;
 }
 
-bool moves(const Storey& one, const Points& before, const Points& after) {
+bool stands_on_moved(const Storey& one, const Points& before, const Points& after) {
   return std::ranges::any_of(one.floor, [&](Index n) { return before.row(n) != after.row(n); });
+}
+
+// What is above a wall at rest may move, too: by less than this no cell is another one.
+bool has_new_ceiling(const Storey& one, const Points& before, const Points& after) {
+  const double least = kKept * one.height(before);
+  return std::ranges::any_of(
+      one.ceiling, [&](Index n) { return (before.row(n) - after.row(n)).norm() > least; });
 }
 
 // The storey between the cell's one face on the surface that `counts` and the cell that stands on
@@ -308,7 +315,9 @@ LayerFigures measure_solid_layers(const Mesh& mesh, const CellNeighbours& neighb
   result.are_of_layers = !storeys.empty();
   if (storeys.empty()) storeys = flat_storeys(mesh, neighbours, is_surface, before);
   for (const Storey& first : storeys) {
-    if (!moves(first, before, after)) continue;
+    if (!stands_on_moved(first, before, after) &&
+        !(result.are_of_layers && has_new_ceiling(first, before, after)))
+      continue;
     const double height = first.height(before), ratio = first.height(after) / height;
     if (!std::isfinite(ratio)) continue;
     result.least = result.cells == 0 ? ratio : std::min(result.least, ratio);

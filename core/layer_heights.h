@@ -5,11 +5,11 @@
 
 namespace cadmorph {
 
-/// What a morph did to the first cells of layers (nodes_of_layers) on parts of the surface that
-/// moved; where a mesh has no layers, to all that stand there: prisms and hexahedra with one face
-/// on it, or in a plane mesh triangles and quads with one edge. A face does not count where the one
-/// opposite to it is outside, too: that of a mesh of one layer. Here and below faces between cells
-/// of two regions are as much of the surface as those of the outside.
+/// What a morph did to the first cells of layers (nodes_of_layers) that moved, also on surface that
+/// rests; where a mesh has no layers, to all that stand on surface that moved: prisms and hexahedra
+/// with one face on it, or in a plane mesh triangles and quads with one edge. A face does not count
+/// where the one opposite to it is outside, too: that of a mesh of one layer. Here and below faces
+/// between cells of two regions are as much of the surface as those of the outside.
 struct LayerFigures {
   Index cells = 0;             ///< such first cells; the rest counts only where there are some
   bool are_of_layers = false;  ///< false: all that stand there
@@ -25,8 +25,9 @@ struct LayerFigures {
 
 /// Compares heights (between the middles of a cell's two faces, along the lower one's normal) at
 /// `before` and `after`, N x 3. `is_surface`: one a node. Cells count where a node of their face
-/// on the surface moved; where a mesh has no layers, those that are at most 1.5 times as high as
-/// its shortest edge. O(cells).
+/// on the surface moved, or one of the other face by more than a hundredth of their height; where a
+/// mesh has no layers, those on what moved that are at most 1.5 times as high as its shortest edge.
+/// O(cells).
 LayerFigures measure_layers(const Mesh& mesh, const CellNeighbours& neighbours,
                             const std::vector<char>& is_surface, const Points& before,
                             const Points& after);

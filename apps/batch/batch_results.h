@@ -18,7 +18,7 @@ struct ResultFigures {
   double min_scaled_jacobian_before = 0, min_scaled_jacobian_after = 0;
   double mean_scaled_jacobian_before = 0, mean_scaled_jacobian_after = 0;
   double worst_twentieth_before = 0, worst_twentieth_after = 0;  ///< means of the worst 5 %
-  /// Of the first cells of layers on what moved, new height over old one; none without layers.
+  /// Of the first cells of layers that moved, new height over old one; none without layers.
   std::optional<double> least_layer_height, most_layer_height;
   Index inverted = 0;           ///< cells that fail the exact validity test
   double cad_deviation_mm = 0;  ///< largest distance of a surface node to the variant CAD

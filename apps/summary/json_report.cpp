@@ -264,7 +264,7 @@ std::string to_json(const PipelineReport& report, int exit_code) {
   json["after"] = to_json(report.after, report.cad.variant.diagonal);
   json["max_displacement_mm"] = json_number(report.max_displacement);
   json["max_surface_displacement_mm"] = json_number(report.max_surface_displacement);
-  if (report.layers.cells > 0) json["layers"] = to_json(report.layers);
+  if (report.layers.are_growing()) json["layers"] = to_json(report.layers);
   if (report.kept_layers)
     json["kept_layers"] = {{"columns", report.kept_layers->columns},
                            {"kept", report.kept_layers->kept},

@@ -393,9 +393,9 @@ std::vector<Row> quality_rows(const MeshFigures& before, const MeshFigures& afte
 std::vector<Row> layer_rows(const LayerFigures& layers) {
   if (layers.cells == 0) return {};
   std::vector<Row> rows{
-      {"First cells on what moved, heights within 1 %", with_commas(layers.cells) + " cells",
+      {"First cells that moved, heights within 1 %", with_commas(layers.cells) + " cells",
        format("%.1f %%", 100 * layers.share_kept)},
-      {"First cells on what moved, height times", "1",
+      {"First cells that moved, height times", "1",
        format("%.3g to %.3g", layers.least, layers.most)}};
   rows.push_back({"Lean of first cells off the normal, worst 5 % (deg)",
                   format("%.1f", layers.lean_before), format("%.1f", layers.lean_after)});

@@ -17,7 +17,7 @@ std::string labelled(std::string label, const std::string& text);
 std::vector<std::vector<std::string>> distance_rows(const PipelineReport& report);
 std::vector<std::vector<std::string>> quality_rows(const MeshFigures& before,
                                                    const MeshFigures& after);
-/// None where no prism or hexahedron stands on what moved.
+/// None where no first cell moved.
 std::vector<std::vector<std::string>> layer_rows(const LayerFigures& layers);
 
 /// What rounding to the digits of a file came to.

@@ -1,5 +1,4 @@
 #include "cad/match_choice.h"
-#include "cad/match_cost.h"
 
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <Eigen/Geometry>
@@ -7,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "cad/match_cost.h"
 #include "cad/match_search.h"
 #include "cad_variants.h"
 #include "point_graph.h"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <numeric>
 #include <optional>
 #include <vector>
@@ -109,6 +110,36 @@ TEST_CASE("Heights of the first cells in a plane, and in a mesh one cell thick",
   };
   check_layers(plane);
   check_layers(one_layer(plane, plane.points));
+}
+
+TEST_CASE("First cells of layers count on a floor at rest, too, where they change",
+          "[core][checks][layers]") {
+  Mesh plane;
+  constexpr Index kColumns = 6, kLayers = 5, kRaised = 3;
+  for (Index i = 0; i <= kColumns; ++i)
+    for (Index k = 0; k <= kLayers; ++k) {
+      plane.points.conservativeResize(plane.points.rows() + 1, 3);
+      plane.points.bottomRows(1) << double(i), std::pow(1.3, double(k)) / 3 - 1.0 / 3, 0;
+    }
+  const auto node = [](Index i, Index k) { return (kLayers + 1) * i + k; };
+  for (Index i = 0; i < kColumns; ++i)
+    for (Index k = 0; k < kLayers; ++k)
+      add_cell(plane, CellType::Quad,
+               std::vector<Index>{node(i, k), node(i + 1, k), node(i + 1, k + 1), node(i, k + 1)});
+  Points after = plane.points;
+  for (Index k = 1; k <= kLayers; ++k) {
+    after(node(kRaised, k), 1) *= 1.5;
+    after(node(0, k), 1) *= 1.001;  // no other cell by that
+  }
+  std::vector<char> is_floor(plane.node_count(), 0);
+  for (Index i = 0; i <= kColumns; ++i) is_floor[node(i, 0)] = 1;
+  const LayerFigures layers =
+      measure_layers(plane, find_cell_neighbours(plane), is_floor, plane.points, after);
+  CHECK(layers.are_growing());
+  CHECK(layers.cells == 2);  // on both sides of the raised nodes
+  CHECK(layers.share_kept == 0);
+  CHECK(layers.least == Approx(1.25));
+  CHECK(layers.most == Approx(1.25));
 }
 
 TEST_CASE("Patches of a plane mesh that go round the other way are no turned cells",
