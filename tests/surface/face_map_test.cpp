@@ -1,5 +1,6 @@
 #include "surface/face_map.h"
 
+#include <BRepAlgoAPI_Cut.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
@@ -120,6 +121,20 @@ TEST_CASE("faces whose dimensions change take their nodes where the closed form 
                      [](const Vector3d& x) -> Vector3d {
                        return {2 * x.x(), 2 * x.y(), x.z()};
                      }) < kExact);
+  // Poles and seams of a kernel's own choice.
+  const auto hollow = [](const gp_Dir& axis, double radius) -> TopoDS_Shape {
+    const gp_Ax2 middle(gp_Pnt(15, 15, 15), axis);
+    return BRepAlgoAPI_Cut(box(30, 30, 30), BRepPrimAPI_MakeSphere(middle, radius).Solid());
+  };
+  CHECK(error_of_all(Change(hollow(gp::DZ(), 5), hollow(gp_Dir(3, 1, 2), 6)),
+                     [](const Vector3d& x) -> Vector3d {
+                       const Vector3d way = x - Vector3d(15, 15, 15);
+                       return way.norm() < 7 ? x + 0.2 * way : x;
+                     }) < 1e-6);
+  CHECK(error_of_all(Change(ring(8, 2), BRepPrimAPI_MakeTorus(turned, 10, 3).Solid()),
+                     [](const Vector3d& x) {
+                       return at(angle_of(x), 10 + 1.5 * (x.head<2>().norm() - 8), 1.5 * x.z());
+                     }) < 1e-6);
   // Surfaces whose u runs the other way.
   const ShuffleOptions reversed{.has_reversed_surfaces = true, .probability = 1};
   CHECK(error_of_all(Change(cylinder(3, 10), shuffle(cylinder(6, 10), reversed).shape),
