@@ -163,7 +163,8 @@ class ModelBuilder {
       }
       uses.push_back({e,
                       {curve, first, last, record.first, record.last},
-                      edge.Orientation() == TopAbs_REVERSED});
+                      edge.Orientation() == TopAbs_REVERSED,
+                      edge.Orientation() == TopAbs_INTERNAL});
     }
     return uses;
   }
@@ -176,6 +177,7 @@ class ModelBuilder {
       model_.pcurves.push_back(use.pcurve);
       model_.edges[use.edge].coedges.push_back(c);
       coedges.push_back(c);
+      if (use.is_slit) continue;
       const CadEdge& edge = model_.edges[use.edge];
       model_.loops[id].add(use.pcurve, use.is_reversed, edge.start, edge.end);
     }

@@ -15,6 +15,7 @@ using Eigen::Vector3d;
 
 constexpr double kTurn = 0.3;        // radians
 constexpr double kThin = 1e-4;       // of a pattern's size
+constexpr double kExact = 1e-9;      // of a pattern's size: above rounding, below what files keep
 constexpr std::size_t kPattern = 3;  // entities that have a spread
 // Turns of a pattern: members that are asked and turns tried at most, how much nearer a farther
 // turn has to lay them, turns that are none, radians, and how far the levers of two members differ.
@@ -117,14 +118,16 @@ class PatternTurn {
   }
 
   Eigen::AngleAxisd find() const {
+    // Turns that lay it exactly fit equally well, whatever their rounding.
+    const double exact = kExact * std::sqrt(from_.scatter.trace());
     Eigen::AngleAxisd best(0, Vector3d::UnitZ());
-    double least = distance(best);
+    double least = std::max(exact, distance(best));
     const Eigen::Matrix3d axes =
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(from_.scatter).eigenvectors();
     for (int a = 0; a < 3; ++a)
       for (const double angle : angles(axes.col(a))) {
         const Eigen::AngleAxisd turn = fitted({angle, axes.col(a)});
-        const double off = distance(turn);
+        const double off = std::max(exact, distance(turn));
         const bool is_farther = std::abs(turn.angle()) > std::abs(best.angle());
         if (off >= (is_farther ? kNearer : 1 / kNearer) * least) continue;
         best = turn;

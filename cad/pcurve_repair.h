@@ -10,7 +10,8 @@ namespace cadmorph {
 struct EdgeUse {
   EdgeId edge;
   Pcurve pcurve;
-  bool is_reversed;  ///< in the face as its surface lies, whatever the face's own orientation
+  bool is_reversed;      ///< in the face as its surface lies, whatever the face's own orientation
+  bool is_slit = false;  ///< the face is on both sides of it: it bounds nothing
 };
 
 /// Mends what files and their readers get wrong about the parameters of a face's edges, where the

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <gp_Pln.hxx>
 
+#include "cad/face_sampler.h"
 #include "morph_case.h"
 #include "surface/surface_mesh.h"
 #include "triangulation.h"
@@ -228,6 +229,19 @@ TEST_CASE("A sketch on a solid's side has no part in it", "[surface][joints]") {
   const SurfaceMorphResult expected =
       morph_surface(mesh_case(to_model(plate(6)), mesh), to_model(plate(8)));
   CHECK(largest_difference(result.positions, expected.positions) < 1e-9);
+}
+
+TEST_CASE("A line within a face where another part ends on it bounds nothing",
+          "[surface][joints]") {
+  const Parts base = crossing_sheets(20, 8, 24);
+  const CadModel cad = to_model(imprinted(base));
+  const Mesh mesh = split_triangles(split_triangles(triangulate(imprinted(base), 0.05, 0.2)));
+  const MorphCase c = mesh_case(to_model(imprinted(base)), mesh);
+  const SurfaceMorphResult result = morph_surface(c, cad);
+  CHECK(result.warnings.empty());
+  CHECK(largest_difference(result.positions, c.mesh.points(c.boundary.nodes, Eigen::all)) < 1e-12);
+  // Both sheets are rectangles, and so are what each cuts the other into.
+  for (const FaceId face : cad.faces().ids()) CHECK(sample_domain(cad, face, 12).size() == 144);
 }
 
 TEST_CASE("Nodes on sheets that cross are told, all of them", "[surface][joints]") {
