@@ -324,9 +324,9 @@ bool fits(const Points& from, const Points& to, const Isometry& map, double tole
   return true;
 }
 
-PeriodicSides find_pair(const Mesh& mesh, const Boundary& boundary, const SurfaceMesh& surface,
-                        const Association& association, const IdVector<RowId, char>& is_held,
-                        const std::string& first, const std::string& second) {
+PeriodicSides find_pair(const MeshOnCad& on_cad, const std::string& first,
+                        const std::string& second) {
+  const auto& [mesh, boundary, surface, association, is_held] = on_cad;
   if (first == second)
     throw InvalidInputError("the group '" + first + "' of the mesh can't be a period from itself");
   const Vector3d normal = plane_normal(mesh, mesh.points);
@@ -346,19 +346,13 @@ PeriodicSides find_pair(const Mesh& mesh, const Boundary& boundary, const Surfac
 }  // namespace
 
 std::vector<PeriodicSides> find_periodic_sides(
-    const Mesh& mesh, const Boundary& boundary, const SurfaceMesh& surface,
-    const Association& association, const IdVector<RowId, char>& is_held,
-    const std::vector<std::pair<std::string, std::string>>& names) {
+    const MeshOnCad& on_cad, const std::vector<std::pair<std::string, std::string>>& names) {
   std::vector<PeriodicSides> result;
-  for (const auto& [first, second] : names)
-    result.push_back(find_pair(mesh, boundary, surface, association, is_held, first, second));
+  for (const auto& [first, second] : names) result.push_back(find_pair(on_cad, first, second));
   return result;
 }
 
-std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& boundary,
-                                              const SurfaceMesh& surface,
-                                              const Association& association,
-                                              const IdVector<RowId, char>& is_held,
+std::vector<PeriodicSides> find_sides_of_file(const MeshOnCad& on_cad,
                                               const GroupConstraints& constraints,
                                               std::vector<std::string>& remarks) {
   std::set<std::string> done;
@@ -366,13 +360,12 @@ std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& 
     done.insert(names->begin(), names->end());
   for (const auto& [first, second] : constraints.periodic) done.insert({first, second});
   std::vector<PeriodicSides> result;
-  for (const NodeGroup& group : mesh.groups) {
+  for (const NodeGroup& group : on_cad.mesh.groups) {
     if (group.partner.empty() || done.contains(group.name) || done.contains(group.partner))
       continue;
     done.insert({group.name, group.partner});
     try {
-      result.push_back(
-          find_pair(mesh, boundary, surface, association, is_held, group.name, group.partner));
+      result.push_back(find_pair(on_cad, group.name, group.partner));
       result.back().is_by_file = true;
     } catch (const InvalidInputError& error) {
       remarks.push_back("the mesh file says that '" + group.name + "' and '" + group.partner +

@@ -20,25 +20,28 @@ struct PeriodicSides {
   bool is_by_file = false;        ///< the mesh file says that they are a pair; nobody asked for it
 };
 
+/// A mesh and where its surface lies on the CAD.
+struct MeshOnCad {
+  const Mesh& mesh;
+  const Boundary& boundary;
+  const SurfaceMesh& surface;
+  const Association& association;
+  const IdVector<RowId, char>& is_held;  ///< nodes that something else than the CAD has a place for
+};
+
 /// Finds by the nodes the translation or rotation that carries one named side onto the other: every
 /// node of the first (of those on the mesh's surface) to one of its own of the second, within 1e-6
 /// of the extent or a hundredth of the shortest mesh edge there. Where several do, as in regular
 /// meshes, those count that leave the inside of the mesh on opposite sides, of these a translation,
-/// else the least turn. `is_held`: nodes that something else than the CAD has a place for.
-/// Throws InvalidInputError for a name that no group has, a side without nodes, sides that are no
-/// images of each other, and nodes that follow the volume.
+/// else the least turn. Throws InvalidInputError for a name that no group has, a side without
+/// nodes, sides that are no images of each other, and nodes that follow the volume.
 std::vector<PeriodicSides> find_periodic_sides(
-    const Mesh& mesh, const Boundary& boundary, const SurfaceMesh& surface,
-    const Association& association, const IdVector<RowId, char>& is_held,
-    const std::vector<std::pair<std::string, std::string>>& names);
+    const MeshOnCad& on_cad, const std::vector<std::pair<std::string, std::string>>& names);
 
 /// Finds those that the mesh file says are pairs (NodeGroup::partner), where no group of a pair is
 /// held, rigid, following or paired by `constraints`. What is none is left as it is: a line in
 /// `remarks` says why.
-std::vector<PeriodicSides> find_sides_of_file(const Mesh& mesh, const Boundary& boundary,
-                                              const SurfaceMesh& surface,
-                                              const Association& association,
-                                              const IdVector<RowId, char>& is_held,
+std::vector<PeriodicSides> find_sides_of_file(const MeshOnCad& on_cad,
                                               const GroupConstraints& constraints,
                                               std::vector<std::string>& remarks);
 

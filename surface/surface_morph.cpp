@@ -451,11 +451,10 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
                                    impl_->options.groups.rigid, bodies);
   IdVector<RowId, char> held(impl_->constraints.size());
   std::ranges::transform(impl_->constraints, held.begin(), is_taken_from_cad);
-  impl_->periodic = find_periodic_sides(mesh, boundary, impl_->surface, impl_->association, held,
-                                        impl_->options.groups.periodic);
+  const MeshOnCad on_cad{mesh, boundary, impl_->surface, impl_->association, held};
+  impl_->periodic = find_periodic_sides(on_cad, impl_->options.groups.periodic);
   std::vector<std::string> unpaired;
-  for (PeriodicSides& sides : find_sides_of_file(mesh, boundary, impl_->surface, impl_->association,
-                                                 held, impl_->options.groups, unpaired))
+  for (PeriodicSides& sides : find_sides_of_file(on_cad, impl_->options.groups, unpaired))
     impl_->periodic.push_back(std::move(sides));
   impl_->find_forms();
   impl_->idle = describe_idle_groups(mesh, boundary, impl_->options.groups, impl_->association,

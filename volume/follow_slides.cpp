@@ -72,16 +72,16 @@ RowMatrix solve_along(const Matrix& a, const RowMatrix& b, const std::vector<Sli
 
 FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, const Points& moved,
                                  const std::vector<char>& is_fixed, const SlidingNodes& sliding,
-                                 const std::vector<Index>& cells, int reach) {
+                                 const Surroundings& around) {
   const NodeCells incidence(mesh);
-  const std::vector<Index> near = grow(mesh, incidence, cells, reach);
+  const std::vector<Index> near = grow(mesh, incidence, around.cells, around.reach);
   std::vector<char> is_near(mesh.cell_count(), 0);
   for (const Index c : near) is_near[c] = 1;
   std::vector<Index> nodes, unknown(mesh.node_count(), -1);
   for (Index n = 0; n < mesh.node_count(); ++n) {
-    const auto around = incidence.cells(n);
-    if (is_fixed[n] || around.empty() ||
-        !std::ranges::all_of(around, [&](Index c) { return is_near[c]; }))
+    const auto own = incidence.cells(n);
+    if (is_fixed[n] || own.empty() ||
+        !std::ranges::all_of(own, [&](Index c) { return is_near[c]; }))
       continue;
     unknown[n] = std::ssize(nodes);
     nodes.push_back(n);
@@ -120,7 +120,7 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
         if (unknown[b] >= 0) row.weights.emplace_back(unknown[b], -1 / square);
       }
     // By the long edges: thin cells are to pass on what moves across them, too.
-    if (does_slide[i]) sum += kDrawnBack / (reach * reach) * pairs * pairs / squares;
+    if (does_slide[i]) sum += kDrawnBack / (around.reach * around.reach) * pairs * pairs / squares;
     row.weights.emplace_back(i, sum);
     std::ranges::sort(row.weights);
     std::size_t last = 0;

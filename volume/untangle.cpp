@@ -207,24 +207,30 @@ struct RepairPlan {
   double most_work = 1;            ///< see Work
 };
 
+// Where a repair begins.
+struct RepairStart {
+  const Points& positions;
+  const RowMatrix& slides;  ///< of options.sliding, where these nodes are at `positions`
+  const std::vector<char>& is_fixed;
+};
+
 // A mesh under repair: tries ever larger neighbourhoods of the cells to repair.
 class Repair {
  public:
-  /// `slides`: of options.sliding, where these nodes are at `positions`.
-  Repair(const Mesh& mesh, const Points& positions, RowMatrix slides, std::vector<char> is_fixed,
-         const Orientation& orientation, const UntangleOptions& options, RepairPlan plan)
+  Repair(const Mesh& mesh, const RepairStart& start, const Orientation& orientation,
+         const UntangleOptions& options, RepairPlan plan)
       : mesh_(mesh),
         orientation_(orientation),
         options_(options),
         incidence_(mesh),
-        is_fixed_(std::move(is_fixed)),
-        positions_(positions),
-        slides_(std::move(slides)),
+        is_fixed_(start.is_fixed),
+        positions_(start.positions),
+        slides_(start.slides),
         plan_(std::move(plan)),
         orientation_of_corners_(orientation_of_corners(mesh, orientation)),
         work_(plan_.most_work) {
     if (plan_.mid_nodes.count() > 0 && has_second_order(mesh))
-      linear_ = with_linear_cells(mesh, plan_.mid_nodes, mesh.points, positions,
+      linear_ = with_linear_cells(mesh, plan_.mid_nodes, mesh.points, start.positions,
                                   [&](Index node) { return plan_.is_bent[node] != 0; });
     if (!options.sliding) return;
     for (const Index node : options.sliding->nodes) is_fixed_[node] = 0;
@@ -361,7 +367,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
   report.validity = check_validity(mesh, positions, orientation);
   report.before = report.validity.invalid;
   const auto repair_from = [&](const Points& start, RepairPlan plan = {}) {
-    Repair repair(mesh, start, result.slides, is_fixed, orientation, options, std::move(plan));
+    Repair repair(mesh, {start, result.slides, is_fixed}, orientation, options, std::move(plan));
     repair.run(report);
     result.positions = repair.positions();
     result.slides = repair.slides();
@@ -372,7 +378,7 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
     const Mesh corners = corners_alone(mesh);
     const Orientation of_corners = orientation_of_corners(mesh, orientation);
     report.validity = check_validity(corners, at, of_corners);
-    Repair repair(corners, at, result.slides, is_fixed, of_corners, options,
+    Repair repair(corners, {at, result.slides, is_fixed}, of_corners, options,
                   {.mid_nodes = MidNodes(mesh, at),
                    .is_bent = std::vector<char>(std::size_t(mesh.node_count()), 0),
                    .most_work = kAttemptWork});

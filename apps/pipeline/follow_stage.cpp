@@ -107,7 +107,7 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
   const Mesh straight = mid_nodes.count() > 0 ? corners_alone(mesh) : Mesh();
   for (const int reach : kReaches) {
     FollowingNodes next = follow_neighbours(mid_nodes.count() > 0 ? straight : mesh, mesh.points,
-                                            moved, is_fixed, nodes, suffering, reach);
+                                            moved, is_fixed, nodes, {suffering, reach});
     for (Index i = 0; i < mid_nodes.count(); ++i) {
       if (is_fixed[mid_nodes.node(i)]) continue;
       const auto follower = mid_nodes.follower(i, &nodes);

@@ -74,23 +74,34 @@ std::vector<char> nodes_to_leave(const BaseSide& base, const SurfaceMorphResult&
   return result;
 }
 
+// How cells are raised, and what was tried.
+struct Raising {
+  std::vector<char> is_fixed;  // of all nodes
+  BestMeshOptions how;
+  std::vector<RaiseAttempt> tried;
+
+  void add(const BestMeshReport& report) {
+    tried.insert(tried.end(), report.attempts.begin(), report.attempts.end());
+  }
+};
+
 // Second-order cells of plane meshes and shells that the curve of an edge turned over: those with
-// straight edges are raised first, which makes room for it. Returns whether fewer are left; adds to
-// `tried`.
+// straight edges are raised first, which makes room for it. Returns whether fewer are left.
 bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& reference,
-                         const std::vector<char>& is_fixed, BestMeshOptions how,
-                         std::vector<RaiseAttempt>& tried, MorphResult& result) {
+                         Raising& raising, MorphResult& result) {
   const Mesh& mesh = base.mesh();
   if (dimension(mesh) != 2 || result.quality.inverted <= base.quality.inverted) return false;
   const MidNodes mid_nodes(mesh, result.positions);
   if (mid_nodes.count() == 0) return false;
   const Mesh straight = corners_alone(mesh);
+  const std::vector<char>& is_fixed = raising.is_fixed;
+  BestMeshOptions how = raising.how;
   how.validity = nullptr;
   const QualityReport before = measure_quality(straight, reference, base.orientation),
                       came = measure_quality(straight, result.positions, base.orientation);
   BestMeshResult best = find_best_mesh(straight, {reference, before}, {result.positions, came},
                                        is_fixed, base.orientation, how);
-  tried.insert(tried.end(), best.report.attempts.begin(), best.report.attempts.end());
+  raising.add(best.report);
   if (best.slides.rows() == 0) best.slides = sliding.nodes()->slides;
   for (Index i = 0; i < mid_nodes.count(); ++i)
     if (const auto follower = mid_nodes.follower(i, sliding.nodes());
@@ -148,16 +159,17 @@ class RimCurves {
 
 // Where those with straight edges have no room for the curve yet: they get as much of it as they
 // bear and are raised, which makes room for more of it, and so on, the nodes on edges at rest.
-// Returns whether fewer are left; adds to `tried`.
+// Returns whether fewer are left.
 bool curve_by_degrees(const BaseSide& base, Sliding& sliding, const MeasuredShape& of_file,
-                      const std::vector<char>& is_fixed, BestMeshOptions how,
-                      std::vector<RaiseAttempt>& tried, MorphResult& result) {
+                      Raising& raising, MorphResult& result) {
   const Mesh& mesh = base.mesh();
   if (dimension(mesh) != 2 || !has_second_order(mesh) ||
       result.quality.inverted <= base.quality.inverted)
     return false;
+  const std::vector<char>& is_fixed = raising.is_fixed;
   const RimCurves rims(base, *sliding.nodes(), is_fixed, result.positions);
   if (rims.is_empty()) return false;
+  BestMeshOptions how = raising.how;
   how.validity = nullptr;
   how.held.insert(how.held.end(), rims.edge_nodes().begin(), rims.edge_nodes().end());
   Undo undo(sliding, result);
@@ -176,7 +188,7 @@ bool curve_by_degrees(const BaseSide& base, Sliding& sliding, const MeasuredShap
     if (!curve(share)) break;
     BestMeshResult best =
         find_best_mesh(mesh, of_file, {positions, quality}, is_fixed, base.orientation, how);
-    tried.insert(tried.end(), best.report.attempts.begin(), best.report.attempts.end());
+    raising.add(best.report);
     positions = std::move(best.positions);
     if (best.slides.rows() > 0) sliding.move_to(std::move(best.slides));
     if (curve(1)) break;
@@ -243,13 +255,13 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
     return sliding.is_folded(positions, slides);
   };
   const WorstCells plain = dimension(base.mesh()) == 2 ? worst_cells(result.quality) : WorstCells{};
-  std::vector<RaiseAttempt> tried;
-  while (unfold_curved_cells(base, sliding, reference, is_fixed, how, tried, result)) {
+  Raising raising{std::move(is_fixed), std::move(how), {}};
+  while (unfold_curved_cells(base, sliding, reference, raising, result)) {
   }
-  curve_by_degrees(base, sliding, of_file, is_fixed, how, tried, result);
+  curve_by_degrees(base, sliding, of_file, raising, result);
   BestMeshResult best = find_best_mesh(base.mesh(), of_file, {result.positions, result.quality},
-                                       is_fixed, base.orientation, how);
-  if (!tried.empty()) {
+                                       raising.is_fixed, base.orientation, raising.how);
+  if (const auto& tried = raising.tried; !tried.empty()) {
     if (!best.report.is_by_faces) best.report.plain = plain;
     best.report.attempts.insert(best.report.attempts.begin(), tried.begin(), tried.end());
   }

@@ -379,7 +379,7 @@ TEST_CASE("of the motions that carry one side onto the other the likely one coun
     association.is_free.assign(rows, 0);
     const IdVector<RowId, char> held(rows, 0);
     const auto find = [&](const std::string& first, const std::string& second) {
-      return find_periodic_sides(mesh, boundary, surface, association, held, {{first, second}});
+      return find_periodic_sides({mesh, boundary, surface, association, held}, {{first, second}});
     };
     const PeriodicSides sides = find("low", "high").front();
     const Isometry& found = sides.pair.before;

@@ -54,7 +54,7 @@ struct Wall {
     return cells;
   }
   FollowingNodes find(const std::vector<Index>& cells) const {
-    return follow_neighbours(mesh, mesh.points, moved, is_fixed, lower, cells, 12);
+    return follow_neighbours(mesh, mesh.points, moved, is_fixed, lower, {cells, 12});
   }
   RowMatrix follow(const std::vector<Index>& cells) const { return find(cells).slides; }
 };
