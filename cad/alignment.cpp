@@ -16,22 +16,35 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kFaceGrid = 12;     // samples of a face in each direction, for its moments
+// Samples of a face in each direction, for its moments: a border is known to half a cell, 1/24 of
+// the face.
+constexpr int kFaceGrid = 12;
 constexpr int kCurvePieces = 32;  // of an edge: a circle to 1e-12 of its length
 // Of the diagonal: above the tolerance of exchanged B-Reps (1e-7 of a part's size), far below a
 // design change.
 constexpr double kCoincident = 1e-6;
+// Of the diagonal, root mean square, and radians: what exchanged B-Reps keep of a part that did not
+// change.
 constexpr double kExactFit = 1e-7;
+// The accidental turns that were seen were half turns: a hole that crossed the middle of a plate
+// turned it over. A turn of less than this is taken as it is.
 constexpr double kLargeTurn = std::numbers::pi / 4;
-constexpr double kSmallMove = 0.2;   // of the diagonal, as a change of parameters makes
-constexpr double kFarBetter = 0.05;  // factor
-// Of the areas of faces, times 1 - cos(angle): so much says that something turned, and so much may
-// be left of it.
+constexpr double kSmallMove = 0.2;  // of the diagonal, as a change of parameters makes
+// A large turn is real where it leaves less than this part of what a shift leaves. An accidental
+// one leaves the change of parameters, as the shift does.
+constexpr double kFarBetter = 0.05;
+// Means over the faces, weighted by area, of 1 - cos of the angle between a face's outer normals
+// before and after. The part turned if that is more than the first (all faces by 8 degrees) and
+// the rotation leaves less than the second part of it: what tilts by a change of parameters.
 constexpr double kFewNormals = 0.01, kNormalsTurn = 0.25;
-// A mirror image fits so many times better, where the other fit is worse than this part of the
-// diagonal: of a symmetric part both fit.
+// The variant is a mirror image where the mirrored base leaves less than the first part of what the
+// base itself leaves, and that is more than the second part of the diagonal. A symmetric part fits
+// both ways alike, and exactly where nothing changed.
 constexpr double kMirrorFits = 0.25, kMirrored = 1e-3;
-constexpr double kOnLine = 1e-4, kSampledOnLine = 0.05;  // of its length
+// Of a line's length, by which points on it may be off. Files keep 1e-7: points that are off by
+// more than the first tell a turn about the line to 1e-3 radians. Centroids of sampled faces may be
+// off by half a cell of kFaceGrid.
+constexpr double kOnLine = 1e-4, kSampledOnLine = 0.05;
 
 EntityFeature face_feature(const CadModel& model, FaceId face) {
   const CadFace& f = model.faces()[face];
@@ -149,7 +162,7 @@ bool coincide(const CadModel& base, const CadModel& variant, const TopologyMatch
 
 void equal_parameters(const CadModel& base, const CadModel& variant, const TopologyMatch& match,
                       bool has_planes, std::vector<Vector3d>& from, std::vector<Vector3d>& to) {
-  constexpr int n = 4;
+  constexpr int n = 4;  // in each direction: points of a single face determine the rotation
   for (const FaceId f : match.faces.ids()) {
     const CadFace& a = base.faces()[f];
     const CadFace& b = variant.faces()[match.faces[f]];
@@ -209,8 +222,8 @@ bool normals_turn(const CadModel& base, const CadModel& variant, const TopologyM
   return still > kFewNormals * all && turned < kNormalsTurn * still;
 }
 
-// Whether points that move a little speak for a turn of the whole by accident: a bore whose
-// eccentricity changes its direction. A line alone tells of no such turn.
+// Whether points that move a little fit a large turn of the whole part by accident: a bore whose
+// eccentricity changes its direction. Points that all lie on one line never prove a large turn.
 bool is_accidental_turn(const Similarity& turned, const Similarity& unturned,
                         const std::vector<Vector3d>& from, const std::vector<Vector3d>& to,
                         double diagonal) {

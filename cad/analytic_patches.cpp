@@ -46,18 +46,23 @@ using Surface = Handle(Geom_ElementarySurface);
 
 constexpr double kHalfTurn = std::numbers::pi, kTurn = 2 * kHalfTurn;
 constexpr double kSmallestArc = 0.01;  // radians: of less, rounding leaves the axis unsure
-constexpr double kAtEnd = 1e-5;        // of half a turn, or of a patch: an edge that lies there
+// Of half a turn, or of a patch, by which an edge at its end may be off: a hundred times what files
+// keep.
+constexpr double kAtEnd = 1e-5;
 // Of a span between two knots: cubics laid along circles meet them at the ends and in the middle,
 // not a third from there.
 constexpr int kChecksASpan = 3;
 constexpr int kAngles = 32;  // of a patch; between two, far less than half a turn, however it runs
-// Of the tolerance: how far a pcurve that is made anew may be off, and how often a span of its edge
-// is halved for that at most. Quarters of rational circles need four times.
+// Of the tolerance, how far a pcurve that is made anew may be off: it adds little to what the edge
+// is off. And how often a span of its edge is halved for that at most: quarters of rational circles
+// need four times.
 constexpr double kPcurve = 0.1;
 constexpr int kMostHalvings = 8;
 // Of a face's area: as exactly as OCCT integrates over a rational patch. A wrong side is far more.
 constexpr double kSameArea = 0.02;
-constexpr double kNearAxis = 1e-4;  // of the radius: there a point hardly tells its angle
+// Of the radius: nearer to the axis, the 1e-7 that files keep leave an angle unsure by 1e-3
+// radians.
+constexpr double kNearAxis = 1e-4;
 
 gp_Pnt point_at(const Geom_Surface& surface, int round, double along, double other) {
   return round == 0 ? surface.Value(along, other) : surface.Value(other, along);

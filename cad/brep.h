@@ -100,8 +100,8 @@ struct CurvePoint {
 };
 
 /// Which faces of one surface become one: all that touch, or those that touch where the parameters
-/// of a surface of revolution begin, or opposite. A circle begins anywhere: that edge is none of
-/// the design's.
+/// of a surface of revolution begin, or opposite. Where they begin is up to the program that wrote
+/// the file: the designer drew no such edge.
 enum class FaceMerge { All, AcrossSeams };
 
 /// A CAD model read from STEP: topology as plain data, geometry behind functions. All const

@@ -11,9 +11,15 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
 
-constexpr double kPrior = 1e-6;       // of the points' scatter: just decides what they leave open
-constexpr double kLocalPrior = 1e-2;  // keeps local fits from swinging beyond their points
-constexpr double kNearest = 0.2;      // of the neighbourhood's radius: where weights stop growing
+// Of the points' scatter: far above rounding, so that it decides what they leave open, and too
+// little to change what they tell.
+constexpr double kPrior = 1e-6;
+// Keeps local fits from swinging beyond their points: counts as much as these in directions in
+// which they spread by a tenth of the neighbourhood's radius.
+constexpr double kLocalPrior = 1e-2;
+// Of the neighbourhood's radius, where weights stop growing: the nearest point counts at most 26
+// times as much as the farthest.
+constexpr double kNearest = 0.2;
 
 }  // namespace
 

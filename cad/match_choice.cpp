@@ -21,12 +21,13 @@ constexpr const char* kFileOrder = "file order, verified";
 // costs more. Above 2,000 entities their product with the entities is bounded.
 constexpr int kMostRefinements = 2000, kFewRefinements = 60, kLeastRefinements = 10;
 constexpr int kManyEntities = 2000;
-constexpr double kRests = 1e-6;      // of the diagonal, by which an entity at rest may be off
+// Of the diagonal, by which an entity at rest may be off: ten times what exchanged files keep.
+constexpr double kRests = 1e-6;
 constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are equally near
 constexpr int kFollowing = 12;       // neighbours: enough for an affine motion of its own
 // Bits that an entity costs by its neighbours, on the mean: two that are exchanged cost fifteen.
 constexpr double kWorthImproving = 0.025;
-constexpr int kImprovements = 3;
+constexpr int kImprovements = 3;  // each only if the one before helped
 
 // Entities in the order of the files, where that is consistent with the adjacency and hardly by
 // accident; faces alone where the files list edges differently.

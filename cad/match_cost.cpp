@@ -25,12 +25,16 @@ constexpr double kChange = 1e-3, kDesign = 1.0 / 30;
 // The same of the distance from the motion of neighbours, half of which counts: it grows with the
 // deformation. The first is ten times what centroids are known to.
 constexpr double kRough = 1e-4, kJump = 0.05, kRoughBits = 0.5;
-// Parts change in their own frame, a turn is an export's doing, which keeps the parameters.
+// Of the diagonal, by which entities turn. A change of design leaves a part in its frame; an export
+// that turns it keeps the parameters, and then a turn costs nothing.
 constexpr double kSmallTurn = 0.2, kTurnBits = 6;
-// What is the same shape does not move.
+// A face that lies where an equal one lay, parameters and all, most likely rests: to turn it away
+// has to be worth more than any other term gives.
 constexpr double kRestBits = 8;
-// Nothing moves through what is like it: faces whose sizes differ by less than the first, that come
-// nearer to each other on their ways than the second of what lies between them before and after.
+// A face hardly ever moves through one like it, as a hole that jumps over the next of its row
+// would. Faces are alike if their sizes differ by less than kAlike, a part of the size. One passes
+// through another if on their ways the two come nearer to each other than the part kThrough of the
+// lesser of their distances before and after.
 constexpr double kPassBits = 4, kAlike = 0.1, kThrough = 0.25;
 // Of the logarithms of the lengths' ratios to base 2: edges alike change alike.
 constexpr double kStretch = 0.02;

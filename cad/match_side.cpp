@@ -13,9 +13,10 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Forms are compared after rounding; no tidy number lies on the edge of a bin.
+// Forms are compared after rounding to bins ten times as wide as what files keep. The odd digits
+// keep tidy numbers off the bounds of bins, where rounding would part them.
 constexpr double kBin = 1.0373e-6, kBinOffset = 0.3719;
-constexpr int kBulgeGrid = 12;
+constexpr int kBulgeGrid = 12;  // samples in each direction: only the sign of the bulge counts
 // Mean normal of a face that is more of a disk than of a sleeve: between the cones of chamfers
 // (0.71) and of drill tips (0.86).
 constexpr double kFlat = 0.8;

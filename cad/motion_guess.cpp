@@ -13,15 +13,24 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTurn = 0.3;        // radians
-constexpr double kThin = 1e-4;       // of a pattern's size
+// Radians: a guess that turns more is called a turn in reports. Nothing else depends on it.
+constexpr double kTurn = 0.3;
+// Of a pattern's size, given to flat patterns and rows as their thickness, so that their scatter
+// has an inverse: far above its rounding (1e-8), far below any pitch.
+constexpr double kThin = 1e-4;
 constexpr double kExact = 1e-9;      // of a pattern's size: above rounding, below what files keep
 constexpr std::size_t kPattern = 3;  // entities that have a spread
-// Turns of a pattern: members that are asked and turns tried at most, how much nearer a farther
-// turn has to lay them, turns that are none, radians, and how far the levers of two members differ.
+// Turns of a pattern: members whose image is sought and turns tried at most. With three axes and
+// kRounds these are 50,000 searches for a nearest member, however large the pattern is.
 constexpr std::size_t kMostAsked = 64, kMostTurns = 64;
+// A larger turn has to lay the members this much nearer to the variant's than a smaller one: turns
+// by whole pitches fit alike, but for what else changed. Turns below kNoTurn, radians, are none: in
+// a ring of up to 100 members each is clearly nearest to its own without (kClearMargin). Distances
+// of two members from the axis differ by less than the part kSameLever: pitches change by less.
 constexpr double kNearer = 0.9, kNoTurn = 0.02, kSameLever = 0.3;
-constexpr int kRounds = 3;  // of fitting a turn to the nearest members
+// Of fitting a turn to the nearest members: it starts where one member lies in the direction of
+// another, so that few change their partners.
+constexpr int kRounds = 3;
 
 Eigen::Matrix3d principal_axes(const MatchSide& side, Vector3d& mean) {
   mean.setZero();

@@ -19,14 +19,21 @@ using Eigen::Vector3d;
 
 constexpr std::array<double, 7> kProbes{0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97};  // of an edge
 constexpr double kManyTolerances = 10;  // exporters state tolerances that are somewhat too small
-constexpr double kOnEdge = 1e-4, kOffEdge = 1e-2;  // of an edge's length: sound and wrong pcurves
-constexpr double kBetter = 0.1;    // what replaces a pcurve is off by this part of it at most
-constexpr double kSeamGap = 1e-3;  // of the period: how well a surface closes
-constexpr double kNoPole = 1e-3;   // of the period's length: no point for all its u
-constexpr int kIntervals = 64;     // of a pcurve that is made anew
+// Of an edge's length: half of a sound pcurve's points are off by less than the first, a point of a
+// wrong one by more than the second, where it takes another way.
+constexpr double kOnEdge = 1e-4, kOffEdge = 1e-2;
+constexpr double kBetter = 0.1;  // what replaces a pcurve is off by this part of it at most
+// Of the period's length: above what files and B-splines leave where a surface closes (kSeamGap) or
+// where it is a point (kNoPole), far below the period that it would be otherwise.
+constexpr double kSeamGap = 1e-3;
+constexpr double kNoPole = 1e-3;
+// Of a pcurve that is made anew: the cubic spline follows a full circle to 1e-6 of its radius.
+constexpr int kIntervals = 64;
 constexpr double kNoChain = 1e300;
 constexpr double kBlurred = 1e-4;  // of the domain: an end of a pcurve that a pole has blurred
-constexpr double kLeastBlur = 0.01, kMostBlur = 0.16;  // of an edge
+// Of an edge, how far a blur reaches, tried by doubling. The parabola in place of it rests on
+// points at up to three times as far: less than half of the edge, so that both ends may be blurred.
+constexpr double kLeastBlur = 0.01, kMostBlur = 0.16;
 
 class FaceRepair {
  public:
@@ -302,7 +309,7 @@ class FaceRepair {
     double area = 0;
     for (const auto& wire : wires_)
       for (const EdgeUse& use : wire) {
-        constexpr int n = 16;
+        constexpr int n = 16;  // chords: only the sign of the area counts
         for (int i = 0; i < n; ++i) {
           const Vector2d a = use.pcurve(parameter(use, static_cast<double>(i) / n)) - middle_,
                          b = use.pcurve(parameter(use, (i + 1.0) / n)) - middle_;

@@ -15,8 +15,11 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int kMaxIterations = 40;  // of Newton's method, which takes a few where it converges
-constexpr double kStepTolerance = 1e-14;  // of the model's diagonal
-constexpr double kDomainMargin = 0.1;     // of the trimmed domain, beyond it
+constexpr double kStepTolerance = 1e-14;  // of the model's diagonal: 45 times a double's rounding
+// Of the trimmed domain, beyond it: feet of points just outside of the wires are found, and a
+// surface without a period is not extrapolated far.
+constexpr double kDomainMargin = 0.1;
+// Cells of 22 degrees where a face goes round: Newton's method starts near the foot.
 constexpr int kSeedGrid = 16;
 constexpr double kLengthMargin = 1.01;  // lengths come from a quadrature
 

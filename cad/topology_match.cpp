@@ -28,7 +28,7 @@ namespace {
 constexpr double kNameBits = 3;
 // Where exporters cut smooth curves, there is a corner: worth a fit twice as good.
 constexpr double kJointBits = 1;
-// Of the diagonal, and radians: off a plane.
+// Of the diagonal, and radians, off a plane: ten times what exchanged files keep.
 constexpr double kInPlane = 1e-6;
 // Confidence of a pair of a flat and a round face below which it is none: another face is less than
 // four times as far. A chamfer in a fillet's place is nearer by far.
@@ -235,7 +235,7 @@ void add_cost_of_joining(TopologyMatch& joined, double parameters) {
 
 // Joints of smooth curves are corners while that makes sense. One exporter cuts a circle at its
 // seam, another at the old seam and at its own: then joints can't be matched, or move where nothing
-// else does. What is the same shape does not move, whatever its joints and parameters say.
+// else does. A shape that lies where it lay does not move, whatever its joints and parameters say.
 std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& variant,
                                         const MatchOptions& options) {
   auto cut = match_skeletons(base, variant, options);

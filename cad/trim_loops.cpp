@@ -15,15 +15,22 @@ using Eigen::Vector2d;
 
 // Of a ray against the u direction: hardly ever along the round parameters of structured meshes.
 constexpr double kTilt = 0.3137;
-constexpr double kSameJoint = 1e-2;  // of the domain: gaps that pcurves leave at a vertex
-constexpr double kStraight = 1e-12;  // of the domain
+// Of the domain: more than the gaps that pcurves leave at a vertex. Other uses of the vertex, at a
+// seam, lie a period away.
+constexpr double kSameJoint = 1e-2;
+constexpr double kStraight = 1e-12;  // of the domain: above the rounding of a pcurve's points
+// Of the largest of four samples of a bulge: the top of a parabola is 1.04 times as high.
 constexpr double kBulgeMargin = 1.25;
+// Reached by splines of 64 knots and more, whose chords need not be finer: near a chord the pcurve
+// itself decides.
 constexpr int kMostChords = 512;
-constexpr int kMostEntries = 8;  // in bins, a chord on average
-constexpr int kIterations = 60;
+constexpr int kMostEntries = 8;  // in bins, a chord on average: as much memory as the chord itself
+constexpr int kIterations = 60;  // more than halving would take to kStraight, 40
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
+// Pieces short enough to be graphs over their chords: the 64th part of a circle bulges by 0.12 % of
+// the radius.
 int chord_count(const Pcurve& pcurve) {
   Handle(Geom2d_Curve) curve = pcurve.curve;
   while (const auto trimmed = Handle(Geom2d_TrimmedCurve)::DownCast(curve))
