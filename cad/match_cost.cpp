@@ -28,8 +28,8 @@ constexpr double kRough = 1e-4, kJump = 0.05, kRoughBits = 0.5;
 // Of the diagonal, by which entities turn. A change of design leaves a part in its frame; an export
 // that turns it keeps the parameters, and then a turn costs nothing.
 constexpr double kSmallTurn = 0.2, kTurnBits = 6;
-// A face that lies where an equal one lay, parameters and all, most likely rests: to turn it away
-// has to be worth more than any other term gives.
+// A face that lies where an equal one lay, parameters and all, most likely rests: the largest
+// weight of all.
 constexpr double kRestBits = 8;
 // A face hardly ever moves through one like it, as a hole that jumps over the next of its row
 // would. Faces are alike if their sizes differ by less than kAlike, a part of the size. One passes

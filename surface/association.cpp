@@ -31,7 +31,7 @@ constexpr double kAsNear = 2;
 constexpr double kCorners = 2;
 // Decides between faces that fit equally, far below what a worse fit costs.
 constexpr double kOtherSide = 1e-2;
-constexpr Index kGrain = 512;
+constexpr Index kGrain = 512;  // nodes, some microseconds each
 // Strays are off by up to a mesh edge, as the mean of those at the node: what a mesher leaves where
 // it did not snap. Their facets look the CAD's way by this cosine, on the mean, which those of an
 // inlet across a narrow duct don't. More of them, or most of a face or an edge, tell of another

@@ -11,22 +11,26 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kProbes = 24;          // points of a curve that its motion is judged by
-constexpr int kPhases = 48;          // starts tried, one each 7.5 degrees of a circle
-constexpr double kNear = 1e-3;       // of the curve: from a minimum found to half the digits
-constexpr double kRounding = 1e-10;  // of the diagonal
+constexpr int kProbes = 24;  // points of a curve that its motion is judged by, 15 degrees apart
+constexpr int kPhases = 48;  // starts tried, one each 7.5 degrees of a circle
+// Of the curve: the start found by shrinking steps is nearer to the minimum (1e-4) than this.
+constexpr double kNear = 1e-3;
+constexpr double kRounding = 1e-10;  // of the diagonal: above the rounding of a nearest point
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
 constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
-constexpr double kApart = 1e-4;      // of the curve's length, at least between joints
-constexpr double kCarried = 0.2;     // straightness of a face parameter that tells places apart
-constexpr double kSameRange = 1e-9;  // of the range of a chain's parameters
+// Of the curve's length, at least between joints: they are nodes, a mesh edge apart.
+constexpr double kApart = 1e-4;
+// Straightness of a face's parameter, a cosine: along the curve an error of it counts five times.
+constexpr double kCarried = 0.2;
+constexpr double kSameRange = 1e-9;  // of the range of a chain's parameters: above its rounding
 // A turn against what is round the curve costs the first bit at 0.1 radians: so far a prediction
 // may err where proportions change, and a hole that tilts turns against the block.
 constexpr double kTurnUnit = 0.1;
 // Parameters that turn a curve exactly as the part, or not at all, do so one time in ten thousand
 // by accident: they tell where it is.
 constexpr double kAgrees = 1e-4;
-// A turn as predicted is a number of which nothing else tells: it pays from 0.3 radians on.
+// Of a start that is turned as what is round it, which no parameter confirms: as much as one that
+// is turned by 0.3 radians against that.
 constexpr double kPredictedBits = 2;
 // Kernels start the parameters of cylinders anywhere; those of free forms are their control points:
 // they may turn a curve by 0.3 radians for nothing. Beyond, another section's start is as likely.
@@ -38,9 +42,10 @@ constexpr double kBendUnit = 0.01;
 // strained by some hundredths. A way of running that strains by a sixth less than the parameters is
 // no accident.
 constexpr double kStrainUnit = 0.05, kClearlyLess = 0.25;
-constexpr int kStrainProbes = 48;
-// Points that slide along a closed curve to and fro, by at most this part as a whole, tell of
-// another parametrisation; points that all slide one way tell of a turn.
+constexpr int kStrainProbes = 48;  // twice kProbes: a strain is told by their differences
+// Between two maps of a closed curve, its points shift along it. Where the mean shift is less than
+// this part of the largest, some shift forward and some back: the parametrisation is another one.
+// Where all shift one way, the curve turned.
 constexpr double kToAndFro = 0.2;
 
 std::size_t link_index(const CadCurve& curve, EdgeId edge) {

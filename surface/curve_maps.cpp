@@ -19,14 +19,17 @@ using Eigen::Vector3d;
 // In the order in which equal costs are taken.
 constexpr std::array kAllStarts{Start::Parameters, Start::InPlace, Start::WithPart,
                                 Start::Predicted};
-// Bits. Other starts take the parameters for moved, once for all that a seam links, which is worth
-// four times as little turn; curves that are the same need none. The prediction explains less.
+// Bits that a start costs once for all curves which a seam links. Any other start than that by the
+// parameters claims that the seam moved: it has to save a factor of four in what the curves cost.
+// Where the curves are the same, no claim is needed. A predicted start is the least certain one.
 constexpr double kMovedSeamBits = 2, kAsAroundBits = 3;
-constexpr double kTie = 1e-3;  // bits
-// Farther from a curve's axis than that, in its sizes, holes tell of its turn if they lie round it:
-// if their mean is nearer, and they turn as one, up to this part of their distances.
+constexpr double kTie = 1e-3;  // bits: far above the rounding of costs, far below their weights
+// Other closed curves on a curve's faces tell how it turns where they lie round it: the farthest is
+// farther from its axis than kLever, in its sizes, their mean is nearer, and one motion carries all
+// of them, but for kAsOne of their distances: holes that change their size hardly move more.
 constexpr double kLever = 0.5, kAsOne = 0.05;
-constexpr std::size_t kMostBeside = 64;  // closed curves of a face that are asked
+// Closed curves of a face that are asked: enough for one rotation where there are thousands.
+constexpr std::size_t kMostBeside = 64;
 
 bool runs_through(const CadModel& model, CurveId curve, VertexId vertex) {
   return std::ranges::any_of(model.skeleton().curves[curve].links, [&](const CurveLink& link) {

@@ -8,7 +8,8 @@
 namespace cadmorph {
 namespace {
 
-// Of the largest misfit: what may be left.
+// Of the largest misfit, what may be left. The misfit is some thousandths of the samples' distance:
+// this part of it is far below the height of any cell.
 constexpr double kLeft = 1e-6;
 
 }  // namespace

@@ -17,9 +17,10 @@ namespace {
 
 using Eigen::Vector2d;
 
-// Samples of a face's wires, or that many times those of a curve. Where they don't suffice, half of
-// them go to the curves alike, half by length. A curve has 6 at least, down to 2 on a face with
-// thousands of them.
+// Samples that all wires of a face may have together: kMostSamples, a dense solve of a tenth of a
+// second, or kMostCurves times as many as one curve, if that is more. Where these are too few, half
+// of them are shared out equally among the curves, half by length. A curve has 6 at least, down to
+// 2 on a face with thousands of them.
 constexpr double kMostSamples = 1500, kMostCurves = 7.5;
 constexpr double kLeastSamples = 2, kFewSamples = 6;
 constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters

@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kSamples = 32;     // of a link
 constexpr double kGap = 1e-3;    // of the span: pcurves meet at joints within their tolerance
-constexpr double kRound = 1e-6;  // of the period
+constexpr double kRound = 1e-6;  // of the period: ten times what files keep of whole turns
 
 }  // namespace
 

@@ -22,9 +22,10 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr int kRounds = 30;     // minimisations, each with the next smaller regularisation
-constexpr int kSteps = 150;     // of one of them
-constexpr double kFlat = 1e-9;  // height over length of a triangle without a shape to keep
+constexpr int kRounds = 30;  // minimisations, each with the next smaller regularisation
+constexpr int kSteps = 150;  // of one of them
+// Height over length of a triangle without a shape to keep: what a double keeps of it is rounding.
+constexpr double kFlat = 1e-9;
 // Minimisations end when they lower the energy by less than this share, none folded.
 constexpr double kSettled = 1e-3;
 // Triangles evaluated: ten seconds or so. Faces of real parts took a hundredth.

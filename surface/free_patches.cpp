@@ -22,13 +22,18 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSameShape = 0.02;    // coarse meshes cut corners
-constexpr double kSmoothJoint = 0.86;  // cosine of 30 degrees
-constexpr double kLeastAngle = 1e-3;   // of two planes that meet in a line
+constexpr double kSameShape = 0.02;  // coarse meshes cut corners: a circle of 16 facets 2 %
+// Cosine of 30 degrees: facets of a curved wall turn by less, those of a circle of 12 by as much.
+constexpr double kSmoothJoint = 0.86;
+// Of two planes that meet in a line, radians: below, what their normals are known to (1e-6) leaves
+// the line's direction unsure by more than 1e-3.
+constexpr double kLeastAngle = 1e-3;
 constexpr int kNoPatch = -1, kPartOfCurved = -2;
-// A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor.
+// A mesh with a boundary of its own (far field) is larger than the CAD by at least this factor. One
+// on the CAD alone is as large as that, but for chords and strays.
 constexpr double kBeyondCad = 1.2;
-// Stranded nodes: most of them, of the outside's, and most side by side.
+// Nodes that a mesher left far off the CAD, in a gap narrower than its cells: at most this part of
+// the outside's nodes, and at most so many side by side. A face that the CAD lacks has more.
 constexpr double kMostStranded = 0.005;
 constexpr std::ptrdiff_t kMostInCluster = 12;
 // A mesh of this CAD covers faces of it, however many more nodes a far field has; the ends of a
@@ -37,6 +42,7 @@ constexpr double kLeastCovered = 0.25;
 // Nodes that are off the CAD by no more than this part of their shortest mesh edge, and what
 // samples of its faces leave unknown, belong to it.
 constexpr double kOffCad = 0.5, kSamplesApart = 1.5;
+// Of the CAD: 0.3 and 1 % of the square root of its area apart.
 constexpr Index kSamples = 100'000, kCoverSamples = 10'000;
 
 bool is_unmatched_node(const Association& association, RowId n) {

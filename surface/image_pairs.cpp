@@ -17,14 +17,16 @@ using Eigen::Vector3d;
 
 constexpr double kAnywhere = std::numeric_limits<double>::infinity();
 
-// Planes nearer to parallel than this (the sine of their angle) are parallel.
+// Planes nearer to parallel than this (the sine of their angle) are parallel: what nodes on a plane
+// are off it (kSamePlane).
 constexpr double kParallel = 1e-6;
 
-// Sheets are compared node by node only where their shapes agree to so many digits; principal
-// moments closer than that leave the axes open.
+// Sheets are compared node by node only where their shapes agree to so many digits, far fewer than
+// a mesh file has; principal moments closer than that leave the axes open.
 constexpr double kSameShape = 1e-3;
 
-// A sheet that closes round itself has no side: its area vector is less than this part of its area.
+// A sheet that closes round itself has no side: its area vector is less than this part of its area,
+// but for rounding none. That of half a cylinder is 0.64 of it.
 constexpr double kLeastSide = 1e-2;
 
 // What a sheet's images share with it.

@@ -6,7 +6,8 @@
 
 namespace cadmorph {
 
-/// Part of the tolerance for images within which nodes are images after the motion.
+/// Part of the tolerance for images within which nodes are images after the motion: this is
+/// computed, to rounding, and has no digits cut off as a mesh file has.
 inline constexpr double kSameMotion = 1e-3;
 
 /// A part of the surface whose nodes move along it.

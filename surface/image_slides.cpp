@@ -8,9 +8,9 @@
 namespace cadmorph {
 namespace {
 
-// Of means over images whose tangents differ.
+// Of means over images whose tangents differ: where they agree, the second one changes nothing.
 constexpr int kSweeps = 20;
-constexpr double kSame = 1e-15;  // of a way
+constexpr double kSame = 1e-15;  // of a way: some roundings
 
 }  // namespace
 

@@ -16,10 +16,13 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kMostProjections = 300;  // in turn, between sheets that meet at a small angle
-constexpr double kStill = 1e-12, kMeet = 1e-7;  // of the diagonal
-constexpr double kNear = 1e-2;                  // of the shortest mesh edge
-constexpr double kParted = 1e-2;                // of the shortest mesh edge
+// In turn, between sheets that meet at a small angle: at 17 degrees so many come to kStill.
+constexpr int kMostProjections = 300;
+// Of the diagonal: a hundred times the rounding of a projection, and what exchanged B-Reps keep.
+constexpr double kStill = 1e-12, kMeet = 1e-7;
+// Of the shortest mesh edge: warps whose places are nearer to the faces count alike.
+constexpr double kNear = 1e-2;
+constexpr double kParted = 1e-2;  // of the shortest mesh edge: less hardly changes an element
 
 // The point near `guess` where the variants of all entities of a crossing meet. Projects on one
 // after the other (von Neumann 1950), which converges by the squared cosine of the angle between

@@ -18,7 +18,8 @@ using Eigen::Vector3d;
 
 // Of a face: as many as a dense system takes beside the samples of the wires.
 constexpr std::size_t kMostJoints = 500;
-// Nearer to a wire or a corner, in units of the shortest mesh edge, a node lies on it.
+// Nearer to a wire or a corner, in units of the shortest mesh edge, a node lies on it: far above
+// what associates it (kOnEntity), far below the distance of the next node.
 constexpr double kClear = 0.05;
 constexpr double kAcross = 0.17;  // sine of 10 degrees: entities that cross, not touch
 

@@ -23,16 +23,19 @@ struct Unit {
 
 constexpr std::array<Unit, 5> kUnits{
     {{1, "mm"}, {1000, "m"}, {10, "cm"}, {25.4, "inch"}, {304.8, "foot"}}};
-constexpr Index kProbes = 400;       // nodes asked: their share is known to 2.5 %
-constexpr Index kSamples = 10'000;   // of the CAD, to look near them
-constexpr double kOnCad = 0.1;       // of the local edge, as the association takes
-constexpr double kSameSize = 0.02;   // of the diagonal: a coarse mesh cuts corners
-constexpr double kNearSample = 1.5;  // of a face's sample spacing: farther is beyond its wires
-constexpr double kClearlyBetter = 1.1;
-constexpr double kComparable = 0.5;  // of the best score
-constexpr double kFits = 0.02;       // a lower score is chance
-constexpr double kLies = 0.9;        // share and span of a mesh that lies on the CAD
-constexpr Index kFacesTried = 4;
+constexpr Index kProbes = 400;  // nodes asked: their share is known to 2.5 %
+// Of the CAD, to look near them: 1 % of the square root of its area apart.
+constexpr Index kSamples = 10'000;
+constexpr double kOnCad = 0.1;          // of the local edge, as the association takes
+constexpr double kSameSize = 0.02;      // of the diagonal: a coarse mesh cuts corners
+constexpr double kNearSample = 1.5;     // of a face's sample spacing: farther is beyond its wires
+constexpr double kClearlyBetter = 1.1;  // four times what kProbes leave a share unsure by
+// Of the best score: in the next smaller unit (2.54 times) a mesh that lies on the CAD in both
+// spans less, and has a sixth of its score.
+constexpr double kComparable = 0.5;
+constexpr double kFits = 0.02;    // a lower score is chance
+constexpr double kLies = 0.9;     // share and span of a mesh that lies on the CAD
+constexpr Index kFacesTried = 4;  // samples next to a node: by a corner they are of three faces
 
 /// A surface node, in the mesh's unit.
 struct Probe {

@@ -25,7 +25,8 @@ using Vector7d = Eigen::Matrix<double, 7, 1>;
 
 // By a smaller turn, steps along chords are less than 4 % of the radius off the arc.
 constexpr double kLeastTurn = std::numbers::pi / 6;
-// A fitted similarity says something when it leaves less than half of what a translation leaves.
+// A fitted similarity says something when it leaves less than half of what a translation leaves: of
+// a square that is sheared or stretched one way it leaves 0.7.
 constexpr double kGoodFit = 0.5;
 // A patch moves as it is when the displacements differ by less than a quarter of their size, or by
 // less than a thousandth of the patch.
@@ -88,7 +89,8 @@ struct Motion {
   Vector3d shift;
 };
 
-// The similarity of least squares (Umeyama 1991) and what it is worth.
+// The similarity of least squares (Umeyama 1991), and whether the patch turns by it, or moves as it
+// is.
 void fit(Patch& patch, const Points& start, const Points& end) {
   const double count = static_cast<double>(patch.rows.size());
   patch.from = patch.to = Vector3d::Zero();

@@ -13,10 +13,10 @@ using Eigen::Vector3d;
 
 constexpr std::size_t kMaxLandmarks = 1500;  // a dense solve of a tenth of a second
 constexpr double kThin = 0.03;  // least extent over largest: centroids of faces err by as much
-constexpr double kAnchorDistance = 1.5;  // diagonals
+constexpr double kAnchorDistance = 1.5;  // diagonals from the mean: the part is within one
 constexpr double kExact = 1e-7;          // of the diagonal: the tolerance of exchanged B-Reps
 constexpr double kApart = 1e-6;          // of the diagonal: nearer landmarks are one
-constexpr double kBallRadius = 0.282;    // of the square root of its area
+constexpr double kBallRadius = 0.282;    // of the square root of its area: 1 / sqrt(4 pi)
 constexpr double kMoved = 0.05;          // of a closed face's size: its centroid is that exact
 
 struct Landmarks {

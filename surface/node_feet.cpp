@@ -10,15 +10,20 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Samples of the CAD, a few near each node: what they take, the search for feet saves.
+// Samples of the CAD that the search for feet starts from: four a node are half a mesh edge apart,
+// so that Newton's method starts near the foot. Coarse meshes get more, for the CAD's own shape;
+// memory bounds them (44 MB).
 constexpr Index kMinSamples = 20'000, kMaxSamples = 1'000'000, kSamplesPerNode = 4;
 
 // A step in the parameters that leads this many times as far as the points lie apart, by the
 // derivatives at one of them, leads to another part of a face or edge that returns to where it was.
+// Half a circle is 1.6 times as long as its chord.
 constexpr double kReturns = 2;
-// A foot this near, of the model's diagonal, needs no other part to compare with.
+// A foot this near, of the model's diagonal, needs no other part to compare with: above the
+// rounding of a projection (1e-14).
 constexpr double kExact = 1e-12;
-// Part of another foot's distance that a foot's must be less than to count as nearer.
+// Part of another foot's distance that a foot's must be less than to count as nearer: equal ones
+// differ by rounding.
 constexpr double kNearer = 1 - 1e-6;
 
 /// The feet found on a face or edge, one on each part of it that passes the node.

@@ -13,7 +13,8 @@
 
 namespace cadmorph {
 
-/// A node off the CAD may go to a curve within this distance, in units of its shortest mesh edge.
+/// A node off the CAD may go to a curve within this distance, in units of its shortest mesh edge:
+/// farther off, the node beside it may be the curve's.
 inline constexpr double kVotedCurve = 0.5;
 
 /// A node belongs to a corner or curve when it is nearer than this part of its shortest mesh edge:

@@ -16,10 +16,11 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Part of a triangle's sides within which a point is on them.
+// Part of a triangle's sides within which a point is on them: above rounding.
 constexpr double kOnEdge = 1e-12;
 
-// A cone that widens by less than the tolerance over its length is a cylinder.
+// A cone that widens by less than the tolerance over its length is a cylinder. Only its name
+// depends on this.
 constexpr double kLeastGrowth = 1e-9;
 
 std::vector<RowId> corners_of(const SurfaceMesh& surface, const std::vector<FacetId>& facets) {

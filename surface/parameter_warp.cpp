@@ -12,7 +12,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kEqualPhase = 1e-6;  // of a period
+constexpr double kEqualPhase = 1e-6;  // of a period: ten times what files keep of equal shifts
 constexpr double kSeamShift = 0.02;   // of a period: above what changed dimensions make of it
 
 // The variant's coedge that uses `edge` in `face`, the `occurrence`-th of them.
@@ -249,7 +249,7 @@ void ParameterWarp::unwrap_direction(int a) {
     if (!reference) reference = values_(i, a) - period * std::round(values_(i, a) / period);
     values_(i, a) -= period * std::round((values_(i, a) - *reference) / period);
   }
-  // Of a face without curves the seam moved only where all of it says so, to the digit.
+  // Of a face without curves the seam moved only where the prediction shifts all samples alike.
   if (!reference) reference = phase(a, pair_.prediction, kEqualPhase);
   for (Index i = 0; i < values_.rows(); ++i)
     if (is_pole(static_cast<std::size_t>(i))) values_(i, a) = *reference;
@@ -263,7 +263,7 @@ double ParameterWarp::phase(int a, const Carry& carry, double rough) const {
   const double period = variant_.period[a];
   std::optional<double> reference;
   double sum = 0, spread = 0;
-  constexpr int n = 4;
+  constexpr int n = 4;  // in each direction: what all agree on, 16 tell
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
       const Vector2d uv =

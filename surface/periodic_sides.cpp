@@ -25,14 +25,16 @@ using Eigen::Vector3d;
 // Of the shortest mesh edge at a node: coordinates of six digits are as exact, and no other node
 // is as near.
 constexpr double kOfEdge = 0.01;
-// Nodes lie on a line that are off it by less than this part of their extent.
+// Nodes lie on a line that are off it by less than this part of their extent: as for planes
+// (kSamePlane), above the digits of single precision.
 constexpr double kOnLine = 1e-6;
 // Where the period is only guessed from two nodes, others may be off by so many times the
-// tolerance.
+// tolerance: a tenth of a mesh edge, and still no other node is as near.
 constexpr double kGuess = 10;
 // A turn by less (radians) is a translation: a nanometre in a metre.
 constexpr double kNoTurn = 1e-9;
-// A side that closes round itself has no outward direction: less than this part of its area.
+// A side that closes round itself has no outward direction: its area vector is less than this part
+// of its area, but for rounding none. That of half a cylinder is 0.64 of it.
 constexpr double kLeastSide = 1e-2;
 
 struct Side {

@@ -11,7 +11,7 @@ namespace {
 using Eigen::Vector3d;
 using std::numbers::pi;
 
-constexpr double kSameFrame = 1e-6;  // radians
+constexpr double kSameFrame = 1e-6;  // radians: far above the rounding of a file's directions
 
 /// A sphere (major radius 0) or a torus.
 struct RoundSurface {

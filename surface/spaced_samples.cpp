@@ -8,7 +8,9 @@
 namespace cadmorph {
 namespace {
 
-constexpr double kLevel = 4;  // ratio of the spacings of neighbouring levels
+// Ratio of the spacings of neighbouring levels: few trees, in which samples are searched at most so
+// many times as far as their own spacing asks.
+constexpr double kLevel = 4;
 // In spacings: a point on an entity has a sample within kFar, uneven parametrisations included.
 constexpr double kFar = 4, kSearched = 1.5;
 

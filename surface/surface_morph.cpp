@@ -439,7 +439,7 @@ SurfaceMorph::SurfaceMorph(std::shared_ptr<const CadModel> base, const Mesh& mes
       if (impl_->constraints[row] == GroupConstraint::Rigid)
         impl_->constraints[row] = GroupConstraint::None;
   impl_->held = held_on_faces(impl_->constraints, impl_->association);
-  // Before: what is taken from the CAD is no crack.
+  // Before constraints take nodes off the CAD: their faces would look like cracks.
   impl_->crack = describe_cracks(mesh, impl_->surface, boundary, impl_->association);
   if (!impl_->options.groups.is_empty())
     apply_constraints(impl_->constraints, boundary, impl_->association);

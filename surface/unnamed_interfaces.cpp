@@ -17,18 +17,19 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr Index kGrain = 1 << 12;
-constexpr Index kSamples = 20'000;  // of the CAD, to look near them
+constexpr Index kGrain = 1 << 12;  // nodes or cells: most are far from the faces sought
+// Of the CAD, to look near them: 0.7 % of the square root of its area apart.
+constexpr Index kSamples = 20'000;
 // Cosine of the angle between a facet and the CAD at its corners: a chord of a coarse circle turns
 // by less, a facet across a rod by more.
 constexpr double kSameWay = 0.5;
 // Of a CAD face's area, that facets make up: a coarse circle's are two thirds.
 constexpr double kMost = 0.5;
 // A CAD face lies inside of the mesh where so many of its samples do, and on another face where
-// they are that near, in parts of the model's diagonal.
+// they are that near, in parts of the model's diagonal: ten times what files keep.
 constexpr double kInside = 0.5, kSamePlace = 1e-6;
-constexpr int kProbes = 8;        // in each direction of a face
-constexpr Index kFewSamples = 8;  // about a place
+constexpr int kProbes = 8;        // in each direction of a face: the shares asked for are halves
+constexpr Index kFewSamples = 8;  // about a place, looked at first to save time
 
 // A node on a CAD face.
 struct Lies {
