@@ -233,7 +233,7 @@ bool is_accidental_turn(const Similarity& turned, const Similarity& unturned,
          (!spans_a_plane(from) || residual(turned, from, to) > kFarBetter * left);
 }
 
-// Poles: where a turned seam ends, it still ends there.
+// Points where seams end: a spin that only moves seams leaves these points in place.
 std::vector<Vector3d> poles(const CadModel& model) {
   std::vector<Vector3d> points;
   for (const CadEdge& edge : model.edges())

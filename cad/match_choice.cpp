@@ -16,9 +16,10 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr const char* kFileOrder = "file order, verified";
-// Refinements that one guess may cost: parts of 2,000 faces need fewer than as many; and that one
-// may where a match is known already: right guesses need few, also of large models, where each
-// costs more. Above 2,000 entities their product with the entities is bounded.
+// Refinements that one guess may cost: a part of 2,000 faces needs less than one a face. Once a
+// match is known, a guess may cost kFewRefinements: right guesses need few. Each costs more in
+// large models: above kManyEntities their product with the entities is bounded, down to
+// kLeastRefinements.
 constexpr int kMostRefinements = 2000, kFewRefinements = 60, kLeastRefinements = 10;
 constexpr int kManyEntities = 2000;
 // Of the diagonal, by which an entity at rest may be off: ten times what exchanged files keep.

@@ -26,7 +26,8 @@ namespace {
 
 // A name that stays with its face is worth eight times as good a fit.
 constexpr double kNameBits = 3;
-// Where exporters cut smooth curves, there is a corner: worth a fit twice as good.
+// Of a match that ignores the joints of smooth curves: it has to fit twice as well as one for which
+// they are corners.
 constexpr double kJointBits = 1;
 // Of the diagonal, and radians, off a plane: ten times what exchanged files keep.
 constexpr double kInPlane = 1e-6;
@@ -288,8 +289,8 @@ std::optional<MatchedModels> match_without_slivers(const CadModel& base, const C
   return best;
 }
 
-// What a joint of smooth curves is, its angle tells in the base; in the variant the sharpest are
-// corners, as many as there.
+// In the base the angle of a joint of smooth curves tells whether it is a corner. In the variant
+// the sharpest joints are corners: as many as the base has.
 std::optional<MatchedModels> match_other_angles(const CadModel& base, const CadModel& variant,
                                                 const MatchOptions& options) {
   const std::size_t corners = base.skeleton().corners.size();

@@ -396,7 +396,8 @@ bool CurveMap::is_same_under(const Similarity& motion) const {
 }
 
 // Whether the curve lies where it lay, though the alignment of all that moves would carry it off: a
-// rim far from a small body. Without corners it may turn in itself, unless it would hardly do so.
+// rim far from a small body. A closed curve may turn in itself: it rests only where the alignment
+// hardly moves its points.
 bool CurveMap::rests(const Points& at) const {
   if (is_same_under(alignment_) || !is_same_under({})) return false;
   if (!base_curve_->is_closed()) {
@@ -413,7 +414,7 @@ bool CurveMap::rests(const Points& at) const {
   });
 }
 
-// Links against links: the start of a closed curve can't tell the sense.
+// Of the ways that lay links on links, the one nearest to the prediction: from whichever link on.
 CurveMap::Way CurveMap::best_shift(bool is_reversed) const {
   Way best;
   double least = 1e300;
@@ -542,7 +543,7 @@ void CurveMap::find_starts() {
   with_part = is_same_ ? Way{Mode::Nearest, is_reversed, 0, 0} : turned_by(alignment_);
   if (is_same_ && by_parameters && is_reparametrised(*by_parameters, *with_part))
     by_parameters = with_part;
-  // A circle that seams cut elsewhere starts where its pieces say only if that hardly turns it.
+  // Where seams cut a circle into other pieces, these tell its start only if that hardly turns it.
   if (by_parameters && !has_equal_links && has_own_parameters() &&
       turn(*by_parameters, images(*in_place)) > kTurnUnit &&
       turn(*by_parameters, images(*with_part)) > kTurnUnit)
@@ -604,7 +605,7 @@ void CurveMap::rate_starts(const std::optional<MotionAround>& around) {
   const auto bits = [&](const Way& way) { return std::log2(1 + turn(way, expected) / kTurnUnit); };
   costs_[1] = bits(*in_place) + bend(*in_place);
   costs_[2] = bits(*with_part) + bend(*with_part);
-  // What other curves' centres tell is no guess.
+  // A turn told by the centres of other curves is no guess: it costs nothing.
   is_told_by_places_ = around && around->is_of_places;
   costs_[3] = (is_told_by_places_ ? 0 : kPredictedBits) + bend(*predicted);
   if (!by_parameters) {

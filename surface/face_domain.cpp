@@ -18,14 +18,14 @@ namespace {
 using Eigen::Vector2d;
 
 // Samples that all wires of a face may have together: kMostSamples, a dense solve of a tenth of a
-// second, or kMostCurves times as many as one curve, if that is more. Where these are too few, half
-// of them are shared out equally among the curves, half by length. A curve has 6 at least, down to
-// 2 on a face with thousands of them.
+// second, or kMostCurves times as many as one curve, which is more where a fold asks for finer
+// ones. Where these are too few, half are shared out equally among the curves, half by length. A
+// curve has 6 at least, down to 2 on a face with thousands of them.
 constexpr double kMostSamples = 1500, kMostCurves = 7.5;
 constexpr double kLeastSamples = 2, kFewSamples = 6;
 constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
 constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave at a vertex
-constexpr double kSameSample = 1e-6;  // of the size of the domain
+constexpr double kSameSample = 1e-6;  // of the size of the domain: nearer, the system is singular
 // Of the distance to the nearest node that is asked for: samples closer to each other than this are
 // one to it. Where a short edge grows many times over, they would ask for a slope that the warp
 // carries on far into the face.
@@ -226,7 +226,7 @@ Parameters FaceDomain::interpolate(const Parameters& values, const Parameters& a
   return in_parameters(moved);
 }
 
-// Of lengths at embedded points, however far it runs on.
+// Of lengths at embedded points, however far it overshoots them.
 RowMatrix FaceDomain::interpolate_freely(const RowMatrix& lengths, const RowMatrix& points) const {
   {
     const std::lock_guard lock(mutex_);
@@ -235,8 +235,8 @@ RowMatrix FaceDomain::interpolate_freely(const RowMatrix& lengths, const RowMatr
   return system_->solve(lengths).evaluate(points);
 }
 
-// The linear part comes first, whole: half-way through a reversal the domain would be a point.
-// There is none in what would run on far beyond the wires.
+// The linear part comes first, in one step: half-way through a reversal the domain would be a
+// point. A warp that overshoots the wires by far has none.
 Parameters FaceDomain::interpolate_in_steps(const Parameters& values, const Parameters& at,
                                             int steps) const {
   if (values.rows() == 0) return interpolate(values, at);

@@ -226,7 +226,7 @@ class FaceDistortion : public HessianGuess {
     metric << s.du.squaredNorm(), s.du.dot(s.dv), s.du.dot(s.dv), s.dv.squaredNorm();
     const Eigen::LLT<Matrix2d> factor(metric);
     if (factor.info() != Eigen::Success) return 0;  // at a pole
-    // What the others hold folded would outweigh all.
+    // A folded triangle whose nodes are all fixed would outweigh the others.
     const auto moves = [&](const Node& node) { return node.a < free_ || node.b < free_; };
     const Matrix2d to_plane = factor.matrixU();
     if (std::ranges::any_of(nodes, moves)) triangles_.push_back({nodes, to_plane, base.inverse()});

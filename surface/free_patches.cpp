@@ -36,11 +36,12 @@ constexpr double kBeyondCad = 1.2;
 // the outside's nodes, and at most so many side by side. A face that the CAD lacks has more.
 constexpr double kMostStranded = 0.005;
 constexpr std::ptrdiff_t kMostInCluster = 12;
-// A mesh of this CAD covers faces of it, however many more nodes a far field has; the ends of a
-// body between two symmetry planes stay bare.
+// Part of the CAD's faces that a mesh of this CAD covers at least, however large its far field is.
+// Of a body between two symmetry planes the faces at its ends have no facets.
 constexpr double kLeastCovered = 0.25;
-// Nodes that are off the CAD by no more than this part of their shortest mesh edge, and what
-// samples of its faces leave unknown, belong to it.
+// Unmatched nodes belong to the CAD, not to a far field, where they are off it by kOffCad of their
+// shortest mesh edge at most, or by kSamplesApart spacings of its samples more: in an even grid a
+// point is within 0.7 of them, where parameters run unevenly farther.
 constexpr double kOffCad = 0.5, kSamplesApart = 1.5;
 // Of the CAD: 0.3 and 1 % of the square root of its area apart.
 constexpr Index kSamples = 100'000, kCoverSamples = 10'000;
@@ -361,8 +362,8 @@ std::string other_part(const CadModel& base, const SurfaceMesh& surface, double 
   return text.str();
 }
 
-// A far field or symmetry plane goes somewhere. Nodes that all stay by the CAD belong to it, but
-// lie off: they would be left behind.
+// A far field or symmetry plane leads away from the CAD. Nodes that all lie near it belong to it,
+// though they are off it: they would be left behind.
 void refuse_left_behind(const CadModel& base, const Mesh& mesh, const Boundary& boundary,
                         const SurfaceMesh& surface, const Association& association, Index outside) {
   const FaceSamples samples = sample_faces(base, kSamples);

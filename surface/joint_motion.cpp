@@ -135,8 +135,9 @@ class CrossingWarps {
   const Points& feet_;
 };
 
-// The mean of where the faces meet near the warps' places, of which one counts the more, the nearer
-// it lies to all the faces itself; the predicted place the more, the less those that count agree.
+// The mean of the points where the faces meet near the places that their warps give. A place counts
+// more if it lies nearer to all the faces; the less the places agree, the more the predicted one
+// counts.
 Vector3d blend(const ModelPair& pair, const CurveMaps& curve_maps, const Joints::Crossing& crossing,
                const std::vector<Vector3d>& places, const Vector3d& predicted, double length) {
   std::vector<std::pair<double, Vector3d>> met;  // with weights

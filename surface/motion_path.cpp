@@ -31,10 +31,11 @@ constexpr double kGoodFit = 0.5;
 // A patch moves as it is when the displacements differ by less than a quarter of their size, or by
 // less than a thousandth of the patch.
 constexpr double kSameMove = 0.25, kSameSize = 1e-3;
-// Weight of smoothness, an edge, beside a patch's own motion, a node: patches of known motion keep
-// it all but where they touch one of another motion.
+// Weight of smoothness, per edge of a facet; a patch's own motion has weight 1, per node. Patches
+// of known motion keep it, except near those of another motion.
 constexpr double kSmoothness = 0.01;
-// Keeps the system definite where a part of the surface touches no patch of known motion.
+// Keeps the system definite where a part of the surface touches no patch of known motion: far below
+// kSmoothness, far above rounding.
 constexpr double kLeastWeight = 1e-9;
 // Below this the series of the exponential's integral is exact to rounding.
 constexpr double kSmall = 1e-4;

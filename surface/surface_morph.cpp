@@ -308,7 +308,7 @@ void SurfaceMorph::Impl::move_amid(Points& moved) const {
       moved.row(n) += surface.middle(n, moved) - surface.middle(n, surface.points);
 }
 
-// Images to rounding, but where the CAD's own faces are none.
+// Makes images exact to rounding, except where the CAD's own faces move otherwise.
 void SurfaceMorph::Impl::settle_images(const std::vector<ImagePair>& images, Points& moved) const {
   for (const ImagePair& pair : images)
     for (std::size_t i = 0; i < pair.to.size(); ++i) {
@@ -483,8 +483,8 @@ SurfaceMorph& SurfaceMorph::operator=(SurfaceMorph&&) noexcept = default;
 const Association& SurfaceMorph::association() const { return impl_->association; }
 
 SurfaceMorphResult SurfaceMorph::morph(const CadModel& variant, const TopologyMatch& match) const {
-  // Sides that the mesh file alone pairs, and that the variant does not have a period apart, go as
-  // if they were none.
+  // Sides that only the mesh file pairs are no pair where they are not a period apart in the
+  // variant.
   std::vector<PeriodicSides> sides = impl_->periodic;
   std::vector<std::string> warnings;
   for (;;) {

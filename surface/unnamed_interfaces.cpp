@@ -80,7 +80,7 @@ class Search {
  private:
   Vector3d position(Index node) const { return unit_ * mesh_.points.row(node).transpose(); }
 
-  // Of two faces in the same place, one of each solid, facets have one.
+  // Two solids that touch have a face each in the same place: facets lie on one of them.
   void leave_twins() {
     const auto faces = static_cast<Index>(is_sought_.size());
     std::vector<char> is_twin(is_sought_.size(), 0);
