@@ -42,7 +42,7 @@ constexpr double kBendUnit = 0.01;
 // strained by some hundredths. A way of running that strains by a sixth less than the parameters is
 // no accident.
 constexpr double kStrainUnit = 0.05, kClearlyLess = 0.25;
-constexpr int kStrainProbes = 48;  // twice kProbes: a strain is told by their differences
+constexpr int kStrainProbes = 48;  // twice kProbes: a strain is made of differences between them
 // Between two maps of a closed curve, its points shift along it. Where the mean shift is less than
 // this part of the largest, some shift forward and some back: the parametrisation is another one.
 // Where all shift one way, the curve turned.
