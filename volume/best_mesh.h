@@ -56,7 +56,8 @@ struct BestMeshOptions {
   std::function<SlidingImages()> images = {};
   /// Sliding nodes that stay nevertheless: ids.
   std::vector<Index> held = {};
-  /// Those that stay but in cells which all else leaves with little: ids.
+  /// Sliding nodes that stay, too, except in cells that are still poor after all else was tried:
+  /// ids.
   std::vector<Index> resting = {};
   /// Whether nodes slid so that valid cells overlap.
   std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
