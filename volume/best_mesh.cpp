@@ -50,8 +50,8 @@ constexpr double kMainly = 0.1;
 // the second, too.
 constexpr double kMostSeeds = 0.05;
 constexpr double kMostNeighbours = 0.4, kMostNeighboursNear = 0.1, kNearlyKept = 0.96;
-// So many times as many are taken where cells of one bin would be parted otherwise: cells and their
-// mirror images, of which symmetric meshes have two each.
+// So many times as many are taken where cells of one bin would be parted otherwise: in a symmetric
+// mesh each cell shares its bin with its mirror image.
 constexpr double kWholeBins = 2;
 // A cell that kept this share of its scaled Jacobian is left alone: it lost no more than what an
 // attempt is to gain (kWorthwhile).
@@ -65,8 +65,8 @@ constexpr double kMostPasses = 20, kMostPassesLost = 80;
 // the shares by this factor: after 80 passes a cold plate of 136,000 tetrahedra was at 0.014, at
 // last, 0.6 s later, at 0.125.
 constexpr double kMoreWork = 4, kRising = 1.02;
-// Evaluations of cells that small meshes may take nevertheless: those passes over 10,000 cells, and
-// over 100,000.
+// Evaluations of cells that small meshes may take nevertheless: kMostPasses over 10,000 cells, and
+// kMostPassesLost over 100,000.
 constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
 // An evaluation of a cell with its faces takes so many times as long as without.
 constexpr double kFacesWork = 6;

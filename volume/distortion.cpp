@@ -19,7 +19,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // A sample whose volume in the base mesh is below this share of its edges' product has no shape of
-// its own worth keeping.
+// its own worth keeping. Far above the rounding of a determinant, 1e-16.
 constexpr double kFlat = 1e-9;
 constexpr std::size_t kTypes = 256;
 

@@ -7,7 +7,8 @@
 namespace cadmorph {
 namespace {
 
-// Of a segment's length: the farthest that an end goes at once.
+// Of a segment's length: the farthest that an end goes at once, so that half of it is left where
+// both come towards each other.
 constexpr double kReach = 0.25;
 
 }  // namespace
@@ -48,6 +49,7 @@ void EdgeSpacing::add_blocks(const FreeNodes& free, double sum,
                              std::vector<NodeBlocks::Block>& blocks) const {
   for (const Segment& segment : segments_) {
     const double share = segment.summand / sum;
+    // 8 / length^2: the second derivative of the logarithm of a summand over p, where r is 1.
     const Eigen::Matrix3d hessian = share * (power_ * segment.slope * segment.slope.transpose() +
                                              8 * segment.square * Eigen::Matrix3d::Identity());
     for (const Index node : {segment.ends.a, segment.ends.b}) {

@@ -18,33 +18,37 @@
 namespace cadmorph {
 namespace {
 
-// Centres that carry a field well enough to choose anchors by.
+// Centres that carry a field well enough to choose anchors by; the dense system of so many takes
+// less than 0.1 s.
 constexpr Index kMostCarriers = 1500;
 
 // Between the targets that anchors are chosen by others may move a little farther: then the
 // farthest of them become some, too.
 constexpr int kMostHolds = 8;
 
-// Carriers closer than this part of the diagonal would bring their system near to rounding.
+// Carriers closer than this part of the diagonal would bring their system near to rounding: r^3 is
+// 1e-12 of what it is across the part.
 constexpr double kLeastSeparation = 1e-4;
 
 // What the centres of a field with anchors may miss counts in spacings, or in this part of the
 // largest displacement: the spacing of a far field is far larger than that.
 constexpr double kMostMissed = 0.5;
 
-// A field may run on near the surface, where its own nodes are what it follows: a target at so many
-// spacings of the surface as the n-th part of this may move n times as far as the surface does. Of
-// solids and thin gaps (docs/adaptive-centres.md) that is where they run on, and holding them takes
-// up to ten times as long as the field; far fields do so a hundred spacings away, or a hundred
-// times.
+// A field that runs on near the surface alone is left as it is, since targets there follow the
+// surface's own nodes anyway, and to hold it takes up to ten times as long as the field. A target
+// may move n times as far as the surface does where it lies no deeper than kNear / n spacings of
+// the surface's nodes. The product of n and that depth is 3 to 9 in thin walls and gaps, 14 and
+// more in far fields of ten radii (docs/adaptive-centres.md).
 constexpr double kNear = 10;
 
-// The kernels of a linear map serve motions of this part of what moves, in size, at least: those it
-// is made for may be the steps of differences.
+// The kernels of a linear map are chosen for motions of at least this part of the size of what
+// moves. The motions given may be much smaller, the steps of differences, for which a few kernels
+// would do; changes of parameters move entities by up to a tenth of the part.
 constexpr double kFar = 0.1;
 
-// Of the largest mode of several motions: smaller ones are what is left of motions that are nearly
-// the same, whose fields anchors may make far more different than they are.
+// Modes of several motions smaller than this part of the largest are left out. They are differences
+// of motions that are nearly the same, and anchors may make their fields differ by far more, which
+// would then be divided by so small a size.
 constexpr double kLeastMode = 0.1;
 
 // The centres that a field rests on, or those of them that are farthest from each other.

@@ -20,18 +20,19 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::RowVector3d;
 
-// Of the inverse distance, so that the nearest nodes alone count: all round a hole seen from near
-// its middle; from far off no more than what lies an edge of the mesh behind the nearest.
+// The power of the inverse distance that nodes weigh by, so that the nearest alone count: nodes 1.2
+// times as far as the nearest weigh 0.003. From near the middle of a hole that is all of its rim;
+// from far off a larger power counts what lies up to an edge of the mesh behind the nearest.
 constexpr double kPower = 32;
-constexpr Index kRing = 7;           // a node and those an edge from it
+constexpr Index kRing = 7;           // a node and those an edge from it: six amid triangles
 constexpr double kNoWeight = 3e-3;   // nodes that weigh less are left out
 constexpr double kRounding = 1e-12;  // of the mesh's size
 // Of the mesh's size: what a map fitted to the motion may miss.
 constexpr double kAffine = 1e-7;
-// Of the spread of what is fitted: directions in which it has none do not turn.
+// Of the spread of what is fitted: directions in which it has none, to rounding, do not turn.
 constexpr double kFlat = 1e-9;
 // Of the distance's square: with less spread in a direction, as across the plane of a ring, the
-// nodes' motion is taken for a rigid one there.
+// nodes' motion is taken for a rigid one there. In its plane a ring seen from its middle has 0.5.
 constexpr double kRigid = 3e-3;
 
 struct AffineMap {

@@ -12,8 +12,8 @@
 namespace cadmorph {
 namespace {
 
-// A slit in the part is narrower than these parts of a node's shortest and longest mesh edge: where
-// no edge spans it, and where one does.
+// Nodes lie on two sides of a slit that are nearer than the first part of a node's shortest mesh
+// edge, or than the second of its longest: where an edge spans the slit, that is the shortest.
 constexpr double kOpenSlit = 1e-4, kSpannedSlit = 3e-6;
 
 std::vector<Index> at(const std::vector<Index>& list, const std::vector<Index>& positions) {

@@ -12,9 +12,10 @@ using Eigen::Matrix3d;
 using Eigen::VectorXd;
 
 constexpr Index kGrain = 1024;
-// Of the largest: nodes that no energy holds.
+// Parts that make blocks invertible: of the largest block where no energy holds a node, of a node's
+// own where it has no way across, as on an edge. The gradient vanishes there, too, so that any part
+// does that is small and far above rounding.
 constexpr double kLeastOfAll = 1e-9;
-// Of its own largest: a node on an edge has no way across.
 constexpr double kLeastOfOwn = 1e-6;
 
 }  // namespace

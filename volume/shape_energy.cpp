@@ -27,18 +27,23 @@ constexpr double kSqrt2 = std::numbers::sqrt2;
 constexpr double kTwoOverSqrt3 = 2.0 * std::numbers::inv_sqrt3;
 constexpr std::size_t kTypes = 256;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-// A sample whose determinant is below this share of its edges' product counts as flat.
+// A sample whose determinant is below this share of its edges' product counts as flat: far above
+// the rounding of a determinant, 1e-16, far below any cell that has a shape.
 constexpr double kFlat = 1e-9;
-// Of a cell's height: the farthest that a node goes at once.
+// Of a cell's height: the farthest that a node goes at once. A node and the face opposite that come
+// towards each other just meet then.
 constexpr double kReach = 0.5;
-// The power of the faces' energy over p, by its logarithm: where the cosine is small this energy
-// rises by little.
+// The faces' energy has 2^2 times the power p of the shapes'. (2 / (1 + c))^4 falls with a cosine c
+// as fast as 1 / q does with a shape q at c = q = 1/3, near checkMesh's limit of 70 degrees; with
+// the power p alone it would be small beside the shapes' for poor faces.
 constexpr int kFaceDoublings = 2;
-// With finite volumes a cell that kept its shape counts as a face of 50 degrees.
+// With finite volumes a cell that kept its shape counts 1.5^p, as a face of 36 degrees does, less
+// than faces that are poor. Shapes below the least count against that: nearly flat cells may not
+// stay so.
 constexpr double kShapeWeight = 1.5;
 constexpr double kLeastShape = 0.01;
-// (|F|^2 / 3)^3 / det(F)^2 of a cell that may become as flat as this: of a stretch by 1.6 or its
-// inverse.
+// (|F|^2 / 3)^3 / det(F)^2 of a cell that may become as flat as this: of a stretch by 1.7, or of
+// one to 0.55.
 constexpr double kFreelyFlat = 1.5;
 // Cells that a thread takes at a time.
 constexpr Index kGrain = 256;

@@ -14,13 +14,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kRounds = 10;             // over the cells: few are, and a node has few neighbours
-constexpr double kFirstStep = 0.5;      // of the distance to the cell's nodes
-constexpr double kLastStep = 1.0 / 64;  // of the first
-// It ends after so many evaluations of a cell as passes over all, or so many on a small mesh: what
+constexpr int kRounds = 10;  // over the unsound cells, each with what became unsound in the last
+// Steps of the search: the first of the mean distance to the cell's nodes, half of the way to them,
+// the last of the first: less than a hundredth of that way.
+constexpr double kFirstStep = 0.5;
+constexpr double kLastStep = 1.0 / 64;
+// It ends after this many passes over all cells, or on a small mesh evaluations of a cell: what
 // takes more is wrecked.
 constexpr double kMostPasses = 50, kSmallWork = 3e6;
-// Cells that are this sound are sound enough; a cube is at 1/6.
+// Cells that are this sound are sound enough: an eighth of a cube's 1/6, twenty times the
+// thousandth of snapped wall cells, which are made no worse, but need not be better than they were.
 constexpr double kEnough = 0.02;
 
 class Mender {

@@ -24,7 +24,7 @@ using Eigen::VectorXd;
 
 // Minimisations end when they lower the energy by less than this share, all samples positive.
 constexpr double kSettled = 1e-3;
-// Neighbourhoods in a row that may repair nothing.
+// Neighbourhoods in a row that may repair nothing: each reaches twice as far as the one before.
 constexpr int kIdleAttempts = 2;
 // Minimisations of a neighbourhood while nodes slide beyond their surfaces.
 constexpr int kTrials = 3;

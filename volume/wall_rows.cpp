@@ -15,11 +15,14 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A wall has few cells across it. Longer rows tell what is across and what along a wall.
+// Rows across a wall have at most kMostCells cells. Rows of up to kFarthest are followed, too, to
+// tell along a wall from across it.
 constexpr std::size_t kMostCells = 16, kFarthest = 32;
+// A row goes across where it is at most this part as long as the next shortest through its nodes.
 constexpr double kThin = 0.5;
 constexpr double kStraight = 0.1;  // off the line between its ends, of its length
-constexpr double kEven = 1.1;      // largest height of a cell over the smallest
+// Largest height of a cell over the smallest: layers towards a wall grow by 1.1 or more.
+constexpr double kEven = 1.1;
 
 // A face of a cell type and the one that has no node in common with it.
 struct Across {

@@ -20,7 +20,8 @@ using SparseRows = Eigen::SparseMatrix<double, Eigen::RowMajor, int>;
 // diagonal, so that this bounds the error of the weighted means, cells of any size alike.
 constexpr double kTolerance = 1e-13;
 
-// Largest residual that a solution may have, as a part of the largest prescribed value.
+// Largest residual that a solution may have, as a part of the largest prescribed value: far above
+// kTolerance, far below what a cell feels.
 constexpr double kAccuracy = 1e-9;
 
 // Meshes with inverted elements take some thousand. Factors of 150,000 unknowns cost more than all.

@@ -35,7 +35,8 @@ std::optional<VectorXd> weights_inside(const Points& offsets) {
     const Vector3d newton = hessian.solve(descent);
     const double decrement = std::sqrt(std::max(0.0, descent.dot(newton)));
     if (!newton.allFinite()) return std::nullopt;
-    // Self-concordant: the damped step stays inside the domain and converges.
+    // Self-concordant: the damped step stays inside the domain and converges; below 1/4 whole steps
+    // converge quadratically (Boyd, Vandenberghe: Convex Optimization, 2004, sect. 9.6).
     y += newton / (decrement > 0.25 ? 1 + decrement : 1);
     if (decrement > kDecrement) continue;
     VectorXd result = ((scaled * y).array() + static_cast<double>(k)).inverse();
