@@ -17,7 +17,7 @@
 namespace cadmorph {
 namespace {
 
-// Of the mesh's size; see is_at_base.
+// Of the mesh's size (is_at_base): what the digits of a STEP file and a projection leave.
 constexpr double kAtBase = 1e-9;
 
 PipelineOptions with_progress_everywhere(PipelineOptions options) {

@@ -16,14 +16,15 @@ namespace {
 namespace fs = std::filesystem;
 
 // A step is refused that moves the surface by less than the CAD's tolerance, and warned of below
-// this many of it.
+// this many of it: the velocity may be off by more than 1 % then.
 constexpr double kSureMotion = 100;
 
 // The base is about midway between both models where it is nearer to the middle than this part of
 // the motion.
 constexpr double kUneven = 0.1;
 
-// The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size.
+// The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size,
+// small, but far above the 1e-9 below which a surface counts as the base's (is_at_base).
 constexpr double kSmallMotion = 1e-6;
 
 // Of the largest velocity: below, a node rests.
@@ -173,7 +174,7 @@ SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& mod
 
 SurfaceVelocity surface_velocity(const MorphJob& job, const ParameterModels& models,
                                  const ParameterModels& half, const Points& present) {
-  constexpr double kRounding = 1e-12;
+  constexpr double kRounding = 1e-12;  // of the steps, which are read or computed
   if (!(std::abs(2 * half.step - models.step) <= kRounding * models.step))
     throw InvalidInputError("Richardson's estimate takes a second step of half the first, " +
                             text_of(models.step / 2) + ", not " + text_of(half.step));

@@ -9,7 +9,7 @@
 namespace cadmorph {
 namespace {
 
-constexpr double kShareTolerance = 0.01;
+constexpr double kShareTolerance = 0.01;  // of the change: it is told in whole percent
 
 // Counts as pairs (key, count), the largest count first, equal ones by key.
 template <class Key>

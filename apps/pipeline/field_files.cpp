@@ -36,7 +36,7 @@ PipelineOptions without_repair(PipelineOptions options) {
 // The unit in which the points have the box of the field's mesh; where none does, the field's: they
 // may be a piece of it.
 double detect_unit(const Points& points, const DeformationTerms& terms) {
-  constexpr double kSameBox = 0.02;  // of the diagonal
+  constexpr double kSameBox = 0.02;  // of the diagonal: units differ by a factor of 2.5 at least
   constexpr double kUnits[] = {1, 10, 1000, 25.4, 304.8};
   const Eigen::RowVector3d low = points.colwise().minCoeff(), high = points.colwise().maxCoeff();
   const double size = (terms.high - terms.low).norm();

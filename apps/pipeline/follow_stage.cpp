@@ -13,12 +13,15 @@
 namespace cadmorph {
 namespace {
 
-// Surface nodes follow what moves beside them where less than this share is kept, by raising too,
-// and that makes more of it by this factor; all the way, or where they fold then, the second share.
-// What moves far, so that many cells lose, is to be forgotten farther away (follow_neighbours'
-// reach, in cells); in large meshes that costs too much.
+// Surface nodes follow what moves beside them where less than the first share of a figure is kept,
+// also by raising, and where the sum of the shares rises by the factor. With 0.75 for 0.5, levels
+// of swept meshes and the spacing of edges came off worse.
 constexpr double kKeptHalf = 0.5, kWorthFollowing = 1.1;
+// They go all of the way that is found, or where facets fold then, this part of it.
 constexpr std::array kSharesToFollow{1.0, 0.75};
+// What moves is forgotten after so many cells (follow_neighbours' reach). Where many cells lost and
+// some are still inverted it is to be forgotten farther away: a rib that moves by 13 cells. In
+// large meshes that costs too much.
 constexpr std::array kReaches{12, 24, 48, 96};
 constexpr Index kMostToReachFar = 300'000;
 // What follows is repaired where no more than so many times the cells are inverted that were

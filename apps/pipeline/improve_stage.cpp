@@ -12,7 +12,8 @@ namespace {
 // Surface nodes slide where that lifts the worst cell's quality by the first factor. Else poor
 // cells have to become fewer by the second for nodes to move.
 constexpr double kWorthSliding = 1.1, kFewerPoor = 1.1;
-// Rounds in which nodes of cells that became worse than the worst are put back.
+// Rounds in which nodes of cells that became worse than the worst are put back, a ring of cells a
+// round.
 constexpr int kTakeBacks = 16;
 
 // What is nearest to its shape as a whole may leave single cells worse. Puts the nodes of cells

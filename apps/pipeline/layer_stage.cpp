@@ -23,18 +23,20 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // Rows of cells along the wall over which columns come from their old heights to the new ones, so
-// that none is sheared against the next by more than a part of the difference.
+// that none is sheared against the next by more than a fifth of the difference.
 constexpr int kRamp = 5;
 // Columns with inverted cells keep half of their nodes in the next round, those in each row of
 // columns round them so many more. After the last round columns of 30 nodes have none.
 constexpr int kMostRounds = 6, kMoreEachRow = 2;
-// Of the highest column: how far beyond the layers cells give way. Heights that change by a half
-// then shrink or stretch cells by some percent.
+// Cells give way as far beyond the layers as this many times the highest column: where heights
+// change by a half, by 1/16 of their size on the mean.
 constexpr double kReach = 8;
-// Of a step along a surface: steps to the nearest place, and what is left when it is found.
+// Newton's steps to the place of a surface that is nearest to a point; the last changes the slide
+// by no more than this part of it, its rounding.
 constexpr int kMostSteps = 8;
 constexpr double kFound = 1e-12;
-constexpr double kImagesAlike = 1e-9;  // of the diagonal: after a slide
+// Of the diagonal: images after a slide. Far above rounding, far below the closest nodes' 1e-6.
+constexpr double kImagesAlike = 1e-9;
 
 // The slide of nodes[i] whose place is nearest to x, from `slide` on.
 Vector2d nearest_slide(const SlidingNodes& sliding, Index i, const Vector3d& x, Vector2d slide) {

@@ -13,7 +13,7 @@ namespace cadmorph {
 namespace {
 
 constexpr double kWrongPairs = 0.05;  // of all cells: more than a large change inverts as a rule
-constexpr double kHardlyMore = 3;     // bits: a match that costs no more may be the right one
+constexpr double kHardlyMore = 3;     // bits: a match that costs no more is an eighth as likely
 constexpr double kCollapsed = 0.1;    // what is kept of the worst elements' quality, at most
 
 std::vector<Index> sorted_union(const std::vector<Index>& a, const std::vector<Index>& b) {

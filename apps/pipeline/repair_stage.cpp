@@ -14,7 +14,8 @@
 namespace cadmorph {
 namespace {
 
-// Share of the inverted that an attempt leaves at most where it leaves fewer at all.
+// Further steps go on while each leaves at most this share of the inverted cells: of up to 1,000,
+// while each leaves one fewer.
 constexpr double kAnyGain = 0.999;
 
 void step_and_untangle(const BaseSide& base, const Points& surface_positions,
@@ -117,7 +118,8 @@ bool follow_at_once(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
   return false;
 }
 
-// Moves and repairs all cells as what they are. Returns whether that took more than inner nodes.
+// Moves and repairs the mesh with all of its nodes, not by corners first (go_by_corners). Returns
+// whether steps and a repair by inner nodes were not enough.
 bool move_plainly(const BaseSide& base, VolumeMorphResult* one_step, Sliding& sliding,
                   PhaseClock& clock, MorphResult& result) {
   std::optional<VolumeMorphResult> first;

@@ -58,7 +58,7 @@ void warn_of_slivers(const CadModel& variant, PipelineReport& figures) {
 // A match that costs as much may be the right one, though cells need not invert where it is.
 void warn_of_unclear_match(const CadModel& base, const CadModel& variant,
                            const TopologyMatch& match, PipelineReport& figures) {
-  constexpr double kUnclear = 1;  // bit
+  constexpr double kUnclear = 1;  // bit: half as likely
   if (lead(match) >= kUnclear) return;
   std::ostringstream text;
   text.precision(3);

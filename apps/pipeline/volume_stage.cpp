@@ -21,7 +21,8 @@ namespace cadmorph {
 namespace {
 
 // Layers are restored where less than the first share is kept of the mean of the worst twentieth,
-// and where the figures' shares rise by the factor.
+// as surface nodes slide to raise cells, and where the sum of the figures' shares rises by the
+// factor.
 constexpr double kKeptMost = 0.9, kWorthRestoring = 1.1;
 constexpr double kFullShape = 2;  // of the two figures, where nothing is lost
 // What a factor in first cells' heights counts against one in the figures, where heights are asked
