@@ -23,32 +23,35 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Centres are added until no node misses more spacings than this; each time all that miss more than
-// half of it. Many centres cost more than the correction that takes the rest does in quality
+// half of it. Many centres cost more than the correction that takes the rest does in quality. With
+// 0.5 for 0.3 the canister's hexahedra lose 5.3 % of their smallest Jacobian in place of 3.6 %
 // (docs/adaptive-centres.md).
 constexpr double kEnough = 0.3, kEnoughOfMany = 0.6;
 
 // Another round is not worth its solve for nodes so few, in parts of the centres, that miss no more
-// than this times as much: the correction takes them.
+// than this times as much, half a spacing, or a whole one of many: the correction takes them.
 constexpr double kFew = 0.01, kMoreOfFew = 5.0 / 3;
 
-constexpr Index kFirst = 500;  // centres to start from
-constexpr Index kMost = 8000;  // then the correction takes the rest
+constexpr Index kFirst = 500;  // centres to start from: a dense system of some milliseconds
+// Then the correction takes the rest: courier's tetrahedra at 150 % are no worse for it.
+constexpr Index kMost = 8000;
 
 // Most centres after a round for each one before it: what is missed once these are in decides on
-// the next better than what is missed now.
+// the next better than what is missed now. With 1.5, more rounds cost what fewer centres save.
 constexpr Index kGrowth = 2;
 
 // A new centre keeps others of its round this part of its distance from the old ones away.
 constexpr double kSpread = 0.5;
 
-// Centres closer than this part of the diagonal would bring the system near to rounding.
+// Centres closer than this part of the diagonal would bring the system near to rounding: r^3 is
+// 1e-12 of what it is across the part.
 constexpr double kLeastSeparation = 1e-4;
 
-// From so many centres on the fast solver is at least as fast as Cholesky.
+// From about so many centres on the fast solver is as fast as Cholesky (docs/fast-solver.md).
 constexpr Index kManyCentres = 1500;
 
 // What is missed counts in steps of this: of nodes that are mirror images the first is taken, not
-// the one that rounding favours on this processor.
+// the one that rounding favours on this processor. Far above rounding, far below kEnough.
 constexpr double kGrain = 1e-3;
 
 // Part of the largest value that the rounding of the sums may come to.

@@ -31,29 +31,32 @@ constexpr double kEnough = 1.15, kWorthAdding = 1.08, kPartOfWorst = 0.5;
 
 // Candidates are this part of their distance from the centres away from each other.
 constexpr double kGrading = 0.3;
+// Each round takes as many kernels for each carrier, of which there are some 1,500: hundredths of a
+// second.
 constexpr std::size_t kMostCandidates = 6000;
 
 // An anchor keeps others of its round this part of its distance from the centres away.
 constexpr double kSpread = 0.5;
 
-// Weights of the means fall by this power of the distance faster than the centres' share of the
-// sphere or circle round the target does, times the distance: the higher, the farther a body that
-// turns takes its surroundings along; the lower, the sooner they come to rest.
+// Centres weigh their size over the distance to the power d + kLocality in the means, in d
+// dimensions: the higher, the farther a body that turns takes its surroundings along; the lower,
+// the sooner they come to rest.
 constexpr int kLocality = 3;
 
-// Each adds anchors where the field moves too far still.
+// Each adds anchors where the field still moves too far, and ends the search where none does.
 constexpr int kMostRounds = 30;
 
 // Targets between the candidates may move too far: then they are anchors, too, so many times.
 constexpr int kMostHolds = 8;
 
 // Centres of each kind that tell whether anchors may be needed: those that move by no less than
-// this part of the largest value, and the others.
+// this part of the largest value, and the others. Two times 250 are a system of some milliseconds.
 constexpr Index kProbes = 250;
 constexpr double kMoves = 0.1;
 
-// What these miss still is taken to be no more than so many times what half as many missed beside
-// them: each doubling halves it at least, and what lies between the candidates adds to it.
+// The field by these probes is taken to be off by no more than so many times its difference from
+// that by half as many. Each doubling at least halves the error, which makes it once the
+// difference; what lies between the candidates adds to it.
 constexpr double kMissedAgain = 2;
 
 // Nor do they tell much where they miss this part of the largest value at the centres that move, in
@@ -61,7 +64,7 @@ constexpr double kMissedAgain = 2;
 constexpr double kMissed = 0.05;
 
 // Motions count in steps of this: of nodes that are mirror images the first is taken, not the one
-// that rounding favours on this processor.
+// that rounding favours on this processor. Far above rounding, far below kEnough - kWorthAdding.
 constexpr double kGrain = 1e-3;
 
 RowMatrix stack(const RowMatrix& above, const RowMatrix& below) {

@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr Index kProxies = 800;  // at most: as many as the finest tolerance takes
+constexpr Index kProxies = 800;  // at most: the finest tolerance, 1e-15, takes 520
 constexpr int kMoments = 10;     // of the polynomials up to order 2
 
 // Proxies that resolve a tolerance: more digits need more angles.

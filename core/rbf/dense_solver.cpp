@@ -73,7 +73,7 @@ MatrixXd saddle_rhs(const MatrixXd& values, Index q) {
 // Cholesky factor in the lower triangle of A, in tiles by one-threaded BLAS calls on all threads:
 // the result does not depend on their number. Returns LAPACK's info.
 int tiled_cholesky(Index n, double* A, Index stride) {
-  constexpr Index kTile = 256;
+  constexpr Index kTile = 256;  // half a megabyte, for a second-level cache
   constexpr double kOne = 1, kMinusOne = -1;
   const int lda = as_int(stride);
   const auto at = [&](Index i, Index j) { return A + j * stride + i; };

@@ -25,7 +25,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Centres are kept this part of the bounding box's diagonal apart; finer points get the correction.
+// Centres are kept this part of the bounding box's diagonal apart, where r^3 is 1.6e-14 of what it
+// is across: closer ones cost more digits than a double has. Finer points get the correction.
 constexpr double kThinning = 2.5e-5;
 
 // Up to here direct sums beat the H2 matrix, its set-up included.
@@ -37,8 +38,8 @@ constexpr double kDefectWide = 0.005;
 constexpr double kDefectWider = 0.01;
 constexpr double kDefectAdaptive = 0.03;
 
-constexpr int kIterations = 25;  // enough for every sound factor
-constexpr int kAdaptiveIterations = 100;
+constexpr int kIterations = 25;           // enough for every sound factor: measured 8 to 21
+constexpr int kAdaptiveIterations = 100;  // unmatched gaps of 0.005 node spacings take 39
 constexpr int kRestarts = 4;
 
 // Part of the allowance that the recursive residual is driven to: the true one is a little larger.

@@ -15,7 +15,8 @@ using Eigen::MatrixXd;
 using Eigen::RowVector3d;
 using Eigen::VectorXd;
 
-// A flat box of targets gets at least this part of its largest extent in each direction.
+// A flat box of targets gets at least this part of its largest extent in each direction, by which
+// coordinates are divided: far above rounding, too little for a field to change across it.
 constexpr double kLeastExtent = 1e-3;
 
 Index cube(Index p) { return p * p * p; }

@@ -13,10 +13,12 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr int kSweeps = 3;  // over all levels; one leaves what the levels below changed
+// Over all levels: functions reach a little beyond the points that they interpolate, and what they
+// leave there is left for the next sweep.
+constexpr int kSweeps = 3;
 
-// Residuals below this part of their allowance call for no correction, and levels are solved to
-// this.
+// Residuals below the first part of their allowance call for no correction. Levels are solved to
+// the second, which leaves room for what finer levels change.
 constexpr double kActive = 0.01;
 constexpr double kSolved = 0.3;
 

@@ -14,8 +14,10 @@ namespace cadmorph {
 /// 2012).
 class MultiscaleCorrection {
  public:
-  static constexpr double kSupport = 4;  ///< of a level's functions, in spacings of the level
-  static constexpr int kMostLevels = 40;
+  /// Of a level's functions, in spacings of the level. With 3 the canister's smallest Jacobian
+  /// falls by up to 1.3 % more, at half the iterations.
+  static constexpr double kSupport = 4;
+  static constexpr int kMostLevels = 40;  ///< of halved spacing: to 1e-12 of the first
 
   /// No correction.
   MultiscaleCorrection() = default;

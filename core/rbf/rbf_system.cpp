@@ -44,7 +44,8 @@ constexpr double kQrRounding = 1.1;
 // Bytes a centre that the fast solver holds at its peak (measured: 2,500 to 3,000).
 constexpr double kFastBytes = 3000;
 
-// Values of merged centres may differ by this part of the largest value.
+// Values of merged centres may differ by this part of the largest value: what the rounding of the
+// sums may come to, too.
 constexpr double kDuplicateAgreement = 1e-9;
 
 std::string scientific(double x) {

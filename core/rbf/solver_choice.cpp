@@ -8,7 +8,7 @@ namespace {
 // Number of centres from which on the fast solver beats Cholesky (docs/fast-solver.md).
 constexpr Index kFastCentres = 2000;
 
-// The fast solver needs enough centres for its stencils.
+// The fast solver needs enough centres for its stencils of 64.
 constexpr Index kFewCentres = 100;
 
 SolverChoice choose_automatically(const Kernel& kernel, bool is_triharmonic, Index centres) {
