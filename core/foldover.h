@@ -14,7 +14,7 @@ struct Regularised {
   double chi, rate, bend;
 };
 
-/// eps once all determinants are positive.
+/// eps once all determinants are positive: chi is D to rounding then, from D = 0.01 on.
 inline constexpr double kLeastEpsilon = 1e-10;
 
 /// The next eps, which lowers the energy at the smallest determinant as the last minimisation

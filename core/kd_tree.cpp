@@ -160,7 +160,7 @@ std::vector<Neighbour> KdTree::within(const double* query, double radius) const 
 Index KdTree::size() const { return impl_->size(); }
 
 double squared_spacing(const KdTree& tree, const double* point) {
-  constexpr Index kNeighbour = 3;
+  constexpr Index kNeighbour = 3;  // the nearest may lie across a thin gap
   return tree.nearest(point, kNeighbour + 1).back().squared_distance;
 }
 

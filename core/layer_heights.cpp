@@ -33,10 +33,12 @@ constexpr double kHigh = 1;  // of the same edge: where a mesher ends its layers
 // other cells are as high as they happen to be. Three cells at the first rate below tell of a
 // layer, at a smaller one as many as come to this multiple of the height.
 constexpr double kGrowth = 1.1, kSameRate = 0.1, kMultiple = 2;
-// Of the logarithms of either, what is enough beside such cells: no rounding parts a layer.
+// Beside such cells this part of either, as logarithms, is enough: rounding does not part a layer
+// whose rate is just 1.1.
 constexpr double kBeside = 0.5;
 // Of the heights' weight, that of a column's direction. At a trailing edge of 20 degrees a column
-// is a sixth as high over either side as it is long: there heights count six times as much still.
+// is a sixth as high over either side as it is long: by the square, heights count 1/36 there, still
+// six times as much.
 constexpr double kTurnWeight = 0.005;
 
 std::vector<Index> corners(const Facet& facet) {

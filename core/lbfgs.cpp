@@ -17,9 +17,10 @@ constexpr std::size_t kMemory = 10;  // pairs; Nocedal, Wright: 3 to 20
 constexpr double kSufficientDecrease = 1e-4, kCurvature = 0.9;
 constexpr double kLeastCurvature = 1e-12;  // relative: below, a pair is rounding
 constexpr int kTrials = 40;                // halvings of a step, down to 1e-12 of it
-// Iterations after which the Hessian is guessed anew.
+// Iterations after which the Hessian is guessed anew, which costs about as much as an evaluation.
 constexpr int kGuessAnew = 5;
-// Relative decrease below which the value counts as settled, twice in a row.
+// Relative decrease below which the value counts as settled, twice in a row: far below the share,
+// a thousandth, by which repairs end.
 constexpr double kSettled = 1e-7;
 
 struct Pair {

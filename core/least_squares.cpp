@@ -9,7 +9,9 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kOpposite = 1e-12;  // sine of an angle
+// Sine of an angle: below, rounding turns a cross product by 1e-4 and more, and any axis across
+// does.
+constexpr double kOpposite = 1e-12;
 
 // Of directions no more than a right angle apart: next to opposite ones this, and Eigen's
 // FromTwoVectors, are wrong by 1e-8.

@@ -176,7 +176,7 @@ void check_cells(PlacedCells cells, int flat_axis, Index begin, Index end, Centr
 // first, so that their loads overlap.
 void check_tetra_faces(const PlacedCells& cells, std::span<const Index> tetras,
                        const Centres& centres, Part& part) {
-  constexpr std::size_t kBlock = 32;
+  constexpr std::size_t kBlock = 32;  // 128 loads, more than a core has under way at once
   std::array<Vector3d, 4 * kBlock> others;
   for (; !tetras.empty(); tetras = tetras.subspan(std::min(kBlock, tetras.size()))) {
     const auto block = tetras.first(std::min(kBlock, tetras.size()));

@@ -791,7 +791,7 @@ class Reader {
     for (Index& number : range)
       if (fields.next(field) && !trimmed(field).empty() && !read_integer(field, number))
         fail_number("first, last and step of a set", field);
-    constexpr Index kMostSteps = 1 << 28;
+    constexpr Index kMostSteps = 1 << 28;  // 2 GB of numbers: a slip asks for no more
     if (range[2] < 1 || range[1] < range[0] || (range[1] - range[0]) / range[2] > kMostSteps)
       sources_.fail(here_, "first, last and step of the set make no range");
     for (Index number = range[0]; number <= range[1]; number += range[2]) {
@@ -1038,7 +1038,7 @@ class Reader {
   /// Appends the nodes, or cells, of a member; a name of nothing is left out too.
   void collect(const Placed& home, const SetLines::Member& member, bool is_of_elements, int depth,
                std::vector<Index>& found) const {
-    constexpr int kDeepest = 32;
+    constexpr int kDeepest = 32;  // so that sets which name each other come to an end
     if (depth > kDeepest) return;
     const Placed* in = find_placed(home, member.instance);
     if (!in) return;

@@ -320,7 +320,7 @@ class Reader {
   };
 
   static constexpr std::size_t kHead = 11;  // numbers before the nodes of an element
-  static constexpr Index kMostNodes = 100;
+  static constexpr Index kMostNodes = 100;  // of an element: a larger number is no count of nodes
 
   /// Whether a line of an element goes on with the one before, as far as can be told from it alone:
   /// it does not tell the number of its nodes.
@@ -480,7 +480,7 @@ class Reader {
   }
 
   void add_number(Index number, std::vector<Index>& numbers) const {
-    constexpr Index kLongest = 1 << 28;
+    constexpr Index kLongest = 1 << 28;  // 2 GB of numbers: a slip asks for no more
     if (number >= 0 || numbers.empty()) {
       numbers.push_back(number);
       return;

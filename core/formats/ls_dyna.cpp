@@ -545,7 +545,7 @@ class Reader {
       all.insert(all.end(), numbers.begin(), numbers.end());
       return;
     }
-    constexpr Index kLongest = 1 << 28;
+    constexpr Index kLongest = 1 << 28;  // 2 GB of numbers: a slip asks for no more
     for (std::size_t i = 0; i + 1 < numbers.size(); i += 2) {
       if (numbers[i + 1] - numbers[i] > kLongest) sources_.fail(here_, "the range is too long");
       for (Index number = numbers[i]; number != 0 && number <= numbers[i + 1]; ++number)

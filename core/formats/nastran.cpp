@@ -618,7 +618,7 @@ class Reader {
     const Index property = element.nodes_at == 2
                                ? number_of(place, card.field(1), "the number of a property", true)
                                : 0;
-    constexpr Index kHighestRegion = 1 << 30;
+    constexpr Index kHighestRegion = 1 << 30;  // fits into an int, as regions are
     if (property > kHighestRegion)
       sources_.fail_expected(place, "the number of a property", card.field(1));
     const std::size_t corners = std::size_t(cell_node_count(element.linear));

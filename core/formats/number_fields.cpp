@@ -57,7 +57,7 @@ class Spelling {
   operator std::string_view() const { return {text_.data(), size_}; }
 
  private:
-  static constexpr std::size_t kMost = 400;
+  static constexpr std::size_t kMost = 400;  // a double has up to 309 digits before its point
 
   /// "1e-05" with a point, and with no more of the exponent than it takes.
   void respell(const RealField& field) {
