@@ -12,7 +12,7 @@ namespace cadmorph {
 struct SteppingOptions {
   int steps = 0;      ///< number of steps; 0: one, then more while elements are inverted
   int min_steps = 1;  ///< smallest number of steps tried when `steps` is 0
-  int max_steps = 8;  ///< largest one
+  int max_steps = 8;  ///< largest one; n steps take n - 1 new systems, all up to 8 take 28
   /// Ends the attempts when one more step leaves more than this share of the inverted cells; 1:
   /// goes on up to `max_steps`, as the paper does.
   double least_gain_share = 0.75;
@@ -53,15 +53,13 @@ struct SteppingResult {
 
 /// Moves all nodes to prescribed surface positions in as many uniform steps as it takes to have no
 /// inverted element (Sieger et al. 2013, sect. 6): one step first, then n steps, n the iteration,
-/// each step rebuilding the interpolation from the surface moved so far. Nodes amid edges of
-/// second-order cells go by the ways of their corners where that leaves less than half of the
-/// invalid cells. When no number of steps gives a valid mesh, the attempt with the fewest inverted
-/// elements is returned; the earliest of equals. Cells that fail already at the base positions, and
-/// those that their surface nodes hold inverted (is_held), don't cause further attempts. `first` is
-/// the warp of the base mesh, reused for the first step. `one_step`, if given, is what `first` made
-/// of the target already (VolumeMorph::morph_each); it is used up. Throws InvalidInputError on
-/// fewer than one step, and what VolumeMorph throws; a SolverError of a later attempt ends the
-/// attempts.
+/// each step rebuilding the interpolation from the surface moved so far. When no number of steps
+/// gives a valid mesh, the attempt with the fewest inverted elements is returned; the earliest of
+/// equals. Cells that fail already at the base positions, and those that their surface nodes hold
+/// inverted (is_held), don't cause further attempts. `first` is the warp of the base mesh, reused
+/// for the first step. `one_step`, if given, is what `first` made of the target already
+/// (VolumeMorph::morph_each); it is used up. Throws InvalidInputError on fewer than one step, and
+/// what VolumeMorph throws; a SolverError of a later attempt ends the attempts.
 SteppingResult morph_in_steps(const Mesh& mesh, const VolumeMorph& first,
                               const SurfaceMotion& motion, const Orientation& orientation,
                               const SteppingOptions& options = {},

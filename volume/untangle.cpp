@@ -26,7 +26,7 @@ using Eigen::VectorXd;
 constexpr double kSettled = 1e-3;
 // Neighbourhoods in a row that may repair nothing: each reaches twice as far as the one before.
 constexpr int kIdleAttempts = 2;
-// Minimisations of a neighbourhood while nodes slide beyond their surfaces.
+// Minimisations of a neighbourhood: each holds the nodes that slid beyond their surfaces before.
 constexpr int kTrials = 3;
 // After so many minimisations the smallest determinant is to have risen by a tenth at least.
 constexpr int kPatience = 6;
@@ -37,11 +37,12 @@ constexpr double kLeastRise = 0.1;
 // took minutes to.
 constexpr double kMostPasses = 100;
 constexpr double kSmallWork = 1e8;
-// After this share of its work a repair ends at whose pace so many times all work would not do.
-// Of wrecked meshes a hundredth of the inverted cells is repaired by then.
+// After the first share of its work a repair ends where, at its pace so far, kTimesAll times all of
+// the work would not repair the rest. Of wrecked meshes a hundredth of the inverted cells is
+// repaired by then.
 constexpr double kWorkToJudge = 0.25, kTimesAll = 4;
-// Of the work, what a repair with straight edges takes, or of shapes that need not be: it succeeds
-// within, or mostly not at all.
+// Of the work, the most for a repair with straight edges, or of sound cells that were turned over
+// by their corners: it succeeds within that, or mostly not at all.
 constexpr double kAttemptWork = 0.25;
 
 // The cells within some rings of the seeds, and the nodes that may move.
@@ -84,7 +85,7 @@ struct Cost {
   double passes = 0;  ///< over all cells of the mesh
 };
 
-// Evaluations that were done, of those that a repair may take.
+// How many evaluations a repair has done, of those that it may do.
 class Work {
  public:
   /// `most`: as a share of what any repair may take.
@@ -94,7 +95,7 @@ class Work {
     done_.nodes += one.nodes;
     done_.passes += one.passes;
   }
-  // 1: all of them.
+  // The share done; 1: all of them.
   double share() const {
     return std::min(done_.nodes / kSmallWork, done_.passes / kMostPasses) / most_;
   }
@@ -166,7 +167,8 @@ void check_sizes(const Mesh& mesh, const Points& positions, const std::vector<ch
                             std::to_string(mesh.node_count()) + " nodes");
 }
 
-// Puts nodes amid edges that are straight in the base mesh amid the corners where these have come.
+// Puts the nodes amid edges that are straight in the base mesh back into the middle of the corners,
+// wherever these are now.
 void straighten(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<char>& is_fixed,
                 Points& positions) {
   for (Index i = 0; i < mid_nodes.count(); ++i) {
@@ -176,7 +178,7 @@ void straighten(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<c
   }
 }
 
-// Marks the nodes of cells that only bent edges could make valid: `is_free` tells of no corner.
+// Marks the nodes of cells that only bent edges could make valid: those without a free corner.
 void mark_bent(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<Index>& cells,
                const std::function<bool(Index node)>& is_free, std::vector<char>& is_bent) {
   for (const Index c : cells) {
@@ -188,7 +190,7 @@ void mark_bent(const Mesh& mesh, const MidNodes& mid_nodes, const std::vector<In
   }
 }
 
-// Those that were not in the base mesh.
+// The cells that are inverted by their corners, but were not in the base mesh.
 std::vector<Index> cells_turned_over(const Mesh& mesh, const Points& positions,
                                      const Orientation& orientation) {
   const QualityReport before = measure_quality(mesh, mesh.points, orientation),
@@ -199,10 +201,10 @@ std::vector<Index> cells_turned_over(const Mesh& mesh, const Points& positions,
   return result;
 }
 
-// What a repair does otherwise than the plain one.
+// How a repair differs from the plain one.
 struct RepairPlan {
-  MidNodes mid_nodes = {};         ///< go with their corners
-  std::vector<char> is_bent = {};  ///< of all nodes: but for these
+  MidNodes mid_nodes = {};         ///< nodes that go with their corners
+  std::vector<char> is_bent = {};  ///< a flag a node: those that nevertheless do not
   std::vector<Index> others = {};  ///< valid cells for the first neighbourhood to hold, too
   double most_work = 1;            ///< see Work
 };
@@ -403,10 +405,11 @@ UntangleResult untangle(const Mesh& mesh, const Points& positions,
       if (report.validity.invalid > 0) result = std::move(mended);
     }
   }
-  // Cells of second order with straight edges are valid by their corners, which are repaired as
-  // cells of first order, for a fifth to a thirtieth of the work, then, beside curved surfaces,
-  // with all samples: an eighth of the unknowns. Edges bend where these don't do: from there, if
-  // fewer are left, then from the start. Where the corners find no room, straight edges have none.
+  // Second-order cells with straight edges are valid where the cells of their corners are. These
+  // are repaired first, as cells of first order, for a fifth to a thirtieth of the work; then, with
+  // straight edges, what is left beside curved surfaces, by all samples, with an eighth of the
+  // unknowns. Edges bend where that is not enough: first from there, if fewer cells are left, then
+  // from the start. Where the corners find no room, straight edges have none.
   const Points start = result.positions;
   std::vector<char> is_held_fast = is_fixed;
   if (options.sliding)

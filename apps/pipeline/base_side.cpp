@@ -205,7 +205,8 @@ void BaseSide::warn_of_crossed() {
   if (options.notice) options.notice(text);
 }
 
-// Before the work goes on: what is inverted already may take long to no end.
+// Called before the work goes on, which may take long and fail for cells that were inverted
+// already.
 void BaseSide::warn_of_inverted() {
   misordered = misordered_cells(mesh(), neighbours, orientation, validity.invalid_cells);
   const std::vector<Index>& inverted =

@@ -204,7 +204,7 @@ Gradient::Gradient(const MorphJob& job, RowMatrix sensitivity, const Points& pre
   surface_ = sensitivity_(nodes, Eigen::all);
   RowMatrix inside = sensitivity_;
   inside(nodes, Eigen::all).setZero();
-  // Else nothing is to carry: what a solver knows of the surface alone.
+  // A table of the surface alone has nothing inside to carry to the surface.
   if (inside.isZero(0)) return;
   const Points moved = unless_at_base(job, present);
   surface_ = job.base().volume->derivative(positions(job, moved)).adjoint(sensitivity_);

@@ -24,16 +24,16 @@ constexpr std::array kSharesToFollow{1.0, 0.75};
 // large meshes that costs too much.
 constexpr std::array kReaches{12, 24, 48, 96};
 constexpr Index kMostToReachFar = 300'000;
-// What follows is repaired where no more than so many times the cells are inverted that were
-// without: up to 2.6 times where it paid, 7 to 100 times where the repair came to nothing or
-// took ten morphs.
+// A mesh whose surface followed is repaired where it has at most so many times the inverted cells
+// that it had without: where it paid they were up to 2.6 times as many, where the repair came to
+// nothing or took as long as ten morphs, 7 to 100 times.
 constexpr Index kMostInverted = 4;
-// Or no more than one cell in so many: 12 of 74,000 were repaired in no time, 21 of 43,000 took
-// longer than all else and stayed.
+// It is also repaired where at most one cell in so many is inverted: 12 of 74,000 were repaired in
+// no time, 21 of 43,000 took longer than all else and stayed.
 constexpr Index kFewInverted = 5'000;
 
-// Moves the volume anew with surface nodes that share of the way, in as many steps as before, and
-// repairs it where it was repaired before, unless much more is inverted.
+// Moves the volume anew, with surface nodes that went that share of the way, in as many steps as
+// before, and repairs it, unless many more cells are inverted than before.
 void morph_on_way(const BaseSide& base, const WayToFollow& way, double share, Sliding& sliding,
                   PhaseClock& clock, MorphResult& result) {
   const SlidingNodes& nodes = *sliding.nodes();

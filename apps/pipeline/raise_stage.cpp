@@ -118,7 +118,7 @@ bool unfold_curved_cells(const BaseSide& base, Sliding& sliding, const Points& r
   return true;
 }
 
-// Edges of second-order cells on CAD edges, between straight ones and those that came.
+// The edges of second-order cells on CAD edges, from straight to as curved as they came.
 class RimCurves {
  public:
   /// `is_fixed`: nodes within faces that are not, or slide, follow their corners.
@@ -274,7 +274,7 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   settle_slid_nodes(base, result);
 }
 
-// The mesh file's, where a series of morphs has left it; else the base has it.
+// The quality of the mesh file, where a series of morphs starts elsewhere; else the base has it.
 std::optional<QualityReport> measure_left_behind(const BaseSide& base) {
   if (!base.starts_elsewhere) return std::nullopt;
   return measure_quality(base.mesh(), base.mesh_file->mesh().points, base.orientation);

@@ -10,7 +10,7 @@ SteppingOptions stepping(const BaseSide& base);
 /// Whether the program chooses steps and repair.
 bool is_free(const BaseSide& base);
 
-/// So many inverted cells are few.
+/// The most inverted cells that count as few.
 Index few_cells(const BaseSide& base);
 
 /// Whether what counts are faces of finite volumes, not the shapes of cells.

@@ -35,7 +35,8 @@ constexpr double kGrading = 0.3;
 // second.
 constexpr std::size_t kMostCandidates = 6000;
 
-// An anchor keeps others of its round this part of its distance from the centres away.
+// An anchor keeps others of its round this part of its distance from the centres away. Twice as far
+// apart they change first cells on a sphere that turns by 20 degrees by about 2 % in place of 1.8.
 constexpr double kSpread = 0.5;
 
 // Centres weigh their size over the distance to the power d + kLocality in the means, in d
