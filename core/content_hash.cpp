@@ -16,7 +16,7 @@
 namespace cadmorph {
 namespace {
 
-constexpr std::size_t kBlock = 1 << 18;
+constexpr std::size_t kBlock = 1 << 18;  // bytes read at once: they stay in the cache
 
 std::string to_hex(const XXH128_hash_t& hash) {
   XXH128_canonical_t bytes;

@@ -22,8 +22,8 @@ struct Slider {
 };
 
 // Nodes that slide are drawn back with this weight, over the square of the reach, times the sum of
-// the weights that their edges would have at their mean length. In a grid of hexahedra a motion
-// then falls to a fifth within the reach: by e^-1.6.
+// the weights that their edges would have at their mean length. In a wall of one layer of cubes a
+// motion then falls to a fifth within the reach: by e^-1.6.
 constexpr double kDrawnBack = 0.72;
 constexpr double kAccuracy = 1e-5;    // of what changes
 constexpr int kMostIterations = 300;  // 15 to 50 are usual

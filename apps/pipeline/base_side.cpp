@@ -191,7 +191,7 @@ void BaseSide::fill_report() {
 
 // A mesh of another state of the part, or a CAD with bodies that were not meshed.
 void BaseSide::warn_of_crossed() {
-  constexpr std::size_t kNamed = 6;
+  constexpr std::size_t kNamed = 6;  // faces, as many as a line holds
   std::string names;
   for (std::size_t i = 0; i < std::min(kNamed, crossed_faces.size()); ++i)
     names += (i > 0 ? ", " : "") + std::to_string(crossed_faces[i] + 1);
