@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kBlock = 1 << 18;  // bytes read at once: they stay in the cache
+constexpr std::size_t kBlock = 1 << 18;  // bytes at once: they stay in the cache
 
 struct Header {
   std::uint32_t format = 0;

@@ -26,7 +26,8 @@ constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kKept = 0.01;  // of its height, by which a cell may change that keeps it
 // Of its floor's shortest edge: a cell that is higher is none of a layer.
 constexpr double kFlat = 1.5;
-// Heights that are worth holding are those of thin cells: others grow by accident.
+// A cell at most this high, of the same edge, tells of a layer: heights that are worth holding are
+// those of thin cells, others grow by accident.
 constexpr double kThin = 0.5;
 constexpr double kHigh = 1;  // of the same edge: where a mesher ends its layers
 // Layers towards a wall are made with growth rates of 1.05 to 1.3, the same from one to the next;
@@ -182,7 +183,8 @@ void add_adjacent(const std::vector<Storey>& storeys, std::vector<std::size_t>& 
         if (!std::exchange(is_in[i], 1)) layer.push_back(i);
 }
 
-// Whether a layer of the rate goes on: the rate changes by no tenth, nor by half of what it grows.
+// Whether a layer of the rate goes on: the growth is off by a tenth at most, and at least half of
+// the rate's, as logarithms.
 bool is_same_rate(double growth, double rate) {
   return std::abs(growth / rate - 1) <= kSameRate && growth * growth >= rate;
 }
