@@ -6,7 +6,6 @@
 
 #include "cad/alignment.h"
 #include "cad/face_sampler.h"
-#include "core/kd_tree.h"
 #include "surface/round_face.h"
 
 namespace cadmorph {

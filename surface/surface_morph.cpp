@@ -3,10 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <map>
-#include <numeric>
 #include <set>
 #include <sstream>
 
@@ -31,8 +28,6 @@
 namespace cadmorph {
 namespace {
 
-using Eigen::Matrix3d;
-using Eigen::Matrix3Xd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
