@@ -19,8 +19,9 @@ struct FaceMotion {
 /// Parameters (N x 2) of the places on a face nearest to `targets` (N x 3).
 Parameters project_points(const CadModel& model, FaceId face, const Points& targets);
 
-/// How the parameters of a base face's wires and joints go over to those of its variant: a linear
-/// part, with period, sense and start of closed directions, and displacements beyond it.
+/// How the parameters of a base face's wires and joints go over to those of its variant (Sieger et
+/// al. 2013, sect. 4): a linear part, with period, sense and start of closed directions, and
+/// displacements beyond it. Parameters are N x 2, in the faces' own units.
 class ParameterWarp {
  public:
   /// Keeps references to all three.
