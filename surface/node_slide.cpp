@@ -107,6 +107,22 @@ std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Associ
   return result;
 }
 
+std::vector<FacetCorner> corners_of_facets(const Boundary& boundary,
+                                           const std::vector<Index>& sliding) {
+  std::vector<FacetCorner> result;
+  for (Index f = 0; f < boundary.facet_count(); ++f) {
+    const auto facet = boundary.facet(f);
+    const Index corners = corner_count(boundary.types[f], std::ssize(facet));
+    const auto slides = [&](Index node) { return std::ranges::binary_search(sliding, node); };
+    if (std::ranges::none_of(facet.first(corners), slides)) continue;
+    const Index listed = corners == 3 ? 1 : corners;
+    for (Index i = 0; i < listed; ++i)
+      result.push_back({{facet[i], facet[(i + 1) % corners], facet[(i + corners - 1) % corners]},
+                        1 / double(listed)});
+  }
+  return result;
+}
+
 IdVector<RowId, char> marks_of_bound_nodes(const Association& association, const Boundary& boundary,
                                            const CadModel& variant, const Points& positions) {
   IdVector<RowId, char> is_bound(boundary.nodes.size(), 0);
@@ -169,6 +185,7 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
     sliders->push_back(std::move(slider));
   }
   result.segments = segments_of_edges(variant, association, boundary, moved);
+  result.corners = corners_of_facets(boundary, result.nodes);
   result.slides = RowMatrix::Zero(static_cast<Index>(result.nodes.size()), 2);
   const auto uv_at = [sliders, unit](Index i, const Vector2d& slide) -> Vector2d {
     const Slider& slider = (*sliders)[i];

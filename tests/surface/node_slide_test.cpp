@@ -116,6 +116,20 @@ TEST_CASE("Neighbours along an edge are known", "[surface][slide]") {
       ++count;
       CHECK(of_node[node] == (corners.contains(node) ? 2 : 0));
     }
+    // A facet's corners count as one facet.
+    Index facets = 0;
+    for (Index f = 0; f < s.c.boundary.facet_count(); ++f) {
+      const auto facet = s.c.boundary.facet(f);
+      const auto own = facet.first(corner_count(s.c.boundary.types[f], std::ssize(facet)));
+      facets += std::ranges::any_of(own, [&](Index n) { return s.nodes.find(n) >= 0; });
+    }
+    double weights = 0;
+    for (const FacetCorner& corner : s.nodes.corners) {
+      weights += corner.weight;
+      CHECK(std::ranges::all_of(corner.nodes, [&](Index n) { return corners.contains(n); }));
+    }
+    CHECK(facets > 0);
+    CHECK(weights == Approx(double(facets)));
     const SlidingNodes on_edges = slide_on_cad(*s.c.base, association, s.c.boundary, s.moved, true);
     CHECK(std::ssize(on_edges.nodes) == count);
     CHECK(on_edges.segments.size() == s.nodes.segments.size());

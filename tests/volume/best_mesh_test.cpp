@@ -9,11 +9,13 @@
 #include <numbers>
 
 #include "../core/sample_meshes.h"
+#include "core/boundary.h"
 #include "core/cell_topology.h"
 #include "core/layer_heights.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "core/quality_checks.h"
+#include "volume/facet_shape.h"
 #include "volume/shape_energy.h"
 #include "volume/volume_morph.h"
 #include "volume_meshes.h"
@@ -697,6 +699,43 @@ TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[vol
   const BestMeshResult refused = cube.raised(positions, options);
   CHECK(refused.positions == inner.positions);
   CHECK(refused.report.slid_nodes == 0);
+}
+
+TEST_CASE("Facets keep more of their shapes where nodes slide", "[volume][best]") {
+  // Nodes below the top are off their places and stay there: cells are best where its own are, too.
+  FixedCube cube(testing::cube(CellType::Tetra, 6));
+  Points positions = cube.mesh.points;
+  std::vector<Index> below;
+  for (Index n = 0; n < positions.rows(); ++n)
+    if (!cube.is_fixed[n] && positions(n, 2) > 0.8) below.push_back(n);
+  move_to_and_fro(below, 6, 0.025, positions);
+  std::ranges::fill(cube.is_fixed, 1);
+  SlidingNodes top;
+  top.nodes = inside_top(positions);
+  move_to_and_fro(top.nodes, 6, -0.03, positions);
+  slide_in_plane(positions, top);
+  top.is_within = [](Index, const Eigen::Vector2d&) { return true; };
+  BestMeshOptions options;
+  options.sliding = [&] { return &top; };
+  const Boundary boundary = extract_boundary(cube.mesh);
+  std::vector<FacetCorner> corners;
+  for (Index f = 0; f < boundary.facet_count(); ++f)
+    if (const auto nodes = boundary.facet(f);
+        std::ranges::any_of(nodes, [&](Index n) { return top.find(n) >= 0; }))
+      corners.push_back({{nodes[0], nodes[1], nodes[2]}, 1});
+  const auto distortion = [&](const Points& at) {
+    FacetShape facets(corners, cube.mesh.points,
+                      FreeNodes(cube.mesh.node_count(), top.nodes, nullptr));
+    return std::pow(facets.evaluate(at, 3) / (16 * double(corners.size())), 0.125);
+  };
+  const BestMeshResult without = cube.raised(positions, options);
+  top.corners = corners;
+  const BestMeshResult result = cube.raised(positions, options);
+  CAPTURE(distortion(positions), result.report.best.min, without.report.best.min,
+          result.report.best.worst_twentieth, without.report.best.worst_twentieth);
+  CHECK(distortion(result.positions) - 1 < 0.95 * (distortion(without.positions) - 1));
+  CHECK(sum_of_shares(result.report.best, result.report.base) >
+        0.98 * sum_of_shares(without.report.best, without.report.base));
 }
 
 TEST_CASE("Where little was lost, nodes slide, too", "[volume][best]") {
