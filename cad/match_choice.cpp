@@ -26,9 +26,6 @@ constexpr int kManyEntities = 2000;
 constexpr double kRests = 1e-6;
 constexpr double kSamePlace = 1e-9;  // of the diagonal: coincident copies are equally near
 constexpr int kFollowing = 12;       // neighbours: enough for an affine motion of its own
-// Bits that an entity costs by its neighbours, on the mean: two that are exchanged cost fifteen.
-constexpr double kWorthImproving = 0.025;
-constexpr int kImprovements = 3;  // each only if the one before helped
 
 // Entities in the order of the files, where that is consistent with the adjacency and hardly by
 // accident; faces alone where the files list edges differently.
@@ -76,12 +73,6 @@ class Selection {
 
   bool is_empty() const { return all_.empty(); }
 
-  // The smoothest of those found so far.
-  const TopologyMatch& smoothest() const {
-    return *std::ranges::min_element(
-        all_, {}, [](const TopologyMatch& match) { return match.cost.neighbours; });
-  }
-
   std::optional<TopologyMatch> best() {
     std::optional<TopologyMatch> best;
     for (TopologyMatch& match : all_) best = cheaper(std::move(best), std::move(match));
@@ -120,7 +111,6 @@ class PositionMatcher {
     if (selection_.offer(with_resting(guesses.front()))) return selection_.best();
     for (const NamedGuess& guess : guesses)
       if (offer_both(guess)) return selection_.best();
-    improve();
     return selection_.best();
   }
 
@@ -190,22 +180,6 @@ class PositionMatcher {
   bool offer_both(const NamedGuess& guess) {
     return (hinted_ && selection_.offer(decide(*hinted_, guess, most_tried()))) ||
            selection_.offer(decide(plain_, guess, most_tried()));
-  }
-
-  // Entities that a bad guess exchanged stand out of the smoothed motion of the others: guess by
-  // that.
-  void improve() {
-    for (int i = 0; i < kImprovements && !selection_.is_empty(); ++i) {
-      const TopologyMatch& best = selection_.smoothest();
-      const double before = best.cost.neighbours;
-      if (before < kWorthImproving) return;
-      const auto motion =
-          std::make_shared<EntityMotion>(motion_of(base_, variant_, best, kSmoothed));
-      const bool is_turned = best.how == kTurned;
-      offer_both({{[motion](const Vector3d& x) { return (*motion)(x); }, best.alignment.scale},
-                  is_turned ? kTurned : kInPlace});
-      if (selection_.smoothest().cost.neighbours >= before) return;
-    }
   }
 
   const MatchSide& base_;
