@@ -26,6 +26,8 @@ constexpr double kCoincident = 1e-6;
 // Of the diagonal, root mean square, and radians: what exchanged B-Reps keep of a part that did not
 // change.
 constexpr double kExactFit = 1e-7;
+// From here to kMirrored, half and double of all but kLargeTurn leave all known pairs as they are.
+
 // The accidental turns that were seen were half turns: a hole that crossed the middle of a plate
 // turned it over. A turn of less than this is taken as it is.
 constexpr double kLargeTurn = std::numbers::pi / 4;

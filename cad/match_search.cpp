@@ -15,10 +15,11 @@ using Eigen::Vector3d;
 // nearest: its confidence, d2 / (d1 + d2), is then above two thirds.
 constexpr double kClearMargin = 0.5;
 // How much a prediction may be wrong, as part of the distance to the nearest decided entity: a
-// strain of 15 % between the two that decided entities say nothing of.
+// strain of 15 % between the two that decided entities say nothing of. Half and double leave all
+// known pairs as they are.
 constexpr double kDoubt = 0.15;
 // Candidates that are tried one after the other: a place in a square grid and those round it are
-// nine.
+// nine. Six and 24 leave all known pairs as they are.
 constexpr int kMaxTries = 12;
 constexpr int kNeighbours = 12;       // three times the unknowns of a local affine fit
 constexpr std::size_t kFewKnown = 4;  // points that an affine map needs

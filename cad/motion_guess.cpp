@@ -27,6 +27,7 @@ constexpr std::size_t kMostAsked = 64, kMostTurns = 64;
 // by whole pitches fit alike, but for what else changed. Turns below kNoTurn, radians, are none: in
 // a ring of up to 100 members each is clearly nearest to its own without (kClearMargin). Distances
 // of two members from the axis differ by less than the part kSameLever: pitches change by less.
+// Half and double of kNoTurn and kSameLever leave all known pairs as they are.
 constexpr double kNearer = 0.9, kNoTurn = 0.02, kSameLever = 0.3;
 // Of fitting a turn to the nearest members: it starts where one member lies in the direction of
 // another, so that few change their partners.

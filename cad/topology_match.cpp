@@ -24,6 +24,7 @@
 namespace cadmorph {
 namespace {
 
+// Half and double of the next two leave all known pairs as they are.
 // A name that stays with its face is worth eight times as good a fit.
 constexpr double kNameBits = 3;
 // Of a match that ignores the joints of smooth curves: it has to fit twice as well as one for which
@@ -253,7 +254,8 @@ std::optional<TopologyMatch> find_match(const CadModel& base, const CadModel& va
 }
 
 // A seam cuts a bore with a keyway in two faces, another export's seam elsewhere: then the edge
-// between them can be matched, but is no place of the part.
+// between them can be matched, but is no place of the part. Without this 19 known pairs come out
+// wrong, most of them split rings and keyed hubs.
 std::optional<MatchedModels> match_across_seams(const CadModel& base, const CadModel& variant,
                                                 const std::optional<TopologyMatch>& cut) {
   const auto b = base.with_merged_faces(FaceMerge::AcrossSeams);
