@@ -26,7 +26,8 @@ constexpr double kMovedSeamBits = 2, kAsAroundBits = 3;
 constexpr double kTie = 1e-3;  // bits: far above the rounding of costs, far below their weights
 // Other closed curves on a curve's faces tell how it turns where they lie round it and turn as one:
 // the farthest is farther from its axis than kLever, in its sizes, their mean is nearer, and one
-// motion carries all of them, but for the part kAsOne of their distances.
+// motion carries all of them, but for the part kAsOne of their distances. With twice kLever or half
+// kAsOne a ring's rims do not turn with the pockets between them.
 constexpr double kLever = 0.5, kAsOne = 0.05;
 // Closed curves of a face that are asked: enough for one rotation where there are thousands.
 constexpr std::size_t kMostBeside = 64;

@@ -20,7 +20,8 @@ using Eigen::Vector3d;
 constexpr int kMostProjections = 300;
 // Of the diagonal: a hundred times the rounding of a projection, and what exchanged B-Reps keep.
 constexpr double kStill = 1e-12, kMeet = 1e-7;
-// Of the shortest mesh edge: warps whose places are nearer to the faces count alike.
+// Of the shortest mesh edge: warps whose places are nearer to the faces count alike. At twice this,
+// parts that stand on each other no longer move alike with their contacts imprinted or not.
 constexpr double kNear = 1e-2;
 constexpr double kParted = 1e-2;  // of the shortest mesh edge: less hardly changes an element
 
