@@ -22,12 +22,6 @@ struct EdgeSegment {
   double length;  ///< where they start
 };
 
-/// A corner of a facet of the surface, and its neighbours there.
-struct FacetCorner {
-  std::array<Index, 3> nodes;  ///< ids, the corner first
-  double weight;               ///< one over the corners that are listed of its facet
-};
-
 /// Nodes that may slide along surfaces. Each has two coordinates of its own, lengths in the mesh's
 /// unit: (0, 0) is where the node starts, where its tangents are orthonormal.
 struct SlidingNodes {
@@ -44,9 +38,8 @@ struct SlidingNodes {
   std::function<bool(Index i, const Eigen::Vector2d& slide)> is_within;
 
   std::vector<EdgeSegment> segments;  ///< of the edges with nodes that slide
-  /// Of the facets with nodes that slide; a triangle's corners span the same, so that one is
-  /// listed.
-  std::vector<FacetCorner> corners;
+  /// Of the surface, with corners that slide: ids.
+  std::vector<std::array<Index, 3>> triangles;
 
   /// The i of a node's nodes[i]; -1 where it does not slide.
   Index find(Index node) const {

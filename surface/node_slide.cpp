@@ -107,18 +107,15 @@ std::vector<EdgeSegment> segments_of_edges(const CadModel& variant, const Associ
   return result;
 }
 
-std::vector<FacetCorner> corners_of_facets(const Boundary& boundary,
-                                           const std::vector<Index>& sliding) {
-  std::vector<FacetCorner> result;
+std::vector<std::array<Index, 3>> triangles_with(const std::vector<Index>& sliding,
+                                                 const Boundary& boundary) {
+  std::vector<std::array<Index, 3>> result;
+  const auto slides = [&](Index node) { return std::ranges::binary_search(sliding, node); };
   for (Index f = 0; f < boundary.facet_count(); ++f) {
     const auto facet = boundary.facet(f);
-    const Index corners = corner_count(boundary.types[f], std::ssize(facet));
-    const auto slides = [&](Index node) { return std::ranges::binary_search(sliding, node); };
-    if (std::ranges::none_of(facet.first(corners), slides)) continue;
-    const Index listed = corners == 3 ? 1 : corners;
-    for (Index i = 0; i < listed; ++i)
-      result.push_back({{facet[i], facet[(i + 1) % corners], facet[(i + corners - 1) % corners]},
-                        1 / double(listed)});
+    if (corner_count(boundary.types[f], std::ssize(facet)) != 3) continue;
+    if (std::ranges::any_of(facet.first(3), slides))
+      result.push_back({facet[0], facet[1], facet[2]});
   }
   return result;
 }
@@ -185,7 +182,7 @@ SlidingNodes slide_on_cad(const CadModel& variant, const Association& associatio
     sliders->push_back(std::move(slider));
   }
   result.segments = segments_of_edges(variant, association, boundary, moved);
-  result.corners = corners_of_facets(boundary, result.nodes);
+  result.triangles = triangles_with(result.nodes, boundary);
   result.slides = RowMatrix::Zero(static_cast<Index>(result.nodes.size()), 2);
   const auto uv_at = [sliders, unit](Index i, const Vector2d& slide) -> Vector2d {
     const Slider& slider = (*sliders)[i];

@@ -235,9 +235,9 @@ ShapeEnergy::ShapeEnergy(const Mesh& mesh, const Points& reference, Points posit
   if (const SlidingNodes* sliding = free_.sliding()) {
     spacing_.emplace(sliding->segments, free_);
     if (spacing_->is_empty()) spacing_.reset();
-    // Facets of plane meshes and of shells are the cells themselves.
-    if (dimension(mesh) == 3) facets_.emplace(sliding->corners, reference, free_);
-    if (facets_ && facets_->is_empty()) facets_.reset();
+    // In plane meshes and shells triangles are the cells themselves.
+    if (dimension(mesh) == 3 && !volumes) triangles_.emplace(sliding->triangles, reference, free_);
+    if (triangles_ && triangles_->is_empty()) triangles_.reset();
   }
   number_nodes();
   make_chunks();
@@ -519,14 +519,14 @@ double ShapeEnergy::operator()(const VectorXd& x, VectorXd& gradient) {
   sum_ = 0;
   for (const double energy : energies) sum_ += energy;
   if (spacing_) sum_ += spacing_->evaluate(positions_, squarings_ + 1);
-  if (facets_) sum_ += facets_->evaluate(positions_, squarings_ + 1);
+  if (triangles_) sum_ += triangles_->evaluate(positions_, squarings_ + 1);
   if (!std::isfinite(sum_)) {
     gradient.setZero(x.size());
     return kInfinite;
   }
   sums_->gather_slopes(free_, 1 / sum_, gradient);
   if (spacing_) spacing_->add_slopes(free_, 1 / sum_, gradient);
-  if (facets_) facets_->add_slopes(free_, 1 / sum_, gradient);
+  if (triangles_) triangles_->add_slopes(free_, 1 / sum_, gradient);
   return std::log(sum_) / (2 << squarings_);
 }
 
@@ -595,7 +595,7 @@ const HessianGuess& ShapeEnergy::guess_hessian(const VectorXd& x) {
   });
   std::vector<NodeBlocks::Block> blocks = sums_->gather_blocks(free_);
   if (spacing_) spacing_->add_blocks(free_, sum_, blocks);
-  if (facets_) facets_->add_blocks(free_, sum_, blocks);
+  if (triangles_) triangles_->add_blocks(free_, sum_, blocks);
   hessian_.emplace(free_, blocks);
   return *hessian_;
 }

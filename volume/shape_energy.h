@@ -11,9 +11,9 @@
 #include "volume/chunk_sums.h"
 #include "volume/edge_spacing.h"
 #include "volume/face_energy.h"
-#include "volume/facet_shape.h"
 #include "volume/free_nodes.h"
 #include "volume/sample_energy.h"
+#include "volume/triangle_shape.h"
 
 namespace cadmorph {
 
@@ -25,10 +25,11 @@ namespace cadmorph {
 /// F = J J0^-1, J0 that of the same sample in a mesh of reference. The first term goes to
 /// -log min q for large p; the second keeps each cell near its shape of reference, a thin layer
 /// above all its height: n = p/4, s = 1, unless keep_flatness sets them.
-/// The sum has EdgeSpacing with the power p of nodes that slide along edges, too, and FacetShape of
-/// a solid's facets with nodes that slide.
-/// For finite volumes FaceEnergy with the power 4 p is added, q is divided by its value in the mesh
-/// of reference, and n = p/2, s = 1 for all. Infinite where a sample is not positive.
+/// The sum has EdgeSpacing with the power p of nodes that slide along edges, too, and TriangleShape
+/// of a solid's surface.
+/// For finite volumes FaceEnergy with the power 4 p is added in place of the latter, q is divided
+/// by its value in the mesh of reference, and n = p/2, s = 1 for all. Infinite where a sample is
+/// not positive.
 class ShapeEnergy {
  public:
   /// Of solid `cells`, or those of a mesh of shells, at `positions` (N x 3) to start with, which
@@ -143,7 +144,7 @@ class ShapeEnergy {
   std::unique_ptr<SampleReference[]> references_;  ///< of all lanes of all chunks
   std::optional<FaceEnergy> faces_;
   std::optional<EdgeSpacing> spacing_;
-  std::optional<FacetShape> facets_;
+  std::optional<TriangleShape> triangles_;
   std::optional<ChunkSums> sums_;  ///< of the energy's slopes
   std::optional<NodeBlocks> hessian_;
   Eigen::VectorXd evaluated_;  ///< where the slopes are those of

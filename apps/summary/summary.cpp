@@ -16,8 +16,16 @@ constexpr int kLabelWidth = 14;
 // base's, or the base's is poor, too; and when the mean of its worst elements is below that part.
 constexpr double kLoss = 0.5;
 
+// An input's poor elements are no news where the worst came out better by this factor, the least
+// that raising is taken for.
+constexpr double kRisen = 1.01;
+
 // First cells of layers that keep a smaller share of their heights, or grow as much, are told of.
 constexpr double kLayerLoss = 0.5;
+// So are those that lean by so many degrees more: their second nodes are beside the first ones by
+// another third of the height (tan 20 degrees = 0.36), where a wall treatment takes them to be
+// above.
+constexpr double kLayerLeanDeg = 20;
 
 std::string cad_line(const CadFigures& cad) {
   return cad.file.string() + format(" (%s faces, %s edges, %s vertices; unit %s; diagonal %.4g mm)",
@@ -182,13 +190,17 @@ std::string leg_text(const LegReport& leg) {
 // What a flow's wall treatment feels.
 std::string layer_hint(const PipelineReport& report) {
   const LayerFigures& layers = report.layers;
-  if (report.outcome != Outcome::Done || !layers.are_growing() ||
-      (layers.least > kLayerLoss && layers.most < 1 / kLayerLoss))
+  const bool are_other = layers.least <= kLayerLoss || layers.most >= 1 / kLayerLoss;
+  const bool are_leaning = layers.lean_after >= layers.lean_before + kLayerLeanDeg;
+  if (report.outcome != Outcome::Done || !layers.are_growing() || (!are_other && !are_leaning))
     return "";
-  return format(
-             "first cells of layers are %.3g to %.3g times as high as in the input, and y+ with "
-             "them: ",
-             layers.least, layers.most) +
+  return (are_other
+              ? format("first cells of layers are %.3g to %.3g times as high as in the input, and "
+                       "y+ with them: ",
+                       layers.least, layers.most)
+              : format("first cells of layers lean by %.0f degrees off the surface's normal, in "
+                       "the input by %.0f (worst 5 %%): ",
+                       layers.lean_after, layers.lean_before)) +
          (report.kept_layers ? "" : "try " + words_for(Remedy::KeepLayers) + ", or ") +
          "mesh the variant anew where that is too much for the wall treatment";
 }
@@ -227,11 +239,13 @@ std::string quality_hint(const PipelineReport& report) {
             : before < kPoor
                 ? "the input mesh has such elements already: mesh anew with other sizes"
                 : "mesh the variant anew where that is too little for the solver");
+  if (!is_lost && after > kRisen * before) return "";
   // What the input has already, improving hardly raises.
   if (!is_lost && before < kPoor)
     return worst + of_input + ", which is poor already: mesh anew with other sizes";
-  // Improving is for solid elements.
-  if (!is_poor || !report.mesh.has_solids)
+  // Improving is for solid elements, and of no use where raising was.
+  const bool was_raised = report.best_mesh && !report.best_mesh->attempts.empty();
+  if (!is_poor || !report.mesh.has_solids || was_raised)
     return worst + of_input + ": mesh the variant anew where that is too little for the solver";
   return worst + of_input + ": " + format("try %s %g", words_for(Remedy::Improve).c_str(), kPoor);
 }

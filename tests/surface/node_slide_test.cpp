@@ -83,7 +83,8 @@ TEST_CASE("Nodes slide on the CAD from where they are", "[surface][slide]") {
   }
 }
 
-TEST_CASE("Neighbours along an edge are known", "[surface][slide]") {
+TEST_CASE("Neighbours along an edge and triangles round nodes are known", "[surface][slide]") {
+  Index all_triangles = 0;
   for (const std::string& shape : all_shapes()) {
     const Slide s(shape);
     INFO(shape);
@@ -116,24 +117,22 @@ TEST_CASE("Neighbours along an edge are known", "[surface][slide]") {
       ++count;
       CHECK(of_node[node] == (corners.contains(node) ? 2 : 0));
     }
-    // A facet's corners count as one facet.
-    Index facets = 0;
+    Index triangles = 0;
     for (Index f = 0; f < s.c.boundary.facet_count(); ++f) {
       const auto facet = s.c.boundary.facet(f);
       const auto own = facet.first(corner_count(s.c.boundary.types[f], std::ssize(facet)));
-      facets += std::ranges::any_of(own, [&](Index n) { return s.nodes.find(n) >= 0; });
+      triangles += own.size() == 3 &&
+                   std::ranges::any_of(own, [&](Index n) { return s.nodes.find(n) >= 0; });
     }
-    double weights = 0;
-    for (const FacetCorner& corner : s.nodes.corners) {
-      weights += corner.weight;
-      CHECK(std::ranges::all_of(corner.nodes, [&](Index n) { return corners.contains(n); }));
-    }
-    CHECK(facets > 0);
-    CHECK(weights == Approx(double(facets)));
+    CHECK(std::ssize(s.nodes.triangles) == triangles);
+    all_triangles += triangles;
+    for (const auto& nodes : s.nodes.triangles)
+      CHECK(std::ranges::all_of(nodes, [&](Index n) { return corners.contains(n); }));
     const SlidingNodes on_edges = slide_on_cad(*s.c.base, association, s.c.boundary, s.moved, true);
     CHECK(std::ssize(on_edges.nodes) == count);
     CHECK(on_edges.segments.size() == s.nodes.segments.size());
   }
+  CHECK(all_triangles > 0);
 }
 
 TEST_CASE("Nodes that slide off their edge or face are seen", "[surface][slide]") {

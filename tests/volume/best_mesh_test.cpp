@@ -15,8 +15,8 @@
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "core/quality_checks.h"
-#include "volume/facet_shape.h"
 #include "volume/shape_energy.h"
+#include "volume/triangle_shape.h"
 #include "volume/volume_morph.h"
 #include "volume_meshes.h"
 
@@ -701,7 +701,8 @@ TEST_CASE("Surface nodes slide where inner nodes alone can't raise cells", "[vol
   CHECK(refused.report.slid_nodes == 0);
 }
 
-TEST_CASE("Facets keep more of their shapes where nodes slide", "[volume][best]") {
+TEST_CASE("Triangles of the surface keep more of their shapes where nodes slide",
+          "[volume][best]") {
   // Nodes below the top are off their places and stay there: cells are best where its own are, too.
   FixedCube cube(testing::cube(CellType::Tetra, 6));
   Points positions = cube.mesh.points;
@@ -718,18 +719,18 @@ TEST_CASE("Facets keep more of their shapes where nodes slide", "[volume][best]"
   BestMeshOptions options;
   options.sliding = [&] { return &top; };
   const Boundary boundary = extract_boundary(cube.mesh);
-  std::vector<FacetCorner> corners;
+  std::vector<std::array<Index, 3>> triangles;
   for (Index f = 0; f < boundary.facet_count(); ++f)
     if (const auto nodes = boundary.facet(f);
         std::ranges::any_of(nodes, [&](Index n) { return top.find(n) >= 0; }))
-      corners.push_back({{nodes[0], nodes[1], nodes[2]}, 1});
+      triangles.push_back({nodes[0], nodes[1], nodes[2]});
   const auto distortion = [&](const Points& at) {
-    FacetShape facets(corners, cube.mesh.points,
-                      FreeNodes(cube.mesh.node_count(), top.nodes, nullptr));
-    return std::pow(facets.evaluate(at, 3) / (16 * double(corners.size())), 0.125);
+    TriangleShape shapes(triangles, cube.mesh.points,
+                         FreeNodes(cube.mesh.node_count(), top.nodes, nullptr));
+    return std::pow(shapes.evaluate(at, 3) / (16 * double(triangles.size())), 0.125);
   };
   const BestMeshResult without = cube.raised(positions, options);
-  top.corners = corners;
+  top.triangles = triangles;
   const BestMeshResult result = cube.raised(positions, options);
   CAPTURE(distortion(positions), result.report.best.min, without.report.best.min,
           result.report.best.worst_twentieth, without.report.best.worst_twentieth);

@@ -1,7 +1,8 @@
-#include "volume/facet_shape.h"
+#include "volume/triangle_shape.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -10,11 +11,10 @@ namespace {
 
 using Eigen::VectorXd;
 
-// Two triangles and a quadrilateral over a hill, and their corners as slide_on_cad lists them.
+// Four triangles over a hill.
 struct Hill {
   Points points{{0, 0, 0}, {1, 0, 0.1}, {1.2, 1, 0.3}, {0, 1.1, 0.2}, {2, 0.2, 0.1}, {2.1, 1, 0}};
-  std::vector<FacetCorner> corners{{{0, 1, 3}, 1},    {{1, 2, 3}, 1},    {{1, 4, 2}, 0.25},
-                                   {{4, 5, 1}, 0.25}, {{5, 2, 4}, 0.25}, {{2, 1, 5}, 0.25}};
+  std::vector<std::array<Index, 3>> triangles{{0, 1, 3}, {1, 2, 3}, {1, 4, 2}, {4, 5, 2}};
   SlidingNodes sliding;
 
   Hill() {
@@ -31,52 +31,52 @@ struct Hill {
 
 }  // namespace
 
-TEST_CASE("Facets of any size and place have their shapes, stretched ones less", "[volume][best]") {
+TEST_CASE("Triangles of any size and place have their shapes, stretched ones less",
+          "[volume][best]") {
   const Hill hill;
   const FreeNodes free(6, {1, 2}, &hill.sliding);
-  FacetShape facets(hill.corners, hill.points, free);
-  const double all = 16 * 3;  // of three facets with r = 1
+  TriangleShape shapes(hill.triangles, hill.points, free);
+  const double all = 16 * 4;  // of four with r = 1
   for (const int doublings : {2, 5}) {
     const double p = double(1 << doublings);
-    CHECK(facets.evaluate(hill.points, doublings) == Approx(all));
+    CHECK(shapes.evaluate(hill.points, doublings) == Approx(all));
     const Eigen::Matrix3d turn =
         Eigen::AngleAxisd(1.1, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
-    CHECK(facets.evaluate(3 * hill.points * turn, doublings) == Approx(all));
+    CHECK(shapes.evaluate(3 * hill.points * turn, doublings) == Approx(all));
     // In a plane a stretch has r = (s + 1 / s) / 2.
     Points plane = hill.points;
     plane.col(2).setZero();
     Points stretched = plane;
     stretched.col(0) *= 3;
-    CHECK(FacetShape(hill.corners, plane, free).evaluate(stretched, doublings) ==
+    CHECK(TriangleShape(hill.triangles, plane, free).evaluate(stretched, doublings) ==
           Approx(all * std::pow((3 + 1.0 / 3) / 2, p)));
   }
-  // Facets without a node that moves don't count.
-  CHECK(
-      FacetShape(hill.corners, hill.points, FreeNodes(6, {0}, nullptr)).evaluate(hill.points, 2) ==
-      Approx(16));
-  CHECK(FacetShape({}, hill.points, free).is_empty());
+  // Triangles without a node that moves don't count.
+  CHECK(TriangleShape(hill.triangles, hill.points, FreeNodes(6, {0}, nullptr))
+            .evaluate(hill.points, 2) == Approx(16));
+  CHECK(TriangleShape({}, hill.points, free).is_empty());
 }
 
-TEST_CASE("The slopes of facets' shapes are those of finite differences", "[volume][best]") {
+TEST_CASE("The slopes of triangles' shapes are those of finite differences", "[volume][best]") {
   const Hill hill;
   FreeNodes free(6, {1, 2}, &hill.sliding);
-  FacetShape facets(hill.corners, hill.points, free);
+  TriangleShape shapes(hill.triangles, hill.points, free);
   Points positions = hill.points;
   const VectorXd x = Eigen::Vector4d(0.2, -0.1, -0.15, 0.25);
   const int doublings = GENERATE(2, 3);
   const auto value = [&](const VectorXd& at) {
     free.move(at, positions);
-    return std::log(facets.evaluate(positions, doublings)) / (1 << doublings);
+    return std::log(shapes.evaluate(positions, doublings)) / (1 << doublings);
   };
   const double sum = std::exp(value(x) * (1 << doublings));
   VectorXd slope = VectorXd::Zero(4);
-  facets.add_slopes(free, 1 / sum, slope);
+  shapes.add_slopes(free, 1 / sum, slope);
   std::vector<NodeBlocks::Block> blocks(2);
   for (NodeBlocks::Block& block : blocks) {
     block.hessian.setZero();
     block.reach = 10;
   }
-  facets.add_blocks(free, sum, blocks);
+  shapes.add_blocks(free, sum, blocks);
   CHECK(slope.norm() > 0.1);
   const double h = 1e-6;
   for (Index i = 0; i < 4; ++i) {
