@@ -19,12 +19,12 @@ using Edges = Eigen::Matrix<double, 3, 2>;
 // Triangles whose edges span less than this share of their lengths' product have no shape to keep:
 // far above rounding, far below any that has one.
 constexpr double kFlat = 1e-9;
-// Of a height: the farthest that a node goes at once. A node and the edge
-// opposite that come towards each other just meet then.
+// Of a height: the farthest that a node goes at once. A node and the edge opposite that come
+// towards each other just meet then.
 constexpr double kReach = 0.5;
 // At the power 4, which raises the mean, a triangle counts as a cell of half its shape; less at
-// larger ones, which raise the smallest. With 2^p for 2^4 triangles came out better by a further 2
-// %, the smallest scaled Jacobian of cells worse by 6 % (docs/validity-and-repair.md).
+// larger ones, which raise the smallest. With 2^p for 2^4 triangles came out better by another
+// fiftieth, the smallest scaled Jacobian worse by 6 % (docs/validity-and-repair.md).
 constexpr double kWeight = 16;
 constexpr Index kGrain = 256;
 
