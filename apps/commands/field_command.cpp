@@ -100,7 +100,7 @@ void add_field_command(CLI::App& app, Action& action) {
   add_json_option(*parser, command->json);
   parser->add_flag("--quiet", command->is_quiet, "print errors only");
   add_threads_option(*parser, command->threads);
-  add_timeout_option(*parser, command->files);
+  add_timeout_option(*parser, command->files.read_cad);
   add_morph_options(*parser, command->options);
   parser->callback([&action, command] {
     action.json = command->json;

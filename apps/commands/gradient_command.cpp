@@ -14,6 +14,7 @@ namespace fs = std::filesystem;
 
 struct GradientCommand : DerivativeCommand {
   fs::path base, mesh, parameters, sensitivity, output;
+  CadReader read_cad;
   std::string array;
 };
 
@@ -30,11 +31,10 @@ void check(const GradientCommand& command) {
 }
 
 DerivativeOutcome run_gradient(const GradientCommand& command, const PipelineOptions& options) {
-  const std::vector<DesignParameter> parameters = read_parameters(command.parameters);
+  const ParameterFiles files{command.base, read_parameters(command.parameters), command.read_cad};
   const auto mesh = std::make_shared<const MeshFile>(command.mesh);
   const Sensitivity sensitivity = read_sensitivity(command.sensitivity, command.array, *mesh);
-  const GradientReport report =
-      gradient_files(command.base, mesh, sensitivity, parameters, options);
+  const GradientReport report = gradient_files(files, mesh, sensitivity, options);
   if (!command.output.empty()) write_text(command.output, gradient_csv(report));
   return {report.warnings, gradient_text(report),
           gradient_json(report, static_cast<int>(ExitCode::Done))};
@@ -70,6 +70,7 @@ void add_gradient_command(CLI::App& app, Action& action) {
                    "name of the array (default: the only one with 3 components)")
       ->type_name("NAME");
   parser->add_option("-o,--output", command->output, "table of the gradient")->type_name("OUT.csv");
+  add_timeout_option(*parser, command->read_cad);
   finish_derivative_command(
       *parser, action, command, [command = command.get()] { check(*command); },
       [command = command.get()](const PipelineOptions& given) {

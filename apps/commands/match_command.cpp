@@ -14,6 +14,7 @@ namespace {
 struct MatchCommand {
   std::filesystem::path base, variant;
   std::string face_map, json;
+  CadReader read_cad = read_step;
   bool is_explained = false;
 };
 
@@ -21,7 +22,7 @@ ExitCode run_match(const MatchCommand& command) {
   MatchOptions options;
   if (!command.face_map.empty()) options.given_faces = read_face_map(command.face_map);
   const MatchedModels cad =
-      match_models(read_step(command.base), read_step(command.variant), options);
+      match_models(command.read_cad(command.base), command.read_cad(command.variant), options);
   std::string text = match_text(cad.base, cad.variant, cad.match);
   if (command.is_explained) text += cost_text(cad.match);
   hand_over(command.json, false, text, match_json(cad.base, cad.variant, cad.match));
@@ -41,6 +42,7 @@ void add_match_command(CLI::App& app, Action& action) {
   add_face_map_option(*parser, command->face_map);
   parser->add_flag("--explain", command->is_explained,
                    "print what speaks against this match, and against the next best");
+  add_timeout_option(*parser, command->read_cad);
   add_json_option(*parser, command->json);
   parser->callback([&action, command] {
     action.json = command->json;

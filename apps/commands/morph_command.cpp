@@ -52,7 +52,7 @@ void add_options(CLI::App& app, MorphCommand& command) {
                "add displacement, CAD entity, (u,v) and scaled Jacobian to the output");
   app.add_flag("--quiet", command.is_quiet, "print errors only");
   add_threads_option(app, command.threads);
-  add_timeout_option(app, command.files);
+  add_timeout_option(app, command.files.read_cad);
   add_morph_options(app, command.options);
 }
 

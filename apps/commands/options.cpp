@@ -265,9 +265,9 @@ void add_threads_option(CLI::App& app, int& threads) {
       ->check(positive_number());
 }
 
-void add_timeout_option(CLI::App& app, MorphFiles& files) {
-  const auto read_within = [&files](double seconds) {
-    files.read_cad = std::bind_front(read_step_within, std::chrono::duration<double>(seconds));
+void add_timeout_option(CLI::App& app, CadReader& read_cad) {
+  const auto read_within = [&read_cad](double seconds) {
+    read_cad = std::bind_front(read_step_within, std::chrono::duration<double>(seconds));
   };
   app.add_option_function<double>("--timeout", read_within,
                                   "seconds to wait for the reading of one STEP file, then in a "

@@ -47,8 +47,8 @@ void add_derivative_options(CLI::App& app, MorphOptions& options);
 void check_linear(const MorphOptions& options);
 void add_json_option(CLI::App& app, std::string& json);
 void add_threads_option(CLI::App& app, int& threads);
-/// Adds --timeout, by which `files` reads its CAD models.
-void add_timeout_option(CLI::App& app, MorphFiles& files);
+/// Adds --timeout, within which `read_cad` reads then.
+void add_timeout_option(CLI::App& app, CadReader& read_cad);
 /// What is wrong with the value of a --timeout; empty for nothing.
 std::string check_timeout(const std::string& text);
 CLI::Option* add_face_map_option(CLI::App& app, std::string& face_map);

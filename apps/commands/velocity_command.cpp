@@ -67,6 +67,7 @@ void add_velocity_command(CLI::App& app, Action& action) {
   parser->add_option("-o,--output", files.output, "the mesh with the array cadmorph_velocity")
       ->type_name("OUT.vtu")
       ->required();
+  add_timeout_option(*parser, files.read_cad);
   finish_derivative_command(
       *parser, action, command, [command = command.get()] { check(*command); },
       [command = command.get()](const PipelineOptions& given) {

@@ -227,7 +227,7 @@ VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions&
   inputs.push_back(files.mesh);
   check_output(files.output, inputs);
   auto mesh_to_come = std::async(std::launch::async, [&] { return open_mesh(files.mesh); });
-  StepQueue queue(models);
+  StepQueue queue(models, files.read_cad);
   const auto base = std::make_shared<const CadModel>(queue.next());
   const auto mesh = mesh_to_come.get();
   mesh->check_target(files.output);
@@ -267,16 +267,16 @@ VelocityReport velocity_files(const VelocityFiles& files, const PipelineOptions&
   return report;
 }
 
-GradientReport gradient_files(const fs::path& base_cad, const std::shared_ptr<const MeshFile>& mesh,
-                              const Sensitivity& sensitivity,
-                              const std::vector<DesignParameter>& parameters,
-                              const PipelineOptions& options) {
+GradientReport gradient_files(const ParameterFiles& files,
+                              const std::shared_ptr<const MeshFile>& mesh,
+                              const Sensitivity& sensitivity, const PipelineOptions& options) {
+  const std::vector<DesignParameter>& parameters = files.parameters;
   PhaseClock clock(options.progress);
   clock.start("base");
-  std::vector<fs::path> models = {base_cad};
+  std::vector<fs::path> models = {files.base_cad};
   for (const DesignParameter& parameter : parameters)
     models.insert(models.end(), {parameter.plus, parameter.minus});
-  StepQueue queue(std::move(models));
+  StepQueue queue(std::move(models), files.read_cad);
   const MorphJob job(std::make_shared<const CadModel>(queue.next()), mesh, options);
   clock.start("adjoint");
   const Gradient gradient(job, sensitivity.values);
@@ -300,7 +300,7 @@ GradientReport gradient_files(const fs::path& base_cad, const std::shared_ptr<co
                               .motion = velocity.motion});
   }
   add_new(report.warnings, warn_of_missing(job, moves, sensitivity.is_given));
-  report.base_cad = base_cad;
+  report.base_cad = files.base_cad;
   report.mesh = mesh->path();
   report.nodes = job.base().mesh().node_count();
   report.surface_nodes = gradient.surface().rows();

@@ -89,6 +89,7 @@ struct VelocityFiles {
   std::filesystem::path base_cad, plus, minus, mesh, output;
   double step = 0;
   std::filesystem::path half_plus, half_minus;  ///< of half the step; empty: none
+  CadReader read_cad = {};
 };
 
 /// What a velocity came to.
@@ -139,13 +140,18 @@ struct Sensitivity {
   std::vector<char> is_given;  ///< of each node; the others' is zero. Empty: all are
 };
 
+/// Base CAD, parameters and how their STEP files are read.
+struct ParameterFiles {
+  std::filesystem::path base_cad;
+  std::vector<DesignParameter> parameters;
+  CadReader read_cad = {};
+};
+
 /// dJ/dp of parameters from dJ/dX: one adjoint of the volume, and for
 /// each parameter the velocity of the surface alone; the next CAD model is read meanwhile. Throws
 /// InvalidInputError on a wrong size of the sensitivity, and as morph_files does.
-GradientReport gradient_files(const std::filesystem::path& base_cad,
+GradientReport gradient_files(const ParameterFiles& files,
                               const std::shared_ptr<const MeshFile>& mesh,
-                              const Sensitivity& sensitivity,
-                              const std::vector<DesignParameter>& parameters,
-                              const PipelineOptions& options = {});
+                              const Sensitivity& sensitivity, const PipelineOptions& options = {});
 
 }  // namespace cadmorph

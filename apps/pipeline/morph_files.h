@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "apps/pipeline/morph_job.h"
+#include "apps/pipeline/step_queue.h"
 #include "apps/pipeline/write_result.h"
 
 namespace cadmorph {
@@ -20,8 +21,7 @@ struct MorphFiles {
   bool has_diagnostics = false;
   std::vector<std::filesystem::path> via = {};  ///< CAD models on the way, in order
 
-  /// Reads a CAD model as read_step does; empty: read_step. Called by one thread at a time.
-  std::function<CadModel(const std::filesystem::path& path)> read_cad = {};
+  CadReader read_cad = {};
 
   /// Called with the result before it is written: for what shows more than the figures.
   std::function<void(const MorphResult& result)> on_result = {};

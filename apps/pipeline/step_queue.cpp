@@ -9,7 +9,8 @@ namespace fs = std::filesystem;
 
 namespace cadmorph {
 
-StepQueue::StepQueue(std::vector<fs::path> files) : files_(std::move(files)) {
+StepQueue::StepQueue(std::vector<fs::path> files, CadReader read)
+    : files_(std::move(files)), read_(read ? std::move(read) : CadReader(read_step)) {
   for (const fs::path& file : files_) check_step_file(file);
   read_ahead();
 }
@@ -31,9 +32,9 @@ void StepQueue::read_ahead() {
   const auto begin = files_.begin() + std::ptrdiff_t(at_);
   const std::vector<fs::path> paths(begin, begin + (left % 2 == 1 ? 1 : 2));
   at_ += paths.size();
-  coming_ = std::async(std::launch::async, [paths] {
+  coming_ = std::async(std::launch::async, [paths, read = read_] {
     std::deque<CadModel> models;
-    for (const fs::path& path : paths) models.push_back(read_step(path));
+    for (const fs::path& path : paths) models.push_back(read(path));
     return models;
   });
 }

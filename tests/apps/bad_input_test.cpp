@@ -56,6 +56,15 @@ TEST_CASE("A STEP file that hangs its reader is refused with 2 after the timeout
                 {"hang.step", "no answer in 1 s", "--timeout"});
   check_failure(place, "field hang.step box_moved.step box.vtu -o out.cmf --timeout 1", 2,
                 {"hang.step", "no answer in 1 s", "--timeout"});
+  check_failure(place, "match box.step hang.step --timeout 1", 2,
+                {"hang.step", "no answer in 1 s", "--timeout"});
+  check_failure(place,
+                "velocity box.step box_moved.step hang.step box.vtu --step 1 -o v.vtu --timeout 1",
+                2, {"hang.step", "no answer in 1 s", "--timeout"});
+  place.write("table.csv", "name,plus,minus,step\np,box_moved.step,hang.step,1\n");
+  place.write("dj.csv", "PointID,x,y,z,Sensitivity_x,Sensitivity_y,Sensitivity_z\n0,0,0,0,1,0,0\n");
+  check_failure(place, "gradient box.step box.vtu table.csv --sensitivity dj.csv --timeout 1", 2,
+                {"hang.step", "no answer in 1 s", "--timeout"});
   check_failure(place, "box.step box_moved.step box.vtu --timeout 0", 1, {"--timeout", "above 0"});
 }
 
