@@ -259,6 +259,8 @@ void check_step_file(const std::filesystem::path& path) {
                                      : ": no such file. Check the path of the STEP file."));
   if (std::filesystem::is_directory(path, unreadable))
     throw IoError(name + " is a folder, not a STEP file.");
+  // A pipe can be read once only, and may keep whoever opens it.
+  if (!std::filesystem::is_regular_file(path, unreadable)) return;
   std::ifstream in(path, std::ios::binary | std::ios::ate);
   if (!in) throw IoError(name + ": can't be opened. Check its permissions.");
   const std::streamoff size = in.tellg();

@@ -25,7 +25,7 @@ CadModel read_step_bytes(std::string_view bytes, const std::string& name);
 bool is_step_file(const std::filesystem::path& path);
 
 /// Throws what read_step would for a file that is missing, truncated or no STEP at all, by a look
-/// at its first and last bytes.
+/// at its first and last bytes; nothing of a pipe that is there.
 void check_step_file(const std::filesystem::path& path);
 
 }  // namespace cadmorph

@@ -54,6 +54,8 @@ TEST_CASE("A STEP file that hangs its reader is refused with 2 after the timeout
   REQUIRE(mkfifo((place.folder() / "hang.step").c_str(), 0666) == 0);
   check_failure(place, "hang.step box_moved.step box.vtu --timeout 1", 2,
                 {"hang.step", "no answer in 1 s", "--timeout"});
+  check_failure(place, "box.step hang.step box.vtu --timeout 1", 2,
+                {"hang.step", "no answer in 1 s", "--timeout"});
   check_failure(place, "field hang.step box_moved.step box.vtu -o out.cmf --timeout 1", 2,
                 {"hang.step", "no answer in 1 s", "--timeout"});
   check_failure(place, "match box.step hang.step --timeout 1", 2,
