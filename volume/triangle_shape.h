@@ -10,9 +10,10 @@
 namespace cadmorph {
 
 /// How far triangles of the surface with nodes that slide are from their shapes of reference: with
-/// F the map from there and r = |F|^2 / (2 det F), which is 1 where F keeps all angles, the sum of
-/// 16 r^p. Tetrahedra may have good shapes where it is large. (Of hexahedra and wedges the scaled
-/// Jacobian has the angles of their facets.)
+/// F the map from there and r = |F|^2 / (2 det F), which is 1 where F keeps all angles (the inverse
+/// mean ratio; Knupp, Algebraic mesh quality metrics, 2001), the sum of 16 r^p. Tetrahedra may have
+/// good shapes where it is large. (Of hexahedra and wedges the scaled Jacobian has the angles of
+/// their facets.)
 class TriangleShape {
  public:
   /// Of the `triangles`, ids, with a node that moves; `reference`: N x 3.
