@@ -25,6 +25,8 @@ constexpr double kChange = 1e-3, kDesign = 1.0 / 30;
 // The same of the distance from the motion of neighbours, half of which counts: it grows with the
 // deformation. The first is ten times what centroids are known to.
 constexpr double kRough = 1e-4, kJump = 0.05, kRoughBits = 0.5;
+// Neighbours of an entity whose motion is smoothed: exchanged pairs among forty stand out.
+constexpr int kSmoothed = 40;
 // Of the diagonal, by which entities turn. A change of design leaves a part in its frame; an export
 // that turns it keeps the parameters, and then a turn costs nothing.
 constexpr double kSmallTurn = 0.2, kTurnBits = 6;

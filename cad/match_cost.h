@@ -15,9 +15,6 @@ namespace cadmorph {
 /// entities to a hundred times that.
 inline constexpr double kCentroidRounding = 1e-5;
 
-/// Neighbours of an entity whose motion is smoothed: exchanged pairs among forty stand out.
-inline constexpr int kSmoothed = 40;
-
 /// Radians: of what hardly turned, to look for other matches is of no use.
 inline constexpr double kHardlyTurned = 1e-3;
 
