@@ -1,6 +1,6 @@
 #include "cad/pcurve_repair.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <Geom2dAPI_Interpolate.hxx>
 #include <Geom2d_BSplineCurve.hxx>
 #include <Geom_Plane.hxx>
@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+
+#include "core/least_squares.h"
 
 namespace cadmorph {
 namespace {
@@ -110,7 +112,7 @@ class FaceRepair {
       Eigen::Matrix<double, 3, 2> j;
       j << du.X(), dv.X(), du.Y(), dv.Y(), du.Z(), dv.Z();
       const Vector3d r = x - Vector3d(p.X(), p.Y(), p.Z());
-      const Vector2d step = j.completeOrthogonalDecomposition().solve(r);
+      const Vector2d step = small_least_squares(j, r);
       if (!step.allFinite()) break;
       uv += step;
       for (int a = 0; a < 2; ++a)

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "core/cell_topology.h"
+#include "core/least_squares.h"
 #include "core/parallel.h"
 #include "core/plane_mesh.h"
 
@@ -434,8 +435,7 @@ Matrix3d turn_of_floors(const LayerColumns& layers, Index foot, const std::vecto
     old_normal += area_of_floor(layers.floors[f], layers.axis, before);
     new_normal += area_of_floor(layers.floors[f], layers.axis, after);
   }
-  const Matrix3d tilt =
-      Eigen::Quaterniond::FromTwoVectors(old_normal, new_normal).toRotationMatrix();
+  const Matrix3d tilt = rotation_between(old_normal, new_normal);
   new_normal.normalize();
   double sine = 0, cosine = 0;
   for (const Index f : floors)

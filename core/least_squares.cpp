@@ -46,7 +46,11 @@ Matrix3d rotation_between(const Vector3d& from, const Vector3d& to) {
 }
 
 Eigen::MatrixXd least_squares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
-  return a.colPivHouseholderQr().solve(b);
+  return a.completeOrthogonalDecomposition().solve(b);
+}
+
+SmallMatrix small_least_squares(const SmallMatrix& a, const SmallMatrix& b) {
+  return a.completeOrthogonalDecomposition().solve(b);
 }
 
 }  // namespace cadmorph

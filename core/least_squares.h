@@ -22,7 +22,14 @@ RotationFit fit_rotation(const Eigen::Matrix3d& covariance);
 /// Returns the least rotation that turns the direction `from` to that of `to`.
 Eigen::Matrix3d rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 
-/// Returns the x of least |a x - b|, for each column of b, by a QR with pivots.
+/// Returns the x of least |a x - b|, the shortest where there are many, for each column of b: by a
+/// complete orthogonal decomposition.
 Eigen::MatrixXd least_squares(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
+
+/// Of no more than three rows and columns, which need no memory of their own.
+using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 3, 3>;
+
+/// The same for small matrices. To compile it takes ten seconds, thus here alone.
+SmallMatrix small_least_squares(const SmallMatrix& a, const SmallMatrix& b);
 
 }  // namespace cadmorph

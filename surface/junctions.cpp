@@ -4,6 +4,7 @@
 #include <map>
 
 #include "cad/projector.h"
+#include "core/least_squares.h"
 #include "surface/patch_slide.h"
 
 namespace cadmorph {
@@ -30,7 +31,7 @@ Vector3d step_along(const Matrix3Xd& tangents, const Matrix3Xd& ways) {
   Matrix3Xd directions = ways;
   for (Index i = 0; i < ways.cols(); ++i) directions.col(i).normalize();
   const Eigen::MatrixXd parts = directions.transpose() * tangents;
-  return tangents * parts.completeOrthogonalDecomposition().solve(lengths);
+  return tangents * least_squares(parts, lengths);
 }
 
 }  // namespace

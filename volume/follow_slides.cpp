@@ -1,11 +1,11 @@
 #include "volume/follow_slides.h"
 
-#include <Eigen/Dense>
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <utility>
 
+#include "core/least_squares.h"
 #include "core/parallel.h"
 #include "volume/node_cells.h"
 
@@ -99,7 +99,7 @@ FollowingNodes follow_neighbours(const Mesh& mesh, const Points& reference, cons
     does_slide[a] = 1;
     const auto tangents = sliding.at(i, sliding.slides.row(i).transpose()).tangents;
     const Eigen::Matrix<double, 2, 3> to_slide =
-        tangents.completeOrthogonalDecomposition().pseudoInverse();
+        small_least_squares(tangents, Eigen::Matrix3d::Identity());
     sliders.push_back({a, i, to_slide, tangents * to_slide});
   }
   struct Row {

@@ -1,12 +1,12 @@
 #include "volume/mid_nodes.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <optional>
 #include <utility>
 
 #include "core/cell_topology.h"
+#include "core/least_squares.h"
 
 namespace cadmorph {
 namespace {
@@ -29,7 +29,7 @@ Eigen::Matrix3d affine_map(std::span<const Index> nodes, const Points& from, con
     square += d.transpose() * d;
     product += d.transpose() * (to.row(node) - centre_to);
   }
-  return square.completeOrthogonalDecomposition().solve(product);
+  return small_least_squares(square, product);
 }
 
 }  // namespace
@@ -149,7 +149,7 @@ void lay_mid_nodes(const Mesh& mesh, const std::vector<char>& is_fixed, const Sl
     for (int round = 0; round < kRounds; ++round) {
       const SlidePlace place = sliding.at(row, slide);
       const Eigen::Vector3d gap = places.row(i).transpose() - place.point;
-      slide += place.tangents.completeOrthogonalDecomposition().solve(gap);
+      slide += small_least_squares(place.tangents, gap);
     }
     if (slide.allFinite() && sliding.is_within(row, slide)) slides.row(row) = slide.transpose();
     positions.row(node) = sliding.at(row, slides.row(row).transpose()).point.transpose();

@@ -1,6 +1,6 @@
 #include "apps/pipeline/layer_stage.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <iterator>
 #include <set>
@@ -9,6 +9,7 @@
 
 #include "core/errors.h"
 #include "core/layer_heights.h"
+#include "core/least_squares.h"
 #include "core/plane_mesh.h"
 #include "core/stopwatch.h"
 #include "surface/image_slides.h"
@@ -42,7 +43,7 @@ constexpr double kImagesAlike = 1e-9;
 Vector2d nearest_slide(const SlidingNodes& sliding, Index i, const Vector3d& x, Vector2d slide) {
   for (int k = 0; k < kMostSteps; ++k) {
     const SlidePlace place = sliding.at(i, slide);
-    const Vector2d step = place.tangents.completeOrthogonalDecomposition().solve(x - place.point);
+    const Vector2d step = small_least_squares(place.tangents, x - place.point);
     slide += step;
     if (step.norm() <= kFound * slide.norm()) break;
   }

@@ -166,7 +166,8 @@ TEST_CASE("A node moves as a body with what it is tied to", "[volume][loose]") {
   // Two nodes turn as the line through them, and not about it.
   const Vector3d before = (c.mesh.points.row(right[1]) - c.mesh.points.row(right[0])).transpose();
   const Vector3d after = (c.positions.row(right[1]) - c.positions.row(right[0])).transpose();
-  const Eigen::Quaterniond least = Eigen::Quaterniond::FromTwoVectors(before, after);
+  const Vector3d axis = before.cross(after);
+  const Eigen::AngleAxisd least(std::atan2(axis.norm(), before.dot(after)), axis.normalized());
   const RowVector3d lever = far - c.mesh.points.row(right[0]);
   CHECK(
       (c.positions.row(mixed) - c.positions.row(right[0]) - (least * lever.transpose()).transpose())
