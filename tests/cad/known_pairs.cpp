@@ -79,6 +79,14 @@ struct WholeMotion {
   }
 };
 
+/// The part of these sizes. Many rows share it, and Booleans take longer than a match.
+const NamedShape& made(const KnownPart& part, const Sizes& sizes) {
+  static std::map<std::pair<std::string, Sizes>, NamedShape> shapes;
+  const auto [at, is_new] = shapes.try_emplace({part.name, sizes});
+  if (is_new) at->second = part.make(sizes);
+  return at->second;
+}
+
 struct Changed {
   NamedShape part;
   std::optional<gp_Trsf> motion;
@@ -97,7 +105,7 @@ Changed changed(const KnownPart& part, const std::string& change) {
     size = is_added ? size + amount : size * amount;
     is_same_shape &= words[i] == "seam" || words[i] == "first";
   }
-  Changed result{part.make(sizes), {}};
+  Changed result{made(part, sizes), {}};
   if (motion.is_any) result.part.shape = motion(result.part.shape);
   if (is_same_shape && motion.is_exact()) result.motion = motion.exact;
   return result;
@@ -236,10 +244,8 @@ std::string to_string(const KnownPair& pair) {
 MadePair make(const KnownPair& pair) {
   const KnownPart& part = known_part(pair.part);
   const unsigned seed = seed_of(to_string(pair));
-  static std::map<std::string, NamedShape> bases;
-  if (!bases.contains(pair.part)) bases[pair.part] = part.make(part.sizes);
   const Changed change = changed(part, pair.change);
-  return {saved(bases.at(pair.part), pair.base_written, seed + 1),
+  return {saved(made(part, part.sizes), pair.base_written, seed + 1),
           saved(change.part, pair.written, seed), change.motion, part.is_round};
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <TopoDS_Shape.hxx>
+#include <compare>
 #include <functional>
 #include <map>
 #include <string>
@@ -22,6 +23,7 @@ class Sizes {
   double operator()(const std::string& name) const { return sizes_.at(name); }
   double& operator[](const std::string& name) { return sizes_.at(name); }
   bool has(const std::string& name) const { return sizes_.contains(name); }
+  auto operator<=>(const Sizes&) const = default;
 
  private:
   std::map<std::string, double> sizes_;
