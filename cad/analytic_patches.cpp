@@ -1,12 +1,10 @@
 #include "cad/analytic_patches.h"
 
 #include <BRepBuilderAPI_Copy.hxx>
-#include <BRepGProp.hxx>
 #include <BRepTools_ReShape.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <ElSLib.hxx>
-#include <GProp_GProps.hxx>
 #include <Geom2d_BSplineCurve.hxx>
 #include <GeomAdaptor_Curve.hxx>
 #include <GeomAdaptor_Surface.hxx>
@@ -37,7 +35,7 @@
 #include <utility>
 #include <vector>
 
-#include "cad/touching_faces.h"
+#include "cad/face_pieces.h"
 
 namespace cadmorph {
 namespace {
@@ -299,15 +297,10 @@ std::optional<Patch> flat_patch(const Handle(Geom_Surface) & surface, double tol
   return Patch{surface, new Geom_Plane(plane), 0, widest, std::move(u), std::move(v)};
 }
 
-// A face in the frame that its surface is in, the way its surface looks.
-TopoDS_Face plain(const TopoDS_Shape& face) {
-  return TopoDS::Face(face.Located(TopLoc_Location()).Oriented(TopAbs_FORWARD));
-}
-
 // A face, and the round surface that it has, or that its patch is found to be a piece of.
 struct AnalyticFace {
   explicit AnalyticFace(const TopoDS_Shape& shape)
-      : face(plain(shape)), surface(Surface::DownCast(BRep_Tool::Surface(face))) {}
+      : face(in_own_frame(shape)), surface(Surface::DownCast(BRep_Tool::Surface(face))) {}
 
   void find_round_patch(double tolerance) {
     if (surface.IsNull()) use(round_patch(BRep_Tool::Surface(face), tolerance));
@@ -475,12 +468,6 @@ class Mover {
   std::optional<Angles> angles_;  // not of a plane
 };
 
-double area(const TopoDS_Face& face) {
-  GProp_GProps properties;
-  BRepGProp::SurfaceProperties(face, properties);
-  return properties.Mass();
-}
-
 // The face on a copy of the surface, by the same wires: an edge between two faces of one surface
 // has one pcurve, but may end a turn in one of them and begin it in the other. Null where an edge
 // has no pcurve, or the face comes out as another one.
@@ -526,7 +513,7 @@ TopoDS_Shape with_surfaces(const TopoDS_Shape& shape, std::vector<AnalyticFace>&
   const Handle(BRepTools_ReShape) changes = new BRepTools_ReShape;
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     if (surfaces[i].IsNull() || !pieces[i].patch) continue;
-    pieces[i].face = plain(copies(static_cast<int>(i) + 1));
+    pieces[i].face = in_own_frame(copies(static_cast<int>(i) + 1));
     const TopoDS_Face moved = moved_onto(pieces[i], surfaces[i], tolerance);
     if (!moved.IsNull()) changes->Replace(pieces[i].face, moved);
   }

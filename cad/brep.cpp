@@ -16,9 +16,6 @@ using Eigen::Vector3d;
 constexpr double kInSeam = 2e-5;    // of a period: the slivers that seams leave
 constexpr double kOnBounds = 1e-6;  // of the domain: far above the rounding of a projection
 
-Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
-Vector3d to_eigen(const gp_Vec& v) { return {v.X(), v.Y(), v.Z()}; }
-
 // Moves a point on the bounds of the domain, such as on a seam or a pole, a little inward.
 Vector2d off_bounds(const CadFace& face, Vector2d uv) {
   for (int a = 0; a < 2; ++a) {

@@ -30,8 +30,6 @@ using Eigen::Vector3d;
 // Chords that an edge is measured by: a circle comes out 0.04 % short.
 constexpr int kEdgeSamples = 64;
 
-Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
-
 SurfaceType surface_type(GeomAbs_SurfaceType type) {
   switch (type) {
     case GeomAbs_Plane:

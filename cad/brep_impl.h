@@ -4,6 +4,8 @@
 #include <Geom_Surface.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
 #include <TopoDS_Shape.hxx>
+#include <gp_Pnt.hxx>
+#include <gp_Vec.hxx>
 #include <string>
 #include <vector>
 
@@ -13,6 +15,9 @@
 #include "cad/trim_loops.h"
 
 namespace cadmorph {
+
+inline Eigen::Vector3d to_eigen(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
+inline Eigen::Vector3d to_eigen(const gp_Vec& v) { return {v.X(), v.Y(), v.Z()}; }
 
 /// What a CadModel holds; OCCT's geometry by entity.
 struct CadModel::Impl {

@@ -28,7 +28,7 @@
 #include <utility>
 #include <vector>
 
-#include "cad/touching_faces.h"
+#include "cad/face_pieces.h"
 
 namespace cadmorph {
 namespace {
@@ -36,11 +36,6 @@ namespace {
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kSmallestGap =
     1e-4;  // radians: no slot, and more than pieces that touch are apart
-
-// A face in the frame that its surface is in, the way its surface looks.
-TopoDS_Face plain(const TopoDS_Shape& face) {
-  return TopoDS::Face(face.Located(TopLoc_Location()).Oriented(TopAbs_FORWARD));
-}
 
 Handle(Geom_Surface) surface_of(const TopoDS_Face& face) { return BRep_Tool::Surface(face); }
 
@@ -97,14 +92,14 @@ std::vector<std::vector<Piece>> pieces_of_surfaces(const TopoDS_Shape& shape, do
   TopTools_IndexedMapOfShape faces;
   TopExp::MapShapes(shape, TopAbs_FACE, faces);
   const auto is_one = [&](int one, int other) {
-    const TopoDS_Face a = plain(faces(one)), b = plain(faces(other));
+    const TopoDS_Face a = in_own_frame(faces(one)), b = in_own_frame(faces(other));
     return is_of_revolution(a) && is_of_revolution(b) && shift_between(b, a, tolerance);
   };
   std::vector<std::vector<Piece>> result;
   for (const std::vector<int>& group : touching_faces(shape, is_one)) {
-    std::vector<Piece> pieces{{plain(faces(group.front())), gp_Vec2d(0, 0)}};
+    std::vector<Piece> pieces{{in_own_frame(faces(group.front())), gp_Vec2d(0, 0)}};
     for (std::size_t i = 1; i < group.size(); ++i) {
-      const TopoDS_Face face = plain(faces(group[i]));
+      const TopoDS_Face face = in_own_frame(faces(group[i]));
       if (const auto shift = shift_between(face, pieces.front().face, tolerance))
         pieces.push_back({face, *shift});
     }

@@ -1,10 +1,8 @@
 #include <BRepAdaptor_Surface.hxx>
 #include <BRepBuilderAPI_Transform.hxx>
-#include <BRepGProp.hxx>
 #include <BRepTools_History.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
-#include <GProp_GProps.hxx>
 #include <Geom2d_Curve.hxx>
 #include <NCollection_DataMap.hxx>
 #include <ShapeUpgrade_UnifySameDomain.hxx>
@@ -27,6 +25,7 @@
 #include "cad/brep_builder.h"
 #include "cad/brep_impl.h"
 #include "cad/cut_seams.h"
+#include "cad/face_pieces.h"
 #include "core/formats/child_process.h"
 
 namespace cadmorph {
@@ -40,12 +39,6 @@ constexpr double kSameArea = 1e-4;  // of the area: what a sound merge keeps, as
 // Of half the period: an edge this near to it lies where a surface's parameters begin. A hundred
 // times what files keep, far below the distance of an edge that the designer drew.
 constexpr double kAtSeam = 1e-5;
-
-double area(const TopoDS_Shape& shape) {
-  GProp_GProps properties;
-  BRepGProp::SurfaceProperties(shape, properties);
-  return properties.Mass();
-}
 
 bool is_of_revolution(const BRepAdaptor_Surface& surface) {
   switch (surface.GetType()) {

@@ -124,12 +124,6 @@ Isometry fit(const Points& from, const Points& to, const Isometry& like) {
   return {rest.linear * like.linear, rest(like.shift)};
 }
 
-bool fits(const Points& from, const Points& to, const Isometry& map, double tolerance) {
-  for (Index i = 0; i < from.rows(); ++i)
-    if ((map(from.row(i)) - to.row(i).transpose()).norm() > tolerance) return false;
-  return true;
-}
-
 std::optional<ImagePair> pair_by(const SurfaceMesh& surface, const Points& moved, const Sheet& a,
                                  const Sheet& b, const Isometry& rough, double tolerance) {
   const auto nearest = images(surface, a.border, b.border, rough, kAnywhere);
@@ -177,6 +171,12 @@ Isometry fit_motion(const Points& from, const Points& to) {
   const Matrix3d rotation =
       fit_rotation((to.rowwise() - after).transpose() * (from.rowwise() - at)).rotation;
   return {rotation, after.transpose() - rotation * at.transpose()};
+}
+
+bool fits(const Points& from, const Points& to, const Isometry& map, double tolerance) {
+  for (Index i = 0; i < from.rows(); ++i)
+    if ((map(from.row(i)) - to.row(i).transpose()).norm() > tolerance) return false;
+  return true;
 }
 
 Vector3d ImagePair::place(const SurfaceMesh& surface, const Points& moved, std::size_t i) const {

@@ -29,6 +29,9 @@ struct Isometry {
 /// The turn and shift that fit paired points best, N x 3 each (least squares, Umeyama 1991).
 Isometry fit_motion(const Points& from, const Points& to);
 
+/// Whether the map carries each of these points onto the other one of its row, or nearly.
+bool fits(const Points& from, const Points& to, const Isometry& map, double tolerance);
+
 /// Two sheets that are images of each other, node by node, before and after: the sides of a mesh
 /// that is one cell thick, of a wedge, of a periodic sector, passage or duct.
 struct ImagePair {

@@ -320,12 +320,6 @@ CadDimension dimension_of(const Association& association, RowId from, RowId to) 
   return a == CadDimension::None || b == CadDimension::None ? CadDimension::None : std::max(a, b);
 }
 
-bool fits(const Points& from, const Points& to, const Isometry& map, double tolerance) {
-  for (Index i = 0; i < from.rows(); ++i)
-    if ((map(from.row(i)) - to.row(i).transpose()).norm() > tolerance) return false;
-  return true;
-}
-
 PeriodicSides find_pair(const MeshOnCad& on_cad, const std::string& first,
                         const std::string& second) {
   const auto& [mesh, boundary, surface, association, is_held] = on_cad;

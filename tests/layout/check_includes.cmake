@@ -33,9 +33,9 @@ forbid("(volume|apps)/" "surface knows core and cad only" FOLDERS surface)
 forbid("(cad|surface|apps)/" "volume knows core only" FOLDERS volume)
 forbid("[A-Za-z0-9_]+\\.hxx" "OCCT headers belong in cad/*.cpp"
   FOLDERS core cad surface volume apps
-  EXCEPT cad/analytic_patches.cpp cad/brep.cpp cad/brep_builder.cpp cad/brep_impl.h cad/brep_reader.cpp cad/cut_seams.cpp cad/face_merge.cpp cad/fault_guard.cpp cad/healing.cpp
+  EXCEPT cad/analytic_patches.cpp cad/brep.cpp cad/brep_builder.cpp cad/brep_impl.h cad/brep_reader.cpp cad/cut_seams.cpp cad/face_merge.cpp cad/face_pieces.cpp cad/fault_guard.cpp cad/healing.cpp
     cad/packed_model.cpp cad/pcurve.h cad/pcurve_repair.cpp cad/step_reader.cpp
-    cad/touching_faces.cpp cad/trim_loops.cpp)
+    cad/trim_loops.cpp)
 forbid("vtk[A-Za-z]+\\.h" "VTK belongs in the mesh file and the picture"
   FOLDERS core cad surface volume apps
   EXCEPT core/formats/vtk.cpp core/formats/vtk/layout.h core/formats/vtk/messages.cpp

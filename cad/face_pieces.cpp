@@ -1,14 +1,29 @@
-#include "cad/touching_faces.h"
+#include "cad/face_pieces.h"
 
+#include <BRepGProp.hxx>
+#include <GProp_GProps.hxx>
 #include <TopExp.hxx>
+#include <TopLoc_Location.hxx>
 #include <TopTools_IndexedDataMapOfShapeListOfShape.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
 #include <TopTools_ListOfShape.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Face.hxx>
 #include <map>
 #include <numeric>
 #include <utility>
 
 namespace cadmorph {
+
+double area(const TopoDS_Shape& shape) {
+  GProp_GProps properties;
+  BRepGProp::SurfaceProperties(shape, properties);
+  return properties.Mass();
+}
+
+TopoDS_Face in_own_frame(const TopoDS_Shape& face) {
+  return TopoDS::Face(face.Located(TopLoc_Location()).Oriented(TopAbs_FORWARD));
+}
 
 std::vector<std::vector<int>> touching_faces(const TopoDS_Shape& shape,
                                              const std::function<bool(int, int)>& is_one) {
