@@ -28,7 +28,7 @@ class MorphResult {
   std::string json() const;     ///< the report as the program's --json writes it
 
   /// Writes the mesh with the new positions, as Mesh::write; a refused one, its bad cells marked in
-  /// the cell array cadmorph_bad, to `<stem>.failed.<ext>` beside. `has_diagnostics` adds the
+  /// the cell array cadmorph_bad, to STEM.failed.EXT beside. `has_diagnostics` adds the
   /// arrays of the program's --diagnostics. Throws as Mesh::write does.
   WrittenMesh write(const std::filesystem::path& path, bool has_diagnostics = false) const;
 
