@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -11,18 +10,12 @@
 #include "cad/face_sampler.h"
 #include "cad/projector.h"
 #include "core/errors.h"
+#include "core/length_units.h"
 #include "core/remedies.h"
 
 namespace cadmorph {
 namespace {
 
-struct Unit {
-  double mm;
-  const char* name;
-};
-
-constexpr std::array<Unit, 5> kUnits{
-    {{1, "mm"}, {1000, "m"}, {10, "cm"}, {25.4, "inch"}, {304.8, "foot"}}};
 constexpr Index kProbes = 400;  // nodes asked: their share is known to 2.5 %
 // Of the CAD, to look near them: 1 % of the square root of its area apart.
 constexpr Index kSamples = 10'000;
@@ -75,7 +68,7 @@ std::vector<Probe> choose_probes(const Mesh& mesh, const Boundary& boundary) {
 
 /// How well the mesh fits in a unit.
 struct Fit {
-  Unit unit;
+  LengthUnit unit;
   double share = 0;  ///< of the probes that lie on the CAD
   double span = 0;   ///< of the CAD's diagonal, by the probes on it
   bool is_of_one_size = false;
@@ -90,7 +83,7 @@ class FitFinder {
   explicit FitFinder(const CadModel& base)
       : base_(base), samples_(sample_faces(base, kSamples)), tree_(samples_.points) {}
 
-  Fit operator()(const Unit& unit, const std::vector<Probe>& probes, double mesh_size,
+  Fit operator()(const LengthUnit& unit, const std::vector<Probe>& probes, double mesh_size,
                  const Eigen::Vector3d& shift = Eigen::Vector3d::Zero()) const {
     Fit fit{.unit = unit};
     Eigen::AlignedBox3d box;
@@ -141,7 +134,7 @@ double detect_mesh_unit(const CadModel& base, const Mesh& mesh, const Boundary& 
   const std::vector<Probe> probes = choose_probes(mesh, boundary);
   const FitFinder find(base);
   std::vector<Fit> fits;
-  for (const Unit& unit : kUnits) fits.push_back(find(unit, probes, size));
+  for (const LengthUnit& unit : kLengthUnits) fits.push_back(find(unit, probes, size));
   const double best = std::ranges::max(fits, {}, &Fit::score).score();
   // Off the CAD in any unit: the size is all that is left to go by.
   if (best < kFits) {
@@ -170,21 +163,15 @@ std::optional<MeshPlace> find_place(const CadModel& cad, const Mesh& mesh, const
   const std::vector<Probe> probes = choose_probes(mesh, boundary);
   const FitFinder find(cad);
   const auto lies = [](const Fit& fit) { return fit.share >= kLies && fit.span >= kLies; };
-  std::vector<Unit> units = {{mm, ""}};
-  units.insert(units.end(), kUnits.begin(), kUnits.end());
-  for (const Unit& unit : units)
+  std::vector<LengthUnit> units = {{mm, ""}};
+  units.insert(units.end(), kLengthUnits.begin(), kLengthUnits.end());
+  for (const LengthUnit& unit : units)
     if (lies(find(unit, probes, size))) return MeshPlace{.mm = unit.mm};
-  for (const Unit& unit : units) {
+  for (const LengthUnit& unit : units) {
     const Eigen::Vector3d shift = (cad.lower() + cad.upper()) / 2 - unit.mm * (lower + upper) / 2;
     if (lies(find(unit, probes, size, shift))) return MeshPlace{.mm = unit.mm, .shift = shift};
   }
   return std::nullopt;
-}
-
-std::string mesh_unit_name(double mm_per_unit) {
-  for (const Unit& unit : kUnits)
-    if (std::abs(unit.mm / mm_per_unit - 1) < 1e-9) return unit.name;
-  return std::to_string(mm_per_unit) + " mm";
 }
 
 }  // namespace cadmorph

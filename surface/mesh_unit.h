@@ -25,7 +25,4 @@ struct MeshPlace {
 std::optional<MeshPlace> find_place(const CadModel& cad, const Mesh& mesh, const Boundary& boundary,
                                     double mm);
 
-/// "mm", "m", "cm", "inch" or "foot" for a factor of detect_mesh_unit, else "<factor> mm".
-std::string mesh_unit_name(double mm_per_unit);
-
 }  // namespace cadmorph

@@ -3,7 +3,7 @@
 #include <system_error>
 
 #include "apps/pipeline/output_file.h"
-#include "apps/summary/summary.h"
+#include "core/length_units.h"
 
 namespace cadmorph {
 

@@ -9,6 +9,7 @@
 #include "apps/summary/field_summary.h"
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
+#include "core/length_units.h"
 #include "core/parallel.h"
 
 namespace cadmorph {

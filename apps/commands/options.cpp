@@ -10,16 +10,19 @@
 #include "apps/commands/choice.h"
 #include "apps/commands/number_checks.h"
 #include "apps/pipeline/exit_code.h"
+#include "core/length_units.h"
 
 namespace cadmorph {
 namespace {
 
-constexpr double kInch = 25.4, kFoot = 304.8;
-
 const std::map<std::string, double>& units() {
-  static const std::map<std::string, double> all = {{"mm", 1},       {"cm", 10},    {"m", 1000},
-                                                    {"inch", kInch}, {"in", kInch}, {"foot", kFoot},
-                                                    {"ft", kFoot}};
+  static const std::map<std::string, double> all = [] {
+    std::map<std::string, double> by_name;
+    for (const auto& [mm, name] : kLengthUnits) by_name[name] = mm;
+    by_name["in"] = by_name.at("inch");
+    by_name["ft"] = by_name.at("foot");
+    return by_name;
+  }();
   return all;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "apps/pipeline/output_file.h"
+#include "core/length_units.h"
 #include "core/plane_mesh.h"
 #include "volume/field_file.h"
 
@@ -37,7 +38,6 @@ PipelineOptions without_repair(PipelineOptions options) {
 // may be a piece of it.
 double detect_unit(const Points& points, const DeformationTerms& terms) {
   constexpr double kSameBox = 0.02;  // of the diagonal: units differ by a factor of 2.5 at least
-  constexpr double kUnits[] = {1, 10, 1000, 25.4, 304.8};
   const Eigen::RowVector3d low = points.colwise().minCoeff(), high = points.colwise().maxCoeff();
   const double size = (terms.high - terms.low).norm();
   const auto misfit = [&](double unit) {
@@ -46,7 +46,7 @@ double detect_unit(const Points& points, const DeformationTerms& terms) {
   };
   double best = terms.mesh_unit_mm;
   if (misfit(best) <= kSameBox * size) return best;
-  for (const double unit : kUnits)
+  for (const auto& [unit, name] : kLengthUnits)
     if (misfit(unit) <= kSameBox * size && misfit(unit) < misfit(best)) best = unit;
   return best;
 }

@@ -5,6 +5,7 @@
 
 #include "core/boundary.h"
 #include "core/errors.h"
+#include "core/length_units.h"
 #include "core/remedies.h"
 #include "core/validity.h"
 #include "surface/mesh_unit.h"
@@ -50,7 +51,7 @@ std::string likely_mistake(const CadModel& base, const Mesh& mesh, double given_
   std::ostringstream text;
   text.precision(6);
   text << "the mesh fits " << base.file_name();
-  if (is_other_unit) text << " in " << mesh_unit_name(place->mm);
+  if (is_other_unit) text << " in " << unit_name(place->mm);
   if (is_shifted) {
     const Eigen::Vector3d shift =
         (place->shift.array().abs() > kNoShift * base.diagonal()).select(place->shift, 0.0);

@@ -6,6 +6,7 @@
 #include "apps/report/surface_data.h"
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
+#include "core/length_units.h"
 
 namespace cadmorph {
 namespace {

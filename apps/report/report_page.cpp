@@ -10,6 +10,7 @@
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
 #include "apps/version.h"
+#include "core/length_units.h"
 
 namespace cadmorph {
 namespace {

@@ -3,6 +3,7 @@
 #include "apps/summary/json_text.h"
 #include "apps/summary/summary.h"
 #include "apps/summary/text_table.h"
+#include "core/length_units.h"
 
 namespace cadmorph {
 namespace {

@@ -2,6 +2,7 @@
 
 #include "apps/summary/json_text.h"
 #include "apps/summary/summary.h"
+#include "core/length_units.h"
 
 namespace cadmorph {
 namespace {

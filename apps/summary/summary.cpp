@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "apps/summary/text_table.h"
+#include "core/length_units.h"
 #include "core/remedies.h"
 
 namespace cadmorph {
@@ -362,13 +363,6 @@ std::string cache_text(const CacheReport& cache) {
   const std::string file = cache.file.string();
   if (cache.use == CacheUse::Used) return "read from " + file;
   return (cache.use == CacheUse::Written ? "kept in " : "could not be kept in ") + file;
-}
-
-std::string unit_name(double millimetres) {
-  for (const auto& [length, name] :
-       {std::pair{1.0, "mm"}, {10.0, "cm"}, {1000.0, "m"}, {25.4, "inch"}, {304.8, "foot"}})
-    if (std::abs(millimetres - length) < 1e-9 * length) return name;
-  return format("%.6g mm", millimetres);
 }
 
 std::vector<Row> distance_rows(const PipelineReport& report) {

@@ -58,6 +58,5 @@ std::string cost_text(const TopologyMatch& match);
 std::string to_string(const Kernel& kernel);
 std::string to_string(SolverKind solver);
 std::string to_string(CacheUse use);
-std::string unit_name(double millimetres);
 
 }  // namespace cadmorph
