@@ -24,7 +24,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr double kKept = 0.01;  // of its height, by which a cell may change that keeps it
+// Of its height, by which a cell may change that keeps it: the report's share_within_1_percent.
+constexpr double kKept = 0.01;
 // Of its floor's shortest edge: a cell that is higher is none of a layer.
 constexpr double kFlat = 1.5;
 // A cell at most this high, of the same edge, tells of a layer: heights that are worth holding are

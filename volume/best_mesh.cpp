@@ -47,7 +47,7 @@ constexpr double kMainly = 0.1;
 // kMostNeighbours of all. Where little was lost, the first attempt, which mostly does, and others
 // while kNearlyKept is kept stop at kMostNeighboursNear: a block of 5 million tetrahedra was at
 // 0.979 after its first attempt, and was raised in 2.1 s in place of 3 with a tenth of its cells in
-// the second, too. With 0.2 for 0.4, 9 parts keep 4 % less of the worst twentieth on the mean, with
+// the second, too. With 0.2 for 0.4, 9 pairs keep 4 % less of the worst twentieth on the mean, with
 // 0.8 2 % less of the smallest; with 0.05 or 0.2 for 0.1 the worst twentieth of one keeps 3 % less.
 constexpr double kMostSeeds = 0.05;
 constexpr double kMostNeighbours = 0.4, kMostNeighboursNear = 0.1, kNearlyKept = 0.96;
@@ -64,7 +64,7 @@ constexpr double kKept = 0.99;
 constexpr double kMostPasses = 20, kMostPassesLost = 80;
 // Where little was kept, it goes on to so many times as much while each attempt raises the sum of
 // the shares by this factor: after 80 passes a cold plate of 136,000 tetrahedra was at 0.014, at
-// last, 0.6 s later, at 0.125. With 2 or 8 for 4 all of 9 parts come out the same.
+// last, 0.6 s later, at 0.125. With 2 or 8 for 4 all of 9 pairs come out the same.
 constexpr double kMoreWork = 4, kRising = 1.02;
 // Evaluations of cells that small meshes may take nevertheless: kMostPasses over 10,000 cells, and
 // kMostPassesLost over 100,000.
@@ -72,11 +72,11 @@ constexpr double kSmallWork = 2e5, kSmallWorkLost = 8e6;
 // An evaluation of a cell with its faces takes so many times as long as without.
 constexpr double kFacesWork = 6;
 // Steps of an attempt; where little was kept, the second number. With 3, nodes on surfaces of 2 of
-// 9 parts slide, too; 12 raise the worst twentieth by 0.4 %. With 10 for 20, 9 parts keep 1.4 %
+// 9 pairs slide, too; 12 raise the worst twentieth by 0.4 %. With 10 for 20, 9 pairs keep 1.4 %
 // less of the smallest on the mean, with 40 they keep 1.5 % more for a fifth more time.
 constexpr int kIterations = 6, kIterationsLost = 20;
 // Nodes that slide beyond their faces are held, and the minimisation is done anew, so many times.
-// With 1 a disc keeps 0.013 in place of 0.117; with 2 or 6 all of 12 parts come out the same.
+// With 1 a disc keeps 0.013 in place of 0.117; with 2 or 6 all of 12 pairs come out the same.
 constexpr int kTrials = 3;
 // Layers of cells round the worst that are raised alone. With a tenth of the mesh in place of a few
 // thousand cells a lens between two bores kept 0.009 in place of 0.085.

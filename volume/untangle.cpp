@@ -23,12 +23,12 @@ namespace {
 using Eigen::VectorXd;
 
 // Minimisations end when they lower the energy by less than this share, all samples positive. With
-// twice the value 6 parts come out the same, with half 3 of them, by 5 % in the worst twentieth.
+// twice the value 6 pairs come out the same, with half 3 of them, by 5 % in the worst twentieth.
 constexpr double kSettled = 1e-3;
 // Neighbourhoods in a row that may repair nothing: each reaches twice as far as the one before.
 constexpr int kIdleAttempts = 2;
 // Minimisations of a neighbourhood: each holds the nodes that slid beyond their surfaces before.
-// With 1, 16 cells of a manifold repaired at once stay invalid; with 6, 6 parts come out the same.
+// With 1, 16 cells of a manifold repaired at once stay invalid; with 6, 6 pairs come out the same.
 constexpr int kTrials = 3;
 // After so many minimisations the smallest determinant is to have risen by a tenth at least. After
 // 3 it has not risen in that manifold, where 17 cells stay; after 12, 14 repairs end as sound.

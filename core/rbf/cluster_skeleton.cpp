@@ -31,6 +31,8 @@ double moment_weight(double tolerance, Index proxies) {
 }  // namespace
 
 ProxyShell::ProxyShell(double separation) : points_(kProxies, 3), scale_(kProxies) {
+  // With none of them near, H2 products miss sums; with a quarter, a canister of 21,124 centres
+  // takes 11 iterations in place of 9, with all 9. Half and twice the others take 9, too.
   constexpr double kNear = 0.55;  // part of the proxies close to the ball, where fields are rough
   constexpr double kNearDepth = 0.15;  // of the shell they fill
   constexpr double kFar = 8;           // the others reach so many times farther
