@@ -9,7 +9,8 @@
 namespace cadmorph {
 namespace {
 
-// A joint that turns by more is a corner of the design, not a cut by the exporter.
+// A joint that turns by more is a corner of the design, not a cut by the exporter. With 10 or 40
+// degrees 30 pairs come out the same, and the tests of seams and maps pass.
 constexpr double kSmoothCosine = 0.94;  // 20 degrees
 
 struct EdgeEnd {

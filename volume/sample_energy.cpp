@@ -12,6 +12,8 @@ namespace cadmorph {
 namespace {
 
 // Weight of the shape of reference: a cell in that shape has 0.1, beside 1 at least for its angles.
+// With 0, 9 pairs keep 3 % less of the smallest scaled Jacobian on the mean, a bore 17 %; with 0.05
+// or 0.2 they keep as much on the mean to 1 %, single ones from 6 % less to 17 % more.
 constexpr double kKeep = 0.1;
 
 template <class Vec>
