@@ -18,6 +18,7 @@ constexpr double kSufficientDecrease = 1e-4, kCurvature = 0.9;
 constexpr double kLeastCurvature = 1e-12;  // relative: below, a pair is rounding
 constexpr int kTrials = 40;                // halvings of a step, down to 1e-12 of it
 // Iterations after which the Hessian is guessed anew, which costs about as much as an evaluation.
+// With 2 or 10, 9 pairs keep 1 and 2 % less of the smallest scaled Jacobian on the mean.
 constexpr int kGuessAnew = 5;
 // Relative decrease below which the value counts as settled, twice in a row: far below the share,
 // a thousandth, by which repairs end.

@@ -22,8 +22,8 @@ constexpr double kNoSpin = 1e-4;           // of a rotation matrix: what hardly 
 // a ball or ring, which their symmetry gives exactly.
 constexpr int kProbes = 24, kGrid = 12;
 // Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
-// correspond at all. With half, twice or any deviation allowed, 30 pairs come out the same, and the
-// tests of seams, maps, folds and predictions pass.
+// correspond at all. With half, twice or any deviation allowed, 30 pairs come out the same; with
+// any, all surface_boundary_tests pass.
 constexpr double kLost = 0.5;
 
 // Where a sample of the base went.
