@@ -23,7 +23,7 @@ constexpr double kNoSpin = 1e-4;           // of a rotation matrix: what hardly 
 constexpr int kProbes = 24, kGrid = 12;
 // Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
 // correspond at all. With half, twice or any deviation allowed, 30 pairs come out the same; with
-// any, all surface_boundary_tests pass.
+// any, the tests of the corpus, of seams and of real parts pass.
 constexpr double kLost = 0.5;
 
 // Where a sample of the base went.
