@@ -178,8 +178,8 @@ TEST_CASE("a changed part that was turned as well moves the surface alike",
     if (!judge(pair, matched).empty()) continue;
     const TopoDS_Shape turned = transformed(pair.variant.shape, quarter);
     // A part that looks the same after a turn has not turned.
-    const TopologyMatch &match = matched.match,
-                        of_turned = match_models(pair.base.model, to_model(turned)).match;
+    const TopologyMatch& match = matched.match;
+    const TopologyMatch of_turned = match_models(pair.base.model, to_model(turned)).match;
     if (of_turned.faces != match.faces || of_turned.curves != match.curves ||
         of_turned.corners != match.corners)
       continue;
