@@ -22,6 +22,8 @@ struct UntangleOptions {
   /// Whether all edges of second-order cells may bend where no repair with straight ones does: it
   /// takes ten times as long as these, and mostly comes to nothing.
   bool may_bend_all = true;
+  /// The most work, as a share of what any repair may take (see untangle).
+  double most_work = 1;
   Progress progress = {};
 };
 

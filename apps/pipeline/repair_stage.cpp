@@ -47,9 +47,16 @@ void morph_volume(const BaseSide& base, PhaseClock& clock, MorphResult& result,
   step_and_untangle(base, result.surface_positions, how, clock, result, one_step);
 }
 
-// Steps anew from the base, with repair; what has fewer invalid elements is taken.
-void step_anew(const BaseSide& base, const SteppingOptions& how, Sliding& sliding,
-               PhaseClock& clock, MorphResult& result) {
+// Attempts end where one more step leaves nearly as many inverted, which most often are repaired.
+// Where they were not, further steps from the base are tried for as long as each leaves fewer, with
+// repair; what has fewer invalid elements is taken.
+void step_further(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
+  if (result.validity.invalid <= base.validity.invalid || !is_free(base)) return;
+  SteppingOptions how = stepping(base);
+  how.least_gain_share = kAnyGain;
+  for (const SteppingAttempt& attempt : result.report.stepping.attempts)
+    how.min_steps = std::max(how.min_steps, attempt.steps + 1);
+  if (how.min_steps > how.max_steps) return;
   MorphResult before;
   take_volume(before, result);
   std::vector<SteppingAttempt> attempts = before.report.stepping.attempts;
@@ -61,29 +68,6 @@ void step_anew(const BaseSide& base, const SteppingOptions& how, Sliding& slidin
   result.report.stepping.attempts = std::move(attempts);
 }
 
-// Fewer inverted elements after steps are no easier to repair: where that failed, what one step
-// makes is another start.
-void repair_from_one_step(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
-                          MorphResult& result) {
-  if (result.validity.invalid <= base.validity.invalid || !is_free(base) ||
-      result.report.stepping.attempts.back().steps == 1)
-    return;
-  SteppingOptions how = stepping(base);
-  how.steps = 1;
-  step_anew(base, how, sliding, clock, result);
-}
-
-// Attempts end where one more step leaves nearly as many inverted, which most often are repaired.
-// Where they were not, further steps are tried for as long as each leaves fewer.
-void step_further(const BaseSide& base, Sliding& sliding, PhaseClock& clock, MorphResult& result) {
-  if (result.validity.invalid <= base.validity.invalid || !is_free(base)) return;
-  SteppingOptions how = stepping(base);
-  how.least_gain_share = kAnyGain;
-  for (const SteppingAttempt& attempt : result.report.stepping.attempts)
-    how.min_steps = std::max(how.min_steps, attempt.steps + 1);
-  if (how.min_steps <= how.max_steps) step_anew(base, how, sliding, clock, result);
-}
-
 // Edges of second-order cells bend where nothing else has repaired them.
 void repair_by_bending(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
                        MorphResult& result) {
@@ -91,10 +75,7 @@ void repair_by_bending(const BaseSide& base, Sliding& sliding, PhaseClock& clock
       MidNodes(base.mesh(), result.positions).count() == 0)
     return;
   clock.start("untangling");
-  const UntangleReport before = *result.report.untangling;
   untangle_result(base, Bending::All, result);
-  result.report.untangling->before = before.before;
-  result.report.untangling->seconds += before.seconds;
   slide_surface(base, Bending::All, sliding, result);
 }
 
@@ -136,11 +117,10 @@ bool move_plainly(const BaseSide& base, VolumeMorphResult* one_step, Sliding& sl
   if (is_inverted) {
     result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
     follow(base, sliding, clock, result);
+    clock.start("untangling");
   }
-  if (slide_surface(base, Bending::Some, sliding, result)) {
-    repair_from_one_step(base, sliding, clock, result);
+  if (slide_surface(base, Bending::Some, sliding, result))
     step_further(base, sliding, clock, result);
-  }
   repair_by_bending(base, sliding, clock, result);
   return is_inverted;
 }
@@ -182,6 +162,7 @@ bool go_by_corners(const BaseSide& base, Sliding& sliding, PhaseClock& clock, Mo
   result.validity = check_validity(base.mesh(), result.positions, base.orientation);
   if (result.validity.invalid > 0 && result.validity.invalid < plain.kept().validity.invalid) {
     clock.start("untangling");
+    result.report.untangling.reset();
     untangle_result(base, Bending::Some, result);
     slide_surface(base, Bending::Some, sliding, result);
     if (!is_sound) repair_by_bending(base, sliding, clock, result);

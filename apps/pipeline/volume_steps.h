@@ -24,10 +24,11 @@ void step_volume(const BaseSide& base, const Points& surface_positions, const St
 /// Whether a repair may bend all edges of second-order cells (UntangleOptions::may_bend_all).
 enum class Bending { Some, All };
 
-/// Repairs inverted cells by the inner nodes.
+/// Repairs inverted cells by the inner nodes, as far as that takes little work.
 void untangle_result(const BaseSide& base, Bending bending, MorphResult& result);
 
-/// Where the inner nodes alone can't repair all, those on CAD edges and faces slide on them, too.
+/// What that left: those on CAD edges and faces slide on them, too; where that is not enough, inner
+/// nodes alone go on, then both.
 /// Returns false where that came nowhere near, so that another start is no better.
 bool slide_surface(const BaseSide& base, Bending bending, Sliding& sliding, MorphResult& result);
 

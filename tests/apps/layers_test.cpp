@@ -318,8 +318,20 @@ TEST_CASE("A mesh without layers is morphed as ever where they are to be kept, a
   CHECK(asked.report.run.warnings.size() == plain.report.run.warnings.size() + 1);
 }
 
-TEST_CASE("What two steps leave inverted and no repair mends, further steps may", "[apps][steps]") {
+TEST_CASE("What inner nodes alone can't repair, those of the surface do by little work",
+          "[apps][steps]") {
   const AirRound from{.radius = 2}, to{.radius = 2, .at = 7.6};
+  const MorphResult morphed = from.morphed_to(to, {});
+  CHECK(morphed.report.outcome == Outcome::Done);
+  CHECK(morphed.report.stepping.steps <= 2);
+  REQUIRE(morphed.report.untangling);
+  CHECK(morphed.report.untangling->before > 0);
+  CHECK(morphed.report.untangling->slid_nodes > 0);
+  CHECK(check_validity(from.mesh(), morphed.positions, morphed.base->orientation).invalid == 0);
+}
+
+TEST_CASE("What two steps leave inverted and no repair mends, further steps may", "[apps][steps]") {
+  const AirRound from{.radius = 1.5}, to{.radius = 1.5, .at = 8};
   PipelineOptions two_steps;
   two_steps.stepping.max_steps = 2;
   REQUIRE(from.morphed_to(to, two_steps).report.outcome == Outcome::Inverted);
