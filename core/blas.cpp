@@ -53,7 +53,7 @@ std::string better_kernel(const std::string& kernel) {
 // OpenBLAS asks the system for a buffer for each thread when it is first used, and again without an
 // end where it gets none, as under a limit of the address space (ulimit -v, a queue's h_vmem).
 void require_memory_of_blas() {
-  constexpr std::size_t kBuffer = std::size_t{132} << 20;
+  constexpr std::size_t kBuffer = std::size_t{132} << 20;  // OpenBLAS 0.3.21 asks for 128 MiB
   rlimit limit{};
   if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return;
   const std::size_t size = kBuffer * std::size_t(std::max(1, thread_count()));

@@ -44,7 +44,8 @@ void pass_on(int signal) {
 
 void remove_all_doomed() {
   const std::lock_guard lock(doomed().mutex);
-  // Another thread may put a file into a folder while it is emptied.
+  // Another thread may put a file into a folder while it is emptied: hardly so many times, and
+  // what can't be removed is not tried without end.
   constexpr int kTrials = 100;
   for (const fs::path& path : doomed().paths) {
     std::error_code error;

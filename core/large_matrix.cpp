@@ -9,7 +9,7 @@ namespace cadmorph {
 Eigen::MatrixXd large_matrix(Index rows, Index columns) {
   Eigen::MatrixXd result(rows, columns);
 #ifdef MADV_HUGEPAGE
-  constexpr std::uintptr_t kPage = std::uintptr_t{1} << 21;
+  constexpr std::uintptr_t kPage = std::uintptr_t{1} << 21;  // bytes of a huge page on x86-64
   const auto begin = reinterpret_cast<std::uintptr_t>(result.data());
   const std::uintptr_t end = begin + sizeof(double) * static_cast<std::size_t>(result.size());
   const std::uintptr_t first = (begin + kPage - 1) / kPage * kPage, last = end / kPage * kPage;

@@ -255,7 +255,7 @@ std::optional<LowestStorey> growing_storey(const Mesh& mesh, const CellNeighbour
 std::vector<Storey> first_storeys(const Mesh& mesh, const CellNeighbours& neighbours,
                                   const std::vector<char>& is_surface, const Points& points,
                                   LayerGrowth growth) {
-  constexpr Index kGrain = 4096;
+  constexpr Index kGrain = 4096;  // cells a task
   std::vector<std::vector<LowestStorey>> found(mesh.cell_count() / kGrain + 1);
   parallel_for(mesh.cell_count(), kGrain, [&](Index begin, Index end) {
     for (Index cell = begin; cell < end; ++cell)

@@ -12,7 +12,7 @@ namespace fs = std::filesystem;
 namespace cadmorph {
 namespace {
 
-// More may turn thin elements over.
+// More may turn thin elements over, whose height may be a hundredth of their edges.
 constexpr double kLargestRounding = 1e-3;  // of a node's shortest edge
 
 void check_coordinates(const fs::path& path, const Points& points, Index nodes) {

@@ -348,7 +348,8 @@ double scaled_jacobian(const Mesh& mesh, const Points& points, Index c) {
 
 Orientation detect_orientation(const Mesh& mesh) {
   constexpr int kTypes = 256;
-  constexpr Index kVoters = 100'000;  // of a large mesh every so many-th cell of a type
+  // Of a large mesh every so many-th cell of a type: far more than a majority takes, soon counted.
+  constexpr Index kVoters = 100'000;
   const Index stride = 1 + mesh.cell_count() / kVoters;
   const Index chunks = (mesh.cell_count() + kGrain - 1) / kGrain;
   std::vector<std::array<Index, kTypes>> balances(chunks);

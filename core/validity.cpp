@@ -29,7 +29,7 @@ constexpr int kMaxDepth = 12;
 constexpr int kMostParts = 100'000;
 // Rounding of a 3 x 3 determinant of columns a, b, c, in |a| |b| |c|, and of the change of basis.
 constexpr double kRounding = 256 * std::numeric_limits<double>::epsilon();
-constexpr Index kBatch = 32;
+constexpr Index kBatch = 32;  // cells: 96 columns, enough for a product bound by arithmetic
 
 // `parts`: how many may still be looked at.
 Sign sign_of(const JacobianSamples& samples, const VectorXd& coefficients, double least, int depth,

@@ -12,7 +12,7 @@
 namespace cadmorph {
 namespace {
 
-// Of the values of cells, -1 to 1.
+// Of the values of cells, -1 to 1: a thousandth wide, of which the last one alone needs an order.
 constexpr std::size_t kBins = 2048;
 
 double share(double after, double base) { return base > 0 ? std::min(after / base, 1.0) : 1; }

@@ -239,7 +239,7 @@ std::string difference(const Json& old, const Json& now) {
 
 // Variants of the plan that a list lacks, the first of them by name.
 std::string lacking(const VariantList& plan, const VariantList& list) {
-  constexpr std::size_t kNamed = 3;
+  constexpr std::size_t kNamed = 3;  // as many as a line holds
   std::set<std::string> given;
   for (const Variant& variant : list.variants) given.insert(variant.id);
   std::string text;

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A table's coordinates may be rounded by this part of the mesh's size.
+// A table's coordinates may be rounded by this part of the mesh's size: those of six digits are.
 constexpr double kSamePlace = 1e-5;
 
 // A table whose first line names the columns.

@@ -36,7 +36,7 @@ RowMatrix grid(int n, int columns) {
 }
 
 // Heights of all points when those inside a disc are raised by `lift` and those outside a ring
-// held.
+// held, in half sides of the square: so far that the two kernels differ in the picture.
 Eigen::VectorXd raised(const RowMatrix& points, const Kernel& kernel) {
   constexpr double kRaised = 0.25, kHeld = 0.85, kLift = 0.6;
   std::vector<Index> rows;
@@ -65,7 +65,8 @@ void write_plane(const fs::path& path) {
 
 using Triangles = std::vector<std::array<Index, 3>>;
 
-// A square mesh whose middle block moves while its rim stays.
+// A square mesh whose middle block moves while its rim stays: so far that one step inverts
+// triangles.
 struct BlockCase {
   static constexpr int kCells = 24;
   static constexpr double kBlock = 0.26;  // half its width
@@ -116,7 +117,7 @@ struct BlockCase {
 };
 
 void write_block(const fs::path& folder) {
-  constexpr int kMostSteps = 50;
+  constexpr int kMostSteps = 50;  // so that the search for enough of them ends
   const BlockCase mesh;
   const RowMatrix once = mesh.move(1);
   RowMatrix stepped = once;

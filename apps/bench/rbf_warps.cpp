@@ -9,7 +9,8 @@
 namespace cadmorph::bench {
 namespace {
 
-// Steps whose warps share the evaluations of the kernel.
+// Steps whose warps share the evaluations of the kernel, which then are a quarter each; memory
+// grows with them.
 constexpr std::size_t kBlock = 4;
 
 // With all surface nodes as centres, as the paper has it.

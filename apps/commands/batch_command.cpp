@@ -192,7 +192,7 @@ class BatchDisplay {
     return command.report.empty() ? text : text + "report: " + command.report.string() + "\n";
   }
 
-  static constexpr double kSetUpShare = 0.1;  // of the bar
+  static constexpr double kSetUpShare = 0.1;  // of the bar; roughly, for variants take the most
 
   ProgressBar bar_;
   WholeProgress whole_;

@@ -46,7 +46,7 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 }  // namespace
 
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates) {
-  constexpr std::size_t kMostSlips = 2;
+  constexpr std::size_t kMostSlips = 2;  // with three, short words are alike
   std::size_t least = kMostSlips + 1;
   std::string best;
   for (const std::string& candidate : candidates) {

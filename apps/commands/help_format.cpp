@@ -6,6 +6,7 @@
 namespace cadmorph {
 namespace {
 
+// Within a terminal of 100 columns, a third of them for options; longer ones have their own line.
 constexpr std::size_t kColumns = 98, kOptionColumns = 34;
 
 const std::map<int, std::string>& exit_codes() {

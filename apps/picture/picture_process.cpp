@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::chrono::seconds kLongest{120};
+constexpr std::chrono::seconds kLongest{120};  // drawing takes far less; a driver may hang
 constexpr const char* kProgram = "cadmorph-picture";
 constexpr const char* kLog = "messages";
 

@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kWorstShare = 0.05;
+constexpr double kWorstShare = 0.05;  // the twentieth that the figures tell of
 constexpr const char* kSurface = "surface.vtu";
 constexpr const char* kScene = "scene.json";
 constexpr const char* kCut = "cut.vtu";
@@ -76,7 +76,8 @@ std::vector<char> drawn_cells(const DrawnMesh& drawn) {
 // would be lost in it, or hidden by it.
 std::optional<Eigen::AlignedBox3d> box_of_body(const DrawnMesh& drawn,
                                                const VisibleSurface& surface) {
-  // Planes that slide move less the farther away; what is around the body shows where it lies.
+  // Planes that slide move less the farther away, the nearest still a little. A quarter of the body
+  // around it on each side shows where it lies; a box of half of all would show little more.
   constexpr double kMoved = 0.1, kMargin = 1.5, kSmall = 0.5;
   if (!drawn.moved) return std::nullopt;
   const Points moved = (*drawn.moved)(surface.nodes, Eigen::all);

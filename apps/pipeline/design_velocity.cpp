@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 constexpr double kSureMotion = 100;
 
 // The base is about midway between both models where it is nearer to the middle than this part of
-// the motion.
+// the motion: a central difference keeps that part of the error of a one-sided one.
 constexpr double kUneven = 0.1;
 
 // The direction of a motion chooses the kernels, not its size: it is this part of the mesh's size,

@@ -11,6 +11,8 @@
 namespace cadmorph {
 namespace {
 
+// What ends within a second needs no bar; one that changes ten times a second looks alive. Its
+// width leaves room for a phase and the time in a line of 80 columns, what terminals mostly have.
 constexpr std::chrono::milliseconds kQuietFor{1000};
 constexpr std::chrono::milliseconds kInterval{100};
 constexpr int kWidth = 30, kLeastWidth = 5;

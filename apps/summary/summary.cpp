@@ -11,10 +11,11 @@
 namespace cadmorph {
 namespace {
 
-constexpr int kLabelWidth = 14;
+constexpr int kLabelWidth = 14;  // columns: the longest label and two blanks
 
 // A result is worth a hint when its smallest scaled Jacobian is poor, and below this part of the
 // base's, or the base's is poor, too; and when the mean of its worst elements is below that part.
+// A free choice: the hint alone depends on it.
 constexpr double kLoss = 0.5;
 
 // An input's poor elements are no news where the worst came out better by this factor, the least
@@ -79,7 +80,7 @@ std::string before_after_table(const PipelineReport& report) {
 }
 
 std::string group_table(const std::vector<GroupFigures>& groups) {
-  constexpr std::size_t kShown = 24;
+  constexpr std::size_t kShown = 24;  // lines of a small terminal
   std::vector<Row> rows = {{"Named part", "kind", "nodes", "largest move"}};
   for (std::size_t i = 0; i < std::min(groups.size(), kShown); ++i)
     rows.push_back({groups[i].name, groups[i].kind, with_commas(groups[i].nodes),

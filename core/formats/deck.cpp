@@ -296,7 +296,7 @@ std::size_t DeckSources::include(const std::string& name, DeckPlace from) {
     open_.push_back(file);
     return file;
   }
-  constexpr std::size_t kMostFiles = 0xffff;
+  constexpr std::size_t kMostFiles = 0xffff;  // the most that DeckPlace counts
   if (files_.size() > kMostFiles) fail(from, "the deck includes too many files");
   SourceBytes included = read_source(path);
   found.source = std::move(included.source);

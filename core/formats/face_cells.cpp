@@ -205,7 +205,7 @@ void add_solid_cells(Mesh& mesh, const FaceList& faces, Index cells, const fs::p
   const auto with_cells = [&](const std::vector<char>& is_element) {
     Mesh result;
     result.points = mesh.points;
-    constexpr Index kUsual = 8;  // nodes of a cell
+    constexpr Index kUsual = 8;  // nodes of a cell, by which memory is reserved; not a limit
     reserve_cells(result, cells, kUsual * cells);
     struct Block {
       Index begin = 0;

@@ -216,6 +216,7 @@ class Reader {
   void find_byte_order() {
     if (has_order_) return;
     has_order_ = true;
+    // A sixteenth of it is 2^24: 2 to 255, as a face's number of nodes, are more in reverse order.
     constexpr Index kLargest = 1 << 28;
     const std::size_t place = bytes_.place();
     const Index little = bytes_.int32("a face");

@@ -13,6 +13,7 @@ namespace fs = std::filesystem;
 namespace cadmorph {
 namespace {
 
+// Of a file, to tell its format by: comments may come first, as in decks and text meshes.
 constexpr std::size_t kStartBytes = 1 << 16;
 
 std::string lower(std::string text) {

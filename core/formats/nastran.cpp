@@ -530,7 +530,7 @@ class Reader {
     const std::size_t first = is_rbe3 ? 6 : name == "RBE2" ? 3 : 2;
     const std::size_t last = std::min(fields.size(), name == "RBAR" ? 3 : fields.size());
     if (first >= last || !read_integer(fields[node], tie.node)) return false;
-    constexpr Index kLongest = 1 << 20;  // of a range
+    constexpr Index kLongest = 1 << 20;  // of a range: 8 MB of numbers, a slip asks for no more
     for (std::size_t i = first; i < last; ++i) {
       Index number = 0;
       double weight = 0;

@@ -146,7 +146,7 @@ bool read_real(std::string_view field, double& value) {
   const std::string_view text = trimmed(field);
   value = 0;
   if (text.empty()) return true;
-  constexpr std::size_t kLongest = 64;
+  constexpr std::size_t kLongest = 64;  // a number has 25; text without an end is not copied
   return parse(text, value) || (text.size() <= kLongest && parse(with_letter(text), value));
 }
 

@@ -80,7 +80,7 @@ FileBytes read_plain(const fs::path& path) {
   FileBytes bytes{std::size_t(status.st_size)};
   std::atomic<Index> end =
       std::ssize(std::string_view(bytes));  // nearer when the file gets shorter
-  constexpr Index kPiece = 1 << 23;
+  constexpr Index kPiece = 1 << 23;  // a thread's: milliseconds, far more than its call costs
   parallel_for(end, kPiece, [&](Index at, Index piece_end) {
     while (at < piece_end) {
       const ssize_t got = pread(file, bytes.data() + at, std::size_t(piece_end - at), at);
@@ -249,7 +249,7 @@ bool is_copy_compressed(const SourceFile& source, const fs::path& target) {
 
 void write_replaced(const SourceFile& source, const Replacement& parts, const fs::path& target,
                     const std::function<void()>& accept) {
-  constexpr std::size_t kPiece = 1 << 20;
+  constexpr std::size_t kPiece = 1 << 20;  // so that no file has to fit into memory
   struct Piece {
     std::uint64_t at = 0;  ///< in the file
     std::string bytes, copy;

@@ -11,6 +11,7 @@ namespace {
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
+// The most that TextToken's and Ahead's lengths hold; numbers have some twenty characters.
 constexpr std::size_t kLongestToken = 0xffff, kLongestAhead = 0x3fff;
 
 // What a thread reads ahead at once, and how many of these: they stay in the cache.
@@ -264,7 +265,7 @@ void TextScanner::fail_behind(std::size_t place, const std::string& why) {
 }
 
 void TextScanner::fail_expected(std::string_view what) const {
-  constexpr std::size_t kShown = 40;
+  constexpr std::size_t kShown = 40;  // characters: a number or word whole, half of a line
   std::size_t end = at_;
   while (end < text_.size() && !is_space(text_[end]) && end - at_ < kShown) ++end;
   std::string found(text_.substr(at_, end - at_));

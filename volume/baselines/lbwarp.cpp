@@ -16,7 +16,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr int kMostSteps = 100;
+constexpr int kMostSteps = 100;  // of Newton's method: few where the node is in the hull
 // Newton decrement at which the weights are exact to rounding: the error after is its square.
 constexpr double kDecrement = 1e-9;
 

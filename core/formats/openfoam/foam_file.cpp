@@ -268,7 +268,7 @@ FaceList FoamFile::faces(Index nodes) {
   FaceList faces;
   const Index count = list_count("the number of faces", 5);
   if (count < 0) fail_expected("the number of faces");
-  constexpr Index kUsual = 4;  // nodes of a face
+  constexpr Index kUsual = 4;  // nodes of a face, by which memory is reserved; not a limit
   faces.offsets.reserve(std::size_t(count) + 1);
   faces.nodes.reserve(std::size_t(kUsual * count));
   expect('(', "the number of faces");
@@ -353,7 +353,7 @@ void FoamFile::fail_at_byte(std::size_t place, const std::string& why) const {
 }
 
 void FoamFile::fail_expected(std::string_view what) const {
-  constexpr std::size_t kShown = 40;
+  constexpr std::size_t kShown = 40;  // characters: a number or word whole, half of a line
   std::size_t end = at_;
   while (end < bytes_.size() && !is_space(bytes_[end]) && end - at_ < kShown) ++end;
   std::string found(bytes_.substr(at_, end - at_));

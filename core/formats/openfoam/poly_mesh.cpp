@@ -95,7 +95,7 @@ void read_zones(PolyMesh& mesh, const std::string& kind, const std::string& memb
   file.expect(')', std::to_string(count) + " zones");
 }
 
-constexpr Index kMostItems = Index{1} << 48;
+constexpr Index kMostItems = Index{1} << 48;  // no limit but a damaged file's: 2 PB of numbers
 
 /// Addressing left over from another mesh has another size: it is not taken.
 std::vector<Index> read_addressing(const PolyMesh& mesh, const std::string& name, Index count,

@@ -36,7 +36,7 @@ class TagScanner {
 
  private:
   bool read_more() {
-    constexpr std::streamsize kBytes = 1 << 20;
+    constexpr std::streamsize kBytes = 1 << 20;  // a read: the window is a part of the file
     const auto size = window_.size();
     window_.resize(size + kBytes);
     stream_.read(window_.data() + size, kBytes);

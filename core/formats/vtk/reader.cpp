@@ -47,7 +47,7 @@ std::string legacy_type(const std::string& start) {
 
 /// Whether the file's last characters hold XML's closing tag.
 bool has_closing_tag(const fs::path& path) {
-  constexpr std::streamoff kBytes = 4096;
+  constexpr std::streamoff kBytes = 4096;  // room for comments and blank lines after the tag
   std::ifstream stream(path, std::ios::binary | std::ios::ate);
   const std::streamoff size = stream.tellg();
   stream.seekg(std::max<std::streamoff>(0, size - kBytes));

@@ -160,7 +160,7 @@ class FastZlib : public vtkZLibDataCompressor {
  private:
   using Bytes = std::span<const unsigned char>;
   static constexpr int kLevel = 1;  // higher ones take a percent off points and connectivity
-  static constexpr std::size_t kAhead = 64;
+  static constexpr std::size_t kAhead = 64;  // blocks: four for each of 16 threads
 
   void add(vtkDataArray* array) {
     if (array && array->HasStandardMemoryLayout())
@@ -210,7 +210,7 @@ vtkStandardNewMacro(FastZlib);
 
 /// Blocks of more than 4 GiB need long headers, whatever the input had.
 bool needs_long_headers(vtkUnstructuredGrid* grid) {
-  constexpr unsigned long kKibibytes = 1ul << 21;
+  constexpr unsigned long kKibibytes = 1ul << 21;  // 2 GiB in all: no block is near 4 GiB
   return grid->GetActualMemorySize() > kKibibytes;
 }
 
