@@ -158,7 +158,7 @@ class MergedNames {
 
 // OCCT 7.6 walks round some faces without end. Whether it comes to one shows in a copy of the
 // process, which has 5 s of processor time and one more for each 100 faces: plates with a thousand
-// holes take less than a second.
+// holes take less than a second. kClockSeconds are far more, for copies on a busy machine.
 bool comes_to_an_end(int faces, const std::function<void()>& merge) {
   constexpr int kSeconds = 5, kFacesASecond = 100, kClockSeconds = 300;
   const ChildProcess child(std::uint64_t(kSeconds + faces / kFacesASecond),

@@ -26,6 +26,7 @@ class CellFace {
   Index local() const { return id_ & (kLimit - 1); }
   auto operator<=>(const CellFace&) const = default;
 
+  // A million faces of a cell, and 2^43 cells.
   static constexpr int kBits = 20;
   static constexpr Index kLimit = Index{1} << kBits;
 

@@ -347,7 +347,7 @@ double scaled_jacobian(const Mesh& mesh, const Points& points, Index c) {
 }
 
 Orientation detect_orientation(const Mesh& mesh) {
-  constexpr int kTypes = 256;
+  constexpr int kTypes = 256;  // CellType is a byte
   // Of a large mesh every so many-th cell of a type: far more than a majority takes, soon counted.
   constexpr Index kVoters = 100'000;
   const Index stride = 1 + mesh.cell_count() / kVoters;

@@ -465,7 +465,7 @@ std::string describe_cracks(const Mesh& mesh, const SurfaceMesh& surface, const 
   std::map<RowId, int> at_place;
   for (const RowId n : nodes) ++at_place[first[n]];
   std::erase_if(nodes, [&](RowId n) { return at_place[first[n]] < 2; });
-  constexpr std::size_t kNamed = 10;
+  constexpr std::size_t kNamed = 10;  // as many as a line or two hold
   std::ostringstream text;
   text << "the mesh has a crack inside: " << std::ranges::count(is_crack, 1)
        << " facets cancel in pairs, and nodes lie two at a place; both sides move together as "

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 // A sample whose volume in the base mesh is below this share of its edges' product has no shape of
 // its own worth keeping. Far above the rounding of a determinant, 1e-16.
 constexpr double kFlat = 1e-9;
-constexpr std::size_t kTypes = 256;
+constexpr std::size_t kTypes = 256;  // CellType is a byte
 
 // The base shape a sample is compared with: its own Jacobian, or a cube's where that is flat.
 Matrix3d reference_jacobian(const Matrix3d& base, int orientation) {

@@ -16,7 +16,7 @@ using namespace finite_volume;
 using Work = FaceEnergy::Work;
 using Slopes = FaceEnergy::FaceSlopes;
 
-constexpr Index kGrain = 256;
+constexpr Index kGrain = 256;  // cells a task, as in shape_energy.cpp
 
 // (2 / (1 + c))^p of a cosine with p = 2^doublings, and its derivative.
 struct Term {

@@ -11,7 +11,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::VectorXd;
 
-constexpr Index kGrain = 1024;
+constexpr Index kGrain = 1024;  // nodes a task
 // Parts that make blocks invertible: of the largest block where no energy holds a node, of a node's
 // own where it has no way across, as on an edge. The gradient vanishes there, too, so that any part
 // does that is small and far above rounding.

@@ -25,7 +25,7 @@ using Eigen::VectorXd;
 
 constexpr double kSqrt2 = std::numbers::sqrt2;
 constexpr double kTwoOverSqrt3 = 2.0 * std::numbers::inv_sqrt3;
-constexpr std::size_t kTypes = 256;
+constexpr std::size_t kTypes = 256;  // CellType is a byte
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 // A sample whose determinant is below this share of its edges' product counts as flat: far above
 // the rounding of a determinant, 1e-16, far below any cell that has a shape.

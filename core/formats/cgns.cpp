@@ -17,6 +17,7 @@ namespace {
 
 using enum CellType;
 
+// ElementType_t's numbers.
 constexpr Index kMixed = 20, kNgon = 22, kNface = 23;
 
 /// An element type of CGNS.

@@ -76,7 +76,7 @@ class Hdf5Tree : public CgnsTree {
 class AdfTree : public CgnsTree {
  public:
   explicit AdfTree(const fs::path& path) : CgnsTree(path), file_(read_source(path)) {
-    constexpr std::size_t kRoot = 266, kFormat = 100;
+    constexpr std::size_t kRoot = 266, kFormat = 100;  // places in the file
     const std::string_view format = piece(kFormat, 1);
     is_big_endian_ = format == "B";
     if (!is_big_endian_ && format != "L")
@@ -166,7 +166,7 @@ class AdfTree : public CgnsTree {
   }
 
   std::string name_at(std::uint64_t place) const {
-    constexpr std::uint64_t kLength = 32;
+    constexpr std::uint64_t kLength = 32;  // of ADF's names
     std::string name(piece(place, kLength));
     while (name.ends_with(' ') || name.ends_with('\0')) name.pop_back();
     return name;
@@ -197,7 +197,7 @@ class AdfTree : public CgnsTree {
   }
 
   void read_children(CgnsNode& node, std::uint64_t place, std::size_t depth) {
-    constexpr std::uint64_t kTableHead = 16, kEntry = 44;
+    constexpr std::uint64_t kTableHead = 16, kEntry = 44;  // bytes; an entry: name and pointer
     const std::uint64_t count = hexadecimal(place + 68, 8);
     if (count == 0) return;
     const std::uint64_t table = pointer(place + 84);
@@ -266,7 +266,7 @@ class AdfTree : public CgnsTree {
   struct Chunks {
     std::uint64_t count = 0, place = 0;
   };
-  static constexpr std::size_t kNodeSize = 246;
+  static constexpr std::size_t kNodeSize = 246;  // bytes, of ADF's nodes
 
   SourceBytes file_;
   bool is_big_endian_ = false;

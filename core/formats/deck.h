@@ -122,6 +122,7 @@ class DeckSources {
 /// mark; moves `at` to the next line.
 std::string_view take_line(std::string_view text, std::size_t& at);
 
+/// Bytes that a thread reads at a time: a millisecond or so.
 inline constexpr std::size_t kTextBlock = 1 << 18;
 
 /// Reads the lines of [begin, end) of a text block by block: `read` on any thread, `take` in the

@@ -50,7 +50,7 @@ class Reader {
       const std::string object = group + "/" + name;
       if (!file_.has_attribute(object, "minId")) continue;  // no part of it
       const Index first = number(object, "minId"), last = number(object, "maxId");
-      constexpr Index kMost = Index{1} << 40;
+      constexpr Index kMost = Index{1} << 40;  // keeps sums from overflowing
       if (first < 1 || last < first - 1 || last > kMost)
         file_.fail(object, "minId and maxId, " + std::to_string(first) + " and " +
                                std::to_string(last) + ", make no range");

@@ -19,6 +19,7 @@ namespace {
 
 using enum CellType;
 
+// Bytes of int and size_t in binary files, those of 64-bit systems.
 constexpr int kIntSize = 4, kSizeSize = 8;
 constexpr Index kUsual = 4;  // nodes of a cell: most are tetrahedra
 
@@ -328,7 +329,7 @@ class Reader {
         has_parameters_ = true;
       }
     } else if (count > 0) {
-      constexpr int kStride = kIntSize + 3 * sizeof(double);
+      constexpr int kStride = kIntSize + 3 * sizeof(double);  // a node: its tag, coordinates
       add_runs(in_.bytes().place() + kIntSize, kStride, count);
       for (Index i = 0; i < count; ++i) {
         numbers_.push_back(in_.integer("the number of a node"));

@@ -211,7 +211,7 @@ struct Hdf5Library::Impl {
 
   /// About a megabyte, and whole chunks, so that none is uncompressed twice.
   static Index rows_at_once(hid_t dataset, const std::vector<Index>& sizes, Index row) {
-    constexpr Index kValues = 1 << 17;
+    constexpr Index kValues = 1 << 17;  // of 8 bytes
     const Handle made(H5Dget_create_plist(dataset), H5Pclose);
     std::vector<hsize_t> chunk(sizes.size(), 1);
     if (H5Pget_layout(made.get()) == H5D_CHUNKED)

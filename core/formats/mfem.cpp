@@ -102,7 +102,7 @@ constexpr Shape kShapes[] = {
      .simplex_dimensions = 2},
     {.linear = Pyramid, .quadratic = QuadraticPyramid, .corners = {}},
 };
-constexpr Index kPyramidNumber = 7;
+constexpr Index kPyramidNumber = 7;  // MFEM's, which are the places in kShapes
 
 /// The vertices of an edge, a face or a corner, ascending; -1 where there are fewer than 4.
 using VertexSet = std::array<Index, 4>;

@@ -16,8 +16,8 @@ namespace {
 
 using enum CellType;
 
-constexpr Index kMostNodes = Index{1} << 40;  // keeps sums from overflowing
-constexpr std::size_t kMostElementNodes = 20;
+constexpr Index kMostNodes = Index{1} << 40;   // keeps sums from overflowing
+constexpr std::size_t kMostElementNodes = 20;  // of quadratic hexahedra
 
 /// An element by its number of nodes.
 struct ElementKind {

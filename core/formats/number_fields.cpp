@@ -123,7 +123,7 @@ std::string fitted(double value, std::chars_format format, const RealField& fiel
 /// other, and where bytes stand in another order.
 bool read_eight_columns(std::string_view field, Index& value) {
   if (field.size() != 8 || std::endian::native != std::endian::little) return false;
-  constexpr std::uint64_t kEach = 0x0101010101010101, kHigh = 0x80 * kEach;
+  constexpr std::uint64_t kEach = 0x0101010101010101, kHigh = 0x80 * kEach;  // of each byte 1 bit
   std::uint64_t bytes = 0;  // the first column is the lowest
   std::memcpy(&bytes, field.data(), 8);
   const std::uint64_t other = bytes ^ ' ' * kEach;  // 0 where there is a blank

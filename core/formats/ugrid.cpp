@@ -18,6 +18,7 @@ namespace {
 
 using enum CellType;
 
+// Bytes of an integer and of a record's length; nodes, triangles, quads and four kinds of solids.
 constexpr int kIntSize = 4, kMarkerSize = 4;
 constexpr std::size_t kCounts = 7;
 constexpr std::size_t kHeaderSize = kCounts * kIntSize;

@@ -21,7 +21,7 @@ namespace {
 
 using enum CellType;
 
-constexpr std::size_t kMostElementNodes = 20;
+constexpr std::size_t kMostElementNodes = 20;  // of quadratic hexahedra
 
 /// An element by its number ("fe descriptor").
 struct ElementKind {
@@ -320,7 +320,7 @@ class Reader {
 
   /// Four numbers and the coordinates in one line.
   void read_short_nodes() {
-    constexpr std::size_t kBefore = 40, kWidth = 12;
+    constexpr std::size_t kBefore = 40, kWidth = 12;  // columns: four times 10, then 12 each
     const auto style = std::make_shared<NumbersInColumns>(kWidth);
     const auto read = [&](std::size_t& at, Block& block) {
       std::string_view line;
@@ -428,7 +428,7 @@ class Reader {
   /// Numbers, the last of which counts the members; the name; the members, each kind, number and,
   /// of `fields`, others.
   void read_groups(std::size_t fields) {
-    constexpr Index kNode = 7, kElement = 8;
+    constexpr Index kNode = 7, kElement = 8;  // kinds of members, as the format numbers them
     for (check_end();; check_end()) {
       std::vector<Index> head;
       const std::string_view line = next_line();

@@ -10,6 +10,7 @@
 namespace cadmorph {
 namespace {
 
+// Of points, whose coordinates the sums hold in arrays: fields have 2 or 3.
 constexpr int kMaxDimension = 8;
 constexpr Index kTargetBlock = 256;   // output stays in the first-level cache
 constexpr Index kSourceBlock = 1024;  // sources and weights stay in the second-level cache

@@ -11,6 +11,7 @@ namespace fs = std::filesystem;
 namespace cadmorph {
 namespace {
 
+// Types of zones, as Fluent numbers them.
 constexpr Index kInterior = 2, kParentFaces = 31, kParentCells = 32;
 
 /// Fluent's word for a type of zones.
