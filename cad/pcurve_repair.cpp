@@ -19,12 +19,15 @@ using Eigen::Matrix2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr std::array<double, 7> kProbes{0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97};  // of an edge
+constexpr std::array<double, 7> kProbes{0.03, 0.1, 0.25, 0.5,
+                                        0.75, 0.9, 0.97};  // of an edge, denser at its ends
 constexpr double kManyTolerances = 10;  // exporters state tolerances that are somewhat too small
 // Of an edge's length: half of a sound pcurve's points are off by less than the first, a point of a
 // wrong one by more than the second, where it takes another way.
 constexpr double kOnEdge = 1e-4, kOffEdge = 1e-2;
-constexpr double kBetter = 0.1;  // what replaces a pcurve is off by this part of it at most
+// What replaces a pcurve is off by this part of it at most: a sound one by a hundredth of a wrong
+// one (kOnEdge, kOffEdge).
+constexpr double kBetter = 0.1;
 // Of the period's length: above what files and B-splines leave where a surface closes (kSeamGap) or
 // where it is a point (kNoPole), far below the period that it would be otherwise.
 constexpr double kSeamGap = 1e-3;

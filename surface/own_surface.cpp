@@ -241,7 +241,9 @@ std::optional<OwnSurface::Foot> OwnSurface::Facets::over(int triangle, const Vec
 // Nodes to go on by: within some distance, some tens of them, on the side that looks like `normal`.
 std::vector<RowId> OwnSurface::Facets::around(const Vector3d& from, const Vector3d& normal,
                                               double distance) const {
-  constexpr std::size_t kLeast = 30, kMost = 200;  // for five unknowns
+  // For five unknowns: six times as many, and at most so many that a fit takes some ten
+  // microseconds.
+  constexpr std::size_t kLeast = 30, kMost = 200;
   auto near = tree->within(from.data(), distance);
   if (near.size() < kLeast) near = tree->nearest(from.data(), kLeast);
   const std::size_t stride = (near.size() + kMost - 1) / kMost;

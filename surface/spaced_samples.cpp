@@ -11,7 +11,8 @@ namespace {
 // Ratio of the spacings of neighbouring levels: few trees, in which samples are searched at most so
 // many times as far as their own spacing asks.
 constexpr double kLevel = 4;
-// In spacings: a point on an entity has a sample within kFar, uneven parametrisations included.
+// In spacings: a point on an entity has a sample within kFar, uneven parametrisations included. In
+// an even grid it is within 0.7 of one, so that kSearched finds all that are nearly as near.
 constexpr double kFar = 4, kSearched = 1.5;
 
 }  // namespace
