@@ -31,7 +31,8 @@ constexpr double kInfinite = std::numeric_limits<double>::infinity();
 // the rounding of a determinant, 1e-16, far below any cell that has a shape.
 constexpr double kFlat = 1e-9;
 // Of a cell's height: the farthest that a node goes at once. A node and the face opposite that come
-// towards each other just meet then.
+// towards each other just meet then. With 0.25 or 0.9, 5 pairs keep 2 and 0.4 % less of the
+// smallest scaled Jacobian on the mean.
 constexpr double kReach = 0.5;
 // The faces' energy has 2^2 times the power p of the shapes'. (2 / (1 + c))^4 falls with a cosine c
 // as fast as 1 / q does with a shape q at c = q = 1/3, near checkMesh's limit of 70 degrees; with
@@ -39,11 +40,13 @@ constexpr double kReach = 0.5;
 constexpr int kFaceDoublings = 2;
 // With finite volumes a cell that kept its shape counts 1.5^p, as a face of 36 degrees does, less
 // than faces that are poor. Shapes below the least count against that: nearly flat cells may not
-// stay so.
+// stay so. With 1.25 the angles of the worst twentieth of a bracket's and a bore's faces are 2 %
+// smaller, with 2 they are 4 and 1 % larger; with half or twice of kLeastShape 4 pairs are the
+// same.
 constexpr double kShapeWeight = 1.5;
 constexpr double kLeastShape = 0.01;
 // (|F|^2 / 3)^3 / det(F)^2 of a cell that may become as flat as this: of a stretch by 1.7, or of
-// one to 0.55.
+// one to 0.55. With 1.25 or 2, 4 pairs by faces come out the same.
 constexpr double kFreelyFlat = 1.5;
 // Cells that a thread takes at a time.
 constexpr Index kGrain = 256;
