@@ -24,10 +24,12 @@ using Eigen::VectorXd;
 // Levels are solved to this part of their largest value: rounding.
 constexpr double kSolved = 1e-13;
 
-// Of the weights; each takes the error down by the condition number times 1e-16.
+// Of the weights; each takes the error down by the condition number times 1e-16. With 0 two tests
+// fail, of flat layers and of anchors; with 1 they pass.
 constexpr int kRefinements = 2;
 
-// Sources that a thread sums over at a time where the targets are few.
+// Sources that a thread sums over at a time where the targets are few; of the parts' sums, which
+// each hold all targets, there are kMostChunks at most.
 constexpr Index kSourceChunk = 8192, kMostChunks = 64;
 
 void add_rows(MatrixXd& to, const std::vector<Index>& rows, const MatrixXd& values) {
