@@ -20,7 +20,8 @@ using Eigen::Vector2d;
 // Samples that all wires of a face may have together: kMostSamples, a dense solve of a tenth of a
 // second, or kMostCurves times as many as one curve, which is more where a fold asks for finer
 // ones. Where these are too few, half are shared out equally among the curves, half by length. A
-// curve has 6 at least, down to 2 on a face with thousands of them.
+// curve has 6 at least, down to 2 on a face with thousands of them. With 3 or 12 for 6, 14 pairs
+// come out the same.
 constexpr double kMostSamples = 1500, kMostCurves = 7.5;
 constexpr double kLeastSamples = 2, kFewSamples = 6;
 constexpr double kLinear = 1e-10;     // of the domain: rounding of parameters
@@ -28,10 +29,13 @@ constexpr double kSameJoint = 1e-2;   // of the domain: gaps that pcurves leave 
 constexpr double kSameSample = 1e-6;  // of the size of the domain: nearer, the system is singular
 // Of the distance to the nearest node that is asked for: samples closer to each other than this are
 // one to it. Where a short edge grows many times over, they would ask for a slope that the warp
-// carries on far into the face.
+// carries on far into the face. With half or twice of it 11 of 14 pairs come out the same, others
+// to 3e-5 of the smallest scaled Jacobian.
 constexpr double kUnresolved = 0.02;
 
-constexpr double kFoot = 0.5;  // of a pcurve's deviation: a foot is that much nearer at least
+// Of a pcurve's deviation: a foot is that much nearer at least. With half or twice of it 14 pairs
+// come out the same.
+constexpr double kFoot = 0.5;
 
 // Samples along each of a face's coedges: long ones among many short ones, such as a rim among
 // holes, get more.

@@ -12,10 +12,11 @@ namespace cadmorph {
 namespace {
 
 // Of a curve, as many as its edges have nodes: enough for a circle, and few enough for a dense
-// warp.
+// warp. With 32 for 16 the smallest scaled Jacobians of 14 pairs are the same to 3 %, with 8, or
+// 100 or 400 for 200, to the last digits.
 constexpr int kMinSamples = 16, kMaxSamples = 200;
 // Of the distance of samples: cells less high are thin. Between samples a warp misses some
-// thousandths of it.
+// thousandths of it. With half or twice of it 14 pairs come out the same.
 constexpr double kThin = 0.1;
 
 int samples_per_curve(const CadModel& base, FaceId face,

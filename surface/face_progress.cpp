@@ -8,7 +8,9 @@ namespace {
 
 // Of a link: a whole circle has chords of 11 degrees, which are 0.2 % short, along its parameter.
 constexpr int kSamples = 32;
-constexpr double kGap = 1e-3;    // of the span: pcurves meet at joints within their tolerance
+// Of the span: pcurves meet at joints within their tolerance. With half or twice of this, or of
+// kSamples, 14 pairs come out the same.
+constexpr double kGap = 1e-3;
 constexpr double kRound = 1e-6;  // of the period: ten times what files keep of whole turns
 
 }  // namespace

@@ -8,7 +8,8 @@
 namespace cadmorph {
 namespace {
 
-// Of means over images whose tangents differ: where they agree, the second one changes nothing.
+// Of means over images whose tangents differ: where they agree, the second one changes nothing. The
+// tests of images pass with 2 or 40.
 constexpr int kSweeps = 20;
 constexpr double kSame = 1e-15;  // of a way: some roundings
 

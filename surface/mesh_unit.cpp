@@ -26,7 +26,9 @@ constexpr double kClearlyBetter = 1.1;  // four times what kProbes leave a share
 // Of the best score: in the next smaller unit (2.54 times) a mesh that lies on the CAD in both
 // spans less, and has a sixth of its score.
 constexpr double kComparable = 0.5;
-constexpr double kFits = 0.02;    // a lower score is chance
+// A lower score is chance. The tests of units pass with a tenth and ten times as much, and with
+// half and twice of kNearSample.
+constexpr double kFits = 0.02;
 constexpr double kLies = 0.9;     // share and span of a mesh that lies on the CAD
 constexpr Index kFacesTried = 4;  // samples next to a node: by a corner they are of three faces
 

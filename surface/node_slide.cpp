@@ -25,7 +25,9 @@ using Tangents = Eigen::Matrix<double, 3, 2>;
 // Of the diagonal: nodes at one place. Bodies that gmsh meshed each for itself had nodes of their
 // interface up to 4e-9 apart.
 constexpr double kTwin = 1e-7;
-constexpr double kTurned = 0.5;       // cosine: coarse facets of curved faces may stand steep
+// Cosine: coarse facets of curved faces may stand steep. With 0.8 not all facets that nodes slide
+// over each other are counted, with 0.25 they are.
+constexpr double kTurned = 0.5;
 constexpr double kDegenerate = 1e-6;  // of the larger tangent: a pole
 
 // A node on its edge or face of the variant.

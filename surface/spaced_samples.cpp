@@ -9,7 +9,8 @@ namespace cadmorph {
 namespace {
 
 // Ratio of the spacings of neighbouring levels: few trees, in which samples are searched at most so
-// many times as far as their own spacing asks.
+// many times as far as their own spacing asks. With half or twice of it or of kFar, or 1 or 3 for
+// kSearched, 14 pairs come out the same.
 constexpr double kLevel = 4;
 // In spacings: a point on an entity has a sample within kFar, uneven parametrisations included. In
 // an even grid it is within 0.7 of one, so that kSearched finds all that are nearly as near.
