@@ -30,9 +30,14 @@ constexpr double kEnough = 0.3, kEnoughOfMany = 0.6;
 
 // Another round is not worth its solve for nodes so few, in parts of the centres, that miss no more
 // than this times as much, half a spacing, or a whole one of many: the correction takes them.
+// With half or twice of kFew or of kEnoughOfMany, or 1.3 or 3 for kMoreOfFew, 6 meshes come out the
+// same.
 constexpr double kFew = 0.01, kMoreOfFew = 5.0 / 3;
 
-constexpr Index kFirst = 500;  // centres to start from: a dense system of some milliseconds
+// Centres to start from: a dense system of some milliseconds. With 250 or 1,000, 4 meshes keep the
+// smallest scaled Jacobian to 1 %, a bore has 33 or 24 inverted hexahedra before repair in place of
+// 29.
+constexpr Index kFirst = 500;
 // Then the correction takes the rest: courier's tetrahedra at 150 % are no worse for it.
 constexpr Index kMost = 8000;
 
@@ -40,7 +45,9 @@ constexpr Index kMost = 8000;
 // the next better than what is missed now. With 1.5, more rounds cost what fewer centres save.
 constexpr Index kGrowth = 2;
 
-// A new centre keeps others of its round this part of its distance from the old ones away.
+// A new centre keeps others of its round this part of its distance from the old ones away. With
+// 0.25 the bore has 49 inverted hexahedra in place of 29, with 1 it has 19; 4 meshes are the same
+// to 1.4 %.
 constexpr double kSpread = 0.5;
 
 // Centres closer than this part of the diagonal would bring the system near to rounding: r^3 is
