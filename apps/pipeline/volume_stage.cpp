@@ -22,7 +22,8 @@ namespace {
 
 // Layers are restored where less than the first share is kept of the mean of the worst twentieth,
 // as surface nodes slide to raise cells, and where the sum of the figures' shares rises by the
-// factor.
+// factor. With 0.8, or with 1.2, sheared layers of the tests do not stand up again; with 0.95 and
+// with 1.05 they do, and 3 changes of a wing come out the same.
 constexpr double kKeptMost = 0.9, kWorthRestoring = 1.1;
 constexpr double kFullShape = 2;  // of the two figures, where nothing is lost
 // What a factor in first cells' heights counts against one in the figures, where heights are asked
