@@ -16,8 +16,8 @@
 namespace {
 
 constexpr int kWidth = 8;
-constexpr int kUnroll = 2;
-constexpr int kTurn = 32;  // 4 KB of values: they stay in the first cache
+constexpr int kUnroll = 2;  // one vector's operations run while the other's wait
+constexpr int kTurn = 32;   // 4 KB of values: they stay in the first cache
 typedef double Vec __attribute__((vector_size(64)));
 typedef std::uint64_t Int __attribute__((vector_size(64)));
 

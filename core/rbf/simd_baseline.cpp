@@ -3,8 +3,8 @@
 namespace {
 
 constexpr int kWidth = 2;
-constexpr int kUnroll = 2;
-constexpr int kTurn = 1;
+constexpr int kUnroll = 2;  // one vector's operations run while the other's wait
+constexpr int kTurn = 1;    // the root is an instruction: that leaves registers for the sums
 typedef double Vec __attribute__((vector_size(16)));
 typedef std::uint64_t Int __attribute__((vector_size(16)));
 
