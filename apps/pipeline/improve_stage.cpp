@@ -10,7 +10,8 @@ namespace cadmorph {
 namespace {
 
 // Surface nodes slide where that lifts the worst cell's quality by the first factor. Else poor
-// cells have to become fewer by the second for nodes to move.
+// cells have to become fewer by the second for nodes to move. With 1 to 1.2 for either, 6 meshes
+// come out the same.
 constexpr double kWorthSliding = 1.1, kFewerPoor = 1.1;
 // Rounds in which nodes of cells that became worse than the worst are put back, a ring of cells a
 // round.

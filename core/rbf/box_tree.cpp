@@ -7,6 +7,7 @@
 namespace cadmorph {
 namespace {
 
+// Points: with 4 or 16 the fast solver takes the same time to 10 %.
 constexpr Index kLeafSize = 8;
 
 double point_distance(const double* a, const double* b) {

@@ -33,7 +33,9 @@ constexpr double kThinning = 2.5e-5;
 constexpr Index kDirectCentres = 12000;
 
 // Measured stencil defects (ordinary parts: 0.002, steep grading 0.008, thin gaps up to 0.1): from
-// which on all stencils are larger, and from which on they are enlarged one by one.
+// which on all stencils are larger, and from which on they are enlarged one by one. With half of
+// the first, canisters of 15,666 and 21,124 centres take 10 and 9 iterations as ever, with twice 13
+// and 12, and the test of thin walls fails; with half of the last that of thin sheets does.
 constexpr double kDefectWide = 0.005;
 constexpr double kDefectWider = 0.01;
 constexpr double kDefectAdaptive = 0.03;
@@ -44,6 +46,7 @@ constexpr int kAdaptiveIterations = 100;  // unmatched gaps of 0.005 node spacin
 constexpr int kRestarts = 4;
 
 // Part of the allowance that the recursive residual is driven to: the true one is a little larger.
+// With 0.4 or 1 those canisters take as many iterations, and the tests pass.
 constexpr double kMargin = 0.8;
 
 // Accuracy of the H2 matrix per tolerance asked: leaves its error below the allowance (measured: up
@@ -51,7 +54,8 @@ constexpr double kMargin = 0.8;
 constexpr double kFarFieldAccuracy = 2e-4;
 
 // A coarser H2 matrix serves once the residual is below kRelaxedBelow allowances: errors of the
-// product then matter less in that proportion (measured: leaves the true residual unchanged).
+// product then matter less in that proportion (measured: leaves the true residual unchanged). With
+// half or twice of either those canisters take as many iterations, and their time to 5 %.
 constexpr double kRelaxedAccuracy = 2.5e3;
 constexpr double kRelaxedBelow = 1e3;
 

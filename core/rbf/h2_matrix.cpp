@@ -15,7 +15,8 @@ using Eigen::MatrixXd;
 // The range that ProxyShell is made for; below is rounding.
 constexpr double kFinestTolerance = 1e-15, kCoarsestTolerance = 1e-6;
 
-// Part of a node's tolerance for its own: the errors of many nodes add up.
+// Part of a node's tolerance for its own: the errors of many nodes add up. With half or twice of it
+// canisters of 15,666 and 21,124 centres take as many iterations; with 1 the tests pass.
 constexpr double kShare = 0.3;
 
 double node_tolerance(double accuracy, double spacing, double radius) {

@@ -14,7 +14,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // A point as far from those before it as half of its neighbours' distance, measured to the third: a
-// twin or two do not count.
+// twin or two do not count. With 0.25 thin sheets do not converge; with 1 the tests pass, and
+// canisters of 15,666 and 21,124 centres take as many iterations, or one fewer.
 constexpr double kLeaderSpacing = 0.5;
 constexpr Index kSpacingNeighbour = 3;
 

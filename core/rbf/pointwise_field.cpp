@@ -11,7 +11,8 @@ namespace {
 
 using Eigen::MatrixXd;
 
-// Points that walk the tree together.
+// Points that walk the tree together: few enough to lie close together, many enough for a walk to
+// cost little beside their sums.
 constexpr Index kBlock = 512;
 
 // Adds the sum over the centres at a block of points in unit coordinates.

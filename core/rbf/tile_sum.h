@@ -12,7 +12,7 @@
 
 namespace cadmorph {
 
-constexpr int kTile = 16;  ///< targets that are summed together
+constexpr int kTile = 16;  ///< targets that are summed together: two of the widest registers
 
 /// A tile of the targets from `begin` on. The last one is filled up: every target goes through the
 /// same instructions.
