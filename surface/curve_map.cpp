@@ -20,7 +20,7 @@ constexpr int kPhases = 48;  // starts tried, one each 7.5 degrees of a circle
 constexpr double kNear = 1e-3;
 constexpr double kRounding = 1e-10;  // of the diagonal: above the rounding of a nearest point
 constexpr double kSame = 1e-7;       // of the diagonal: one curve, whatever its parameters
-constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point
+constexpr double kDifferent = 1e-6;  // of the diagonal: not the same point, ten times kSame
 // Of the curve's length, at least between joints: they are nodes, a mesh edge apart.
 constexpr double kApart = 1e-4;
 // Straightness of a face's parameter, a cosine: along the curve an error of it counts five times.

@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 constexpr double kSame = 1e-7;             // of the diagonal: one surface, whatever its parameters
 constexpr double kSameParameters = 1e-12;  // of the diagonal: equal to rounding
-constexpr double kDifferent = 1e-6;        // of the diagonal: not the same point
+constexpr double kDifferent = 1e-6;        // of the diagonal: not the same point, ten times kSame
 constexpr double kNoSpin = 1e-4;           // of a rotation matrix: what hardly is an accident
 // Nodes of a face that are asked, or twice as many, and samples in each direction for the middle of
 // a ball or ring, which their symmetry gives exactly.

@@ -29,7 +29,7 @@ constexpr double kComparable = 0.5;
 // A lower score is chance. The tests of units pass with a tenth and ten times as much, and with
 // half and twice of kNearSample.
 constexpr double kFits = 0.02;
-constexpr double kLies = 0.9;     // share and span of a mesh that lies on the CAD
+constexpr double kLies = 0.9;     // share and span of a mesh that lies on the CAD, but for strays
 constexpr Index kFacesTried = 4;  // samples next to a node: by a corner they are of three faces
 
 /// A surface node, in the mesh's unit.

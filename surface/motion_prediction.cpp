@@ -17,9 +17,9 @@ constexpr std::size_t kMaxLandmarks = 1500;  // a dense solve of a tenth of a se
 constexpr double kThin = 0.03;
 constexpr double kAnchorDistance = 1.5;  // diagonals from the mean: the part is within one
 constexpr double kExact = 1e-7;          // of the diagonal: the tolerance of exchanged B-Reps
-constexpr double kApart = 1e-6;          // of the diagonal: nearer landmarks are one
-constexpr double kBallRadius = 0.282;    // of the square root of its area: 1 / sqrt(4 pi)
-constexpr double kMoved = 0.05;          // of a closed face's size: its centroid is that exact
+constexpr double kApart = 1e-6;  // of the diagonal: nearer landmarks are one, ten times kExact
+constexpr double kBallRadius = 0.282;  // of the square root of its area: 1 / sqrt(4 pi)
+constexpr double kMoved = 0.05;        // of a closed face's size: its centroid is that exact
 
 struct Landmarks {
   std::vector<Vector3d> from, to;

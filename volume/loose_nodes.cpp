@@ -26,7 +26,7 @@ using Eigen::RowVector3d;
 constexpr double kPower = 32;
 constexpr Index kRing = 7;           // a node and those an edge from it: six amid triangles
 constexpr double kNoWeight = 3e-3;   // nodes that weigh less are left out
-constexpr double kRounding = 1e-12;  // of the mesh's size
+constexpr double kRounding = 1e-12;  // of the mesh's size: less is no motion
 // Of the mesh's size: what a map fitted to the motion may miss.
 constexpr double kAffine = 1e-7;
 // Of the spread of what is fitted: directions in which it has none, to rounding, do not turn.

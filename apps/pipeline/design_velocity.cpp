@@ -27,7 +27,7 @@ constexpr double kUneven = 0.1;
 // small, but far above the 1e-9 below which a surface counts as the base's (is_at_base).
 constexpr double kSmallMotion = 1e-6;
 
-// Of the largest velocity: below, a node rests.
+// Of the largest velocity: below, a node rests but for rounding.
 constexpr double kRests = 1e-9;
 
 double largest(const RowMatrix& rows) {
