@@ -17,7 +17,8 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // Steps of the wires' motion are doubled up to here. With half or twice of this or of kRefinement,
-// or with 8 to 64 rings, 14 pairs come out the same; with half the tests of folds pass.
+// or with 8 to 64 rings, 14 pairs come out the same; with half the tests of folds pass. With 1 for
+// both, parts that stand on each other no longer move alike.
 constexpr int kMostSteps = 8;
 // Rings of facets round folded ones that are laid out anew, before the whole face is. With 8, cells
 // behind facets that are no longer folded were (bore hex at 150 %).

@@ -50,7 +50,7 @@ constexpr double kSmallWork = 1e8;
 // After the first share of its work a repair ends where, at its pace so far, kTimesAll times all of
 // the work would not repair the rest. Of wrecked meshes a hundredth of the inverted cells is
 // repaired by then. With half or twice of these, or of kAttemptWork, a piston that stays invalid
-// takes about as long; with half, 8 repairs end the same.
+// takes about as long; with half, 8 repairs end the same. The tests pass with either.
 constexpr double kWorkToJudge = 0.25, kTimesAll = 4;
 // Of the work, the most for a repair with straight edges, or of sound cells that were turned over
 // by their corners: it succeeds within that, or mostly not at all.
