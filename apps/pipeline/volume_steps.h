@@ -27,9 +27,9 @@ enum class Bending { Some, All };
 /// Repairs inverted cells by the inner nodes, as far as that takes little work.
 void untangle_result(const BaseSide& base, Bending bending, MorphResult& result);
 
-/// What that left: those on CAD edges and faces slide on them, too; where that is not enough, inner
-/// nodes alone go on, then both.
-/// Returns false where that came nowhere near, so that another start is no better.
+/// Repairs what that left: surface nodes slide on their CAD edges and faces, too; where that is not
+/// enough, inner nodes alone go on, then both. Returns false where that came nowhere near, so that
+/// another start is no better.
 bool slide_surface(const BaseSide& base, Bending bending, Sliding& sliding, MorphResult& result);
 
 }  // namespace cadmorph

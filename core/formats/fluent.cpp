@@ -216,15 +216,15 @@ class Reader {
   void find_byte_order() {
     if (has_order_) return;
     has_order_ = true;
-    // A sixteenth of it is 2^24: 2 to 255, as a face's number of nodes, are more in reverse order.
-    constexpr Index kLargest = 1 << 28;
+    // Of 1 to 255, such as a face's number of nodes, in reverse order.
+    constexpr Index kSmallest = 1 << 24;
     const std::size_t place = bytes_.place();
     const Index little = bytes_.int32("a face");
     bytes_.go_to(place);
     bytes_.set_big_endian(true);
     const Index big = bytes_.int32("a face");
     bytes_.go_to(place);
-    bytes_.set_big_endian(big > 0 && (little <= 0 || (little > big && little > kLargest / 16)));
+    bytes_.set_big_endian(big > 0 && (little <= 0 || (little > big && little >= kSmallest)));
   }
 
   /// "(18 (first last periodic-zone shadow-zone)(...))"

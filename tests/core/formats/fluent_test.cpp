@@ -36,6 +36,8 @@ const std::string kPlane =
 struct Style {
   int precision = 0;  ///< of its sections: 0 text, 2 single, 3 double
   bool is_big_endian = false;
+  /// Faces of one size, which is told once; those on the border first, their smallest nodes first.
+  bool is_from_node_1 = false;
 };
 
 class FluentWriter {
@@ -52,10 +54,12 @@ class FluentWriter {
     }
     end("10");
     text_ += "(12 (2 1 " + hex(cells) + " 1 0))\n";
-    add_faces(mesh, 3, 2, 0, std::ssize(mesh.neighbour));
+    const auto add_inner = [&] { add_faces(mesh, 3, 2, 0, std::ssize(mesh.neighbour)); };
+    if (!style_.is_from_node_1) add_inner();
     Index zone = 4;
     for (const FoamMesh::Patch& patch : mesh.patches)
       add_faces(mesh, zone++, 3, patch.start, patch.count);
+    if (style_.is_from_node_1) add_inner();
     return text_ + "(45 (4 wall left)())\n(45 (5 wall rest)())\n";
   }
 
@@ -103,11 +107,15 @@ class FluentWriter {
     text_ += hex(value) + " ";
   }
   void add_faces(const FoamMesh& mesh, Index zone, Index type, Index start, Index count) {
-    begin("13", zone, start + 1, start + count, hex(type) + " 5");
+    const std::string form = style_.is_from_node_1 ? hex(std::ssize(mesh.faces[start])) : "5";
+    begin("13", zone, start + 1, start + count, hex(type) + " " + form);
     for (Index f = start; f < start + count; ++f) {
       std::vector<Index> face = mesh.faces[f];
       std::ranges::reverse(face);  // the normal points into c0
-      put_integer(std::ssize(face));
+      if (style_.is_from_node_1)
+        std::ranges::rotate(face, std::ranges::min_element(face));
+      else
+        put_integer(std::ssize(face));
       for (const Index node : face) put_integer(node + 1);
       put_integer(mesh.owner[f] + 1);
       put_integer(f < std::ssize(mesh.neighbour) ? mesh.neighbour[f] + 1 : 0);
@@ -240,6 +248,8 @@ TEST_CASE("Fluent files in text and in bytes give the same cells", "[core][forma
     read({.precision = 3}, 0);
     read({.precision = 3, .is_big_endian = true}, 0);
     read({.precision = 2}, kSingle);
+    if (type == CellType::Tetra || type == CellType::Hexahedron)
+      read({.precision = 3, .is_big_endian = true, .is_from_node_1 = true}, 0);
   }
 }
 
