@@ -38,8 +38,7 @@ constexpr int kTrials = 3;
 constexpr int kPatience = 6;
 constexpr double kLeastRise = 0.1;
 // Not before they took this share of the most work: small neighbourhoods cost next to nothing, and
-// the smallest determinant of that manifold rises by 9 % only in the first six minimisations from
-// another start, but is positive after 20.
+// from three other starts that manifold was given up after six, but is repaired where it goes on.
 constexpr double kPatientWork = 0.01;
 // A repair ends when it has done both: counts, not times, end at the same place on every machine.
 // Those that succeeded on the families up to 150 % and on real parts took 33 passes over the mesh's

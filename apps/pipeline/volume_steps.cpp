@@ -14,8 +14,8 @@ constexpr int kMostFirstRings = 4;
 constexpr Index kFewCells = 1'000;
 // Of the most work of a repair: for inner nodes first, then for those of the surface with them.
 // Both have all of it where that was not enough. Cells at an edge that turns are repaired in a
-// thousandth of it once nodes slide on that edge, after inner nodes spent all of it in vain; so 6
-// of 21 pairs with repair take a third to a half less time. With 0.02 or 0.1 they come out alike.
+// thousandth of it once nodes slide on that edge, after inner nodes spent all of it in vain. With
+// 0.02 the same of 21 pairs are valid, in the same time; their figures differ by chance.
 constexpr double kShortWork = 0.05;
 
 // Takes a repair for the last of those that the result had.
