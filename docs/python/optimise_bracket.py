@@ -1,7 +1,7 @@
 """Makes a bracket lighter under a stress limit: OpenCASCADE (by gmsh), cadmorph, CalculiX, SciPy.
 
 Needs Debian's python3-gmsh, python3-scipy, python3-matplotlib and calculix-ccx.
-usage: optimise_bracket.py [FOLDER]    (default: out/bracket)
+usage: optimise_bracket.py [FOLDER [SIZE]]    (default: out/bracket, cells of 4 mm)
 """
 
 import subprocess
@@ -63,11 +63,11 @@ class Bracket:
         return [entity for entity in occ.extrude([(2, face)], 0, width, 0) if entity[0] == 3]
 
     @staticmethod
-    def mesh(file):
+    def mesh(file, size):
         """Quadratic tetrahedra of the part drawn last, in CalculiX's format."""
         gmsh.model.addPhysicalGroup(3, [1], 1)
         gmsh.model.setPhysicalName(3, 1, "PART")
-        for name, value in [("MeshSizeMax", 4), ("MeshSizeFromCurvature", 10), ("ElementOrder", 2)]:
+        for name, value in [("MeshSizeMax", size), ("MeshSizeFromCurvature", 10), ("ElementOrder", 2)]:
             gmsh.option.setNumber(f"Mesh.{name}", value)
         gmsh.model.mesh.generate(3)
         gmsh.write(str(file))
@@ -155,10 +155,10 @@ class State(NamedTuple):
 class Design:
     """Mass and stress for parameters, and their gradients; each worked out once."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, size):
         self.bracket = Bracket(folder)
         base = self.bracket.model(START)
-        mesh = self.bracket.mesh(folder / "base.inp")
+        mesh = self.bracket.mesh(folder / "base.inp", size)
         self.morpher = cadmorph.Morpher(base, mesh, quality="fast")
         self.mass, self.stress = Mass(mesh), Stress(mesh, folder)
         self.states, self.slopes, self.history = {}, {}, []
@@ -215,7 +215,7 @@ def plot(history, file):
 def main():
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/bracket")
     folder.mkdir(parents=True, exist_ok=True)
-    design = Design(folder)
+    design = Design(folder, float(sys.argv[2]) if len(sys.argv) > 2 else 4)
     lower, extent = np.array(LOWER, dtype=float), np.array(UPPER, dtype=float) - LOWER
     parameters = lambda x: lower + extent * x              # SciPy sees them between 0 and 1
     start = (START - lower) / extent
