@@ -24,12 +24,9 @@ using Eigen::Vector3d;
 // where faces meet smoothly or a touching solid's pass by, and the mesh does not follow the curve.
 constexpr double kMeetingFaces = 2;
 // Of the gaps between a node off the CAD and its faces: what the digits of a mesh or the chords of
-// the triangles that it was snapped to make of one. With half or twice of it, or of kCorners, 14
-// pairs come out the same, and the tests of associations and strays pass.
+// the triangles that it was snapped to make of one. With half or twice of it 14 pairs come out the
+// same, and the tests of associations and strays pass.
 constexpr double kAsNear = 2;
-// A facet's corners tell more than its centroid: a chord across a thin wall's inside comes near the
-// other side, or beyond it.
-constexpr double kCorners = 2;
 // Decides between faces that fit equally, far below what a worse fit costs. With 0, blocks that
 // touch take each other's nodes.
 constexpr double kOtherSide = 1e-2;
@@ -314,7 +311,8 @@ class Associator {
     return common;
   }
 
-  // Largest distance of a facet's corners from a trimmed face.
+  // Largest distance of a facet's corners from a trimmed face. They tell more than its centroid: a
+  // chord across a thin wall's inside comes near the other side, or beyond it.
   double corner_gap(FacetId f, FaceId face) const {
     double gap = 0;
     for (int i = 0; i < surface_.corners[f]; ++i)
@@ -370,8 +368,8 @@ class Associator {
       const double outside = model_.is_inside(face, foot.uv) ? 0 : 1;
       const double sense = senses_[body_[f]];
       const bool is_other_side = sense != 0 && sense * facing(normal, face, foot.uv) < 0.5;
-      const double cost = (foot.distance + kCorners * corner_gap(f, face)) / size + tilt + outside +
-                          (is_other_side ? kOtherSide : 0);
+      const double gap = std::max(foot.distance, corner_gap(f, face));
+      const double cost = gap / size + tilt + outside + (is_other_side ? kOtherSide : 0);
       if (cost < least) {
         least = cost;
         best = face;

@@ -11,9 +11,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-// With half or twice of kProbes, kPhases, kApart, kCarried, kPredictedBits, kBendUnit, kStrainUnit,
-// kClearlyLess or kToAndFro, 14 pairs come out the same; with half of the first two, and with half
-// or twice of the others but kApart, the tests of seams and of curves pass. Where no way is
+// With half or twice of kProbes, kPhases, kApart, kCarried, kPredictedBits, kBendUnit, kStrainUnit
+// or kClearlyLess, 14 pairs come out the same; with half of the first two, and with half or twice
+// of the others but kApart, the tests of seams and of curves pass. Where no way is
 // clearly less strained, a blade does not keep its leading edge.
 constexpr int kProbes = 24;  // points of a curve that its motion is judged by, 15 degrees apart
 constexpr int kPhases = 48;  // starts tried, one each 7.5 degrees of a circle
@@ -49,10 +49,6 @@ constexpr double kBendUnit = 0.01;
 // no accident.
 constexpr double kStrainUnit = 0.05, kClearlyLess = 0.25;
 constexpr int kStrainProbes = 48;  // twice kProbes: a strain is made of differences between them
-// Between two maps of a closed curve, its points shift along it. Where the mean shift is less than
-// this part of the largest, some shift forward and some back: the parametrisation is another one.
-// Where all shift one way, the curve turned.
-constexpr double kToAndFro = 0.2;
 
 std::size_t link_index(const CadCurve& curve, EdgeId edge) {
   const auto it = std::find_if(curve.links.begin(), curve.links.end(),
@@ -547,24 +543,12 @@ void CurveMap::find_starts() {
   }
   is_same_ = pair_->match.is_congruent || is_same_under(alignment_);
   with_part = is_same_ ? Way{Mode::Nearest, is_reversed, 0, 0} : turned_by(alignment_);
-  if (is_same_ && by_parameters && is_reparametrised(*by_parameters, *with_part))
-    by_parameters = with_part;
   // Where seams cut a circle into other pieces, these tell its start only if that hardly turns it.
   if (by_parameters && !has_equal_links && has_own_parameters() &&
       turn(*by_parameters, images(*in_place)) > kTurnUnit &&
       turn(*by_parameters, images(*with_part)) > kTurnUnit)
     by_parameters.reset();
   is_free_form_ = !pair_->match.is_congruent && starts_at_free_form();
-}
-
-bool CurveMap::is_reparametrised(const Way& way, const Way& same) const {
-  double sum = 0, largest = 0;
-  for (const CurveLocation& l : probes_) {
-    const double shift = variant_.fraction(apply(way, l)) - variant_.fraction(apply(same, l));
-    sum += shift - std::round(shift);
-    largest = std::max(largest, std::abs(shift - std::round(shift)));
-  }
-  return std::abs(sum / kProbes) < kToAndFro * largest;
 }
 
 // The phase of a curve that turns by a motion, wherever it goes.

@@ -135,7 +135,6 @@ class CurveMap {
   Way by_face(const Way& way);
   void find_starts();
   bool starts_at_free_form() const;
-  bool is_reparametrised(const Way& way, const Way& same) const;
   Way turned_by(const Similarity& motion) const;
   bool runs_backward() const;
   std::optional<bool> runs_backward_by_faces() const;

@@ -22,10 +22,6 @@ constexpr double kNoSpin = 1e-4;           // of a rotation matrix: what hardly 
 // a ball or ring, which their symmetry gives exactly. With half or twice of either 14 pairs come
 // out the same.
 constexpr int kProbes = 24, kGrid = 12;
-// Warped nodes this far from the prediction, in sizes of the face, mean that parameters don't
-// correspond at all. With half, twice or any deviation allowed, 30 pairs come out the same; with
-// any, the tests of the corpus, of seams and of real parts pass.
-constexpr double kLost = 0.5;
 
 // Where a sample of the base went.
 struct SampleMotion {
@@ -233,12 +229,6 @@ std::optional<FaceCarry> round_carry(const FaceDomain& domain, const ModelPair& 
   return carry_round_face(pair, domain.face(), from, to);
 }
 
-double face_size(const CadModel& model, FaceId face) {
-  const CadFace& f = model.faces()[face];
-  const Vector2d lengths = mean_derivatives(model, face).cwiseProduct(f.upper - f.lower);
-  return lengths.minCoeff();
-}
-
 }  // namespace
 
 FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const FaceMotion& motion,
@@ -284,13 +274,6 @@ FaceMapResult map_face(const FaceDomain& domain, const ModelPair& pair, const Fa
     for (Index i = 0; i < points.rows(); ++i)
       aligned.row(i) = pair.match.alignment(points.row(i).transpose());
     return projected(pair, pair.match.faces[domain.face()], aligned);
-  }
-  if (d.mapped > kLost * face_size(pair.variant, pair.match.faces[domain.face()])) {
-    FaceMapResult other = project_face(domain, pair, motion, points);
-    if (judge(domain, pair, other.uv, points).mapped < 0.5 * d.mapped) {
-      other.note = "its warped parameters lie far from where the part moved";
-      return other;
-    }
   }
   return result;
 }

@@ -13,15 +13,15 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr Index kProxies = 800;  // at most: the finest tolerance, 1e-15, takes 520
+constexpr Index kProxies = 520;  // at most: for the finest tolerance, 1e-15
 constexpr int kMoments = 10;     // of the polynomials up to order 2
 
 // Proxies that resolve a tolerance: more digits need more angles. With 20 for 40 a digit canisters
 // of 15,666 and 21,124 centres take 13 and 17 iterations in place of 10 and 9; with 80, or with 60
-// or 240 for 120, as many, with 80 in a quarter more time. H2Matrix asks for no fewer than 160.
+// or 240 for 120, as many, with 80 in a quarter more time.
 Index proxy_count(double tolerance) {
   const double count = 120 + 40 * std::log10(1e-5 / tolerance);
-  return std::clamp<Index>(static_cast<Index>(count), 100, kProxies);
+  return std::min(static_cast<Index>(count), kProxies);
 }
 
 // Weight of the moment rows: they are to be kept to about 1e-17 / tolerance of the kernel rows.
