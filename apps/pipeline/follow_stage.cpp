@@ -64,31 +64,34 @@ void morph_on_way(const BaseSide& base, const WayToFollow& way, double share, Sl
   result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
 }
 
+bool keeps_more(const BaseSide& base, const QualityReport& now, const QualityReport& before) {
+  const WorstCells had = worst_cells(base.quality);
+  return sum_of_shares(worst_cells(now), had) >
+         kWorthFollowing * sum_of_shares(worst_cells(before), had);
+}
+
 }  // namespace
 
 bool has_lost_half(const WorstCells& now, const WorstCells& had) {
   return least_share(now, had) < kKeptHalf;
 }
 
-bool is_worth_following(const BaseSide& base, const QualityReport& now,
-                        const QualityReport& before) {
-  const WorstCells had = worst_cells(base.quality);
-  return sum_of_shares(worst_cells(now), had) >
-         kWorthFollowing * sum_of_shares(worst_cells(before), had);
+bool is_worth_following(const BaseSide& base, const MorphResult& now, const MorphResult& before) {
+  return keeps_more(base, now.quality, before.quality) &&
+         (!is_for_finite_volumes(base) || kept_shape(base, now) >= kept_shape(base, before));
 }
 
 std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sliding,
                                               const MorphResult& result) {
   const bool can_follow = is_free(base) && base.options.quality != QualityMode::Fast &&
-                          base.options.can_repair && dimension(base.mesh()) == 3 &&
-                          !is_for_finite_volumes(base);
+                          base.options.can_repair && dimension(base.mesh()) == 3;
   const WorstCells had = worst_cells(base.quality), now = worst_cells(result.quality);
   if (!can_follow || least_share(now, had) >= kKeptHalf) return std::nullopt;
   const Mesh& mesh = base.mesh();
   const SlidingNodes& nodes = *sliding.nodes();
   if (sliding.known_way && sliding.known_way->start == nodes.slides) {
     WayToFollow way = *sliding.known_way;
-    way.is_promising = is_worth_following(base, way.estimate, result.quality);
+    way.is_promising = keeps_more(base, way.estimate, result.quality);
     return way.nodes > 0 ? std::optional(std::move(way)) : std::nullopt;
   }
   std::vector<Index> suffering;
@@ -134,7 +137,7 @@ std::optional<WayToFollow> find_way_to_follow(const BaseSide& base, Sliding& sli
                   .images = ImageSlides(surface.images, base.boundary, nodes)};
   way.images.average(way.steps);
   way.nodes = (way.steps.rowwise().squaredNorm().array() > 0).count();
-  way.is_promising = is_worth_following(base, estimate, result.quality);
+  way.is_promising = keeps_more(base, estimate, result.quality);
   way.estimate = std::move(estimate);
   sliding.known_way = std::make_shared<const WayToFollow>(way);
   if (way.nodes == 0) return std::nullopt;
@@ -146,7 +149,7 @@ bool let_surface_follow(const BaseSide& base, const WayToFollow& way, Sliding& s
   for (const double share : kSharesToFollow) {
     Undo undo(sliding, result);
     morph_on_way(base, way, share, sliding, clock, result);
-    const bool is_better = is_worth_following(base, result.quality, undo.kept().quality);
+    const bool is_better = is_worth_following(base, result, undo.kept());
     if (is_better && result.validity.invalid <= undo.kept().validity.invalid &&
         sliding.turned_facets(result.positions, sliding.slides()) <=
             sliding.turned_facets(undo.kept().positions, undo.slides())) {

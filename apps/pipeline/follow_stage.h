@@ -10,9 +10,9 @@ namespace cadmorph {
 /// Whether less than half is left of what the worst cells had.
 bool has_lost_half(const WorstCells& now, const WorstCells& had);
 
-/// Whether `now` keeps so much more of the base's cells than `before` that following is worth it.
-bool is_worth_following(const BaseSide& base, const QualityReport& now,
-                        const QualityReport& before);
+/// Whether `now` keeps so much more of the base's cells than `before` that following is worth it,
+/// and no less of its faces where these count. Both with the quality of their positions.
+bool is_worth_following(const BaseSide& base, const MorphResult& now, const MorphResult& before);
 
 /// The slides by which surface nodes follow what moves beside them.
 struct WayToFollow {

@@ -331,16 +331,20 @@ void raise_or_follow(const BaseSide& base, Sliding& sliding, PhaseClock& clock,
     clock.start("quality after");
     return has_followed;
   };
-  if (way && way->is_promising) follow();
-  if (!way || way->is_promising) return raise_lost_cells(base, sliding, result);
+  const bool is_promising = way && way->is_promising;
+  // Faces of finite volumes may rise farther where nodes did not follow: both are tried.
+  const bool is_sure = is_promising && !is_for_finite_volumes(base);
+  if (is_sure) follow();
+  if (!way || is_sure) return raise_lost_cells(base, sliding, result);
   Undo morphed(sliding, result);
   raise_lost_cells(base, sliding, result);
-  if (!has_lost_half(worst_cells(result.quality), worst_cells(base.quality))) return;
+  if (!is_promising && !has_lost_half(worst_cells(result.quality), worst_cells(base.quality)))
+    return;
   Undo raised(sliding, result);
   morphed.apply(sliding, result);
   if (follow()) {
     raise_lost_cells(base, sliding, result);
-    if (is_worth_following(base, result.quality, raised.kept().quality)) return;
+    if (is_worth_following(base, result, raised.kept())) return;
   }
   raised.apply(sliding, result);
 }

@@ -170,7 +170,7 @@ bool go_by_corners(const BaseSide& base, Sliding& sliding, PhaseClock& clock, Mo
   if (plain.kept().validity.invalid <= base.validity.invalid) {
     result.quality = measure_quality(base.mesh(), result.positions, base.orientation);
     if (result.validity.invalid <= base.validity.invalid && result.report.followed_nodes > 0 &&
-        is_worth_following(base, result.quality, plain.kept().quality))
+        is_worth_following(base, result, plain.kept()))
       return true;
     plain.apply(sliding, result);
     return false;

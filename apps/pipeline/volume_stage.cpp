@@ -104,18 +104,6 @@ void restore_and_raise(const BaseSide& base, bool is_inverted, Sliding& sliding,
     raise_or_follow(base, sliding, clock, result);
 }
 
-// Shares of what the base's worst faces had, where these count, else of its worst cells.
-double kept_shape(const BaseSide& base, const MorphResult& result) {
-  const Mesh& mesh = base.mesh();
-  std::optional<FiniteVolumes> volumes;
-  if (is_for_finite_volumes(base))
-    volumes.emplace(mesh, mesh.points, base.neighbours, base.orientation);
-  return volumes && volumes->has_cells()
-             ? sum_of_shares(worst_faces(*volumes, result.positions),
-                             worst_faces(*volumes, mesh.points))
-             : sum_of_shares(worst_cells(result.quality), worst_cells(base.quality));
-}
-
 double change_of_heights(const BaseSide& base, const Points& positions) {
   return change_of_heights(base.mesh(), base.neighbours, base.on_cad(), base.mesh().points,
                            positions);

@@ -86,6 +86,17 @@ bool is_for_finite_volumes(const BaseSide& base) {
          (use == MeshUse::OfFormat && base.mesh().is_of_finite_volumes);
 }
 
+double kept_shape(const BaseSide& base, const MorphResult& result) {
+  const Mesh& mesh = base.mesh();
+  std::optional<FiniteVolumes> volumes;
+  if (is_for_finite_volumes(base))
+    volumes.emplace(mesh, mesh.points, base.neighbours, base.orientation);
+  return volumes && volumes->has_cells()
+             ? sum_of_shares(worst_faces(*volumes, result.positions),
+                             worst_faces(*volumes, mesh.points))
+             : sum_of_shares(worst_cells(result.quality), worst_cells(base.quality));
+}
+
 void step_volume(const BaseSide& base, const Points& surface_positions, const SteppingOptions& how,
                  PhaseClock& clock, MorphResult& result, VolumeMorphResult* one_step) {
   clock.start("volume morph");

@@ -16,6 +16,10 @@ Index few_cells(const BaseSide& base);
 /// Whether what counts are faces of finite volumes, not the shapes of cells.
 bool is_for_finite_volumes(const BaseSide& base);
 
+/// Sum of the shares of what the base's worst faces had, where these count, else of its worst
+/// cells. `result.quality`: of its positions.
+double kept_shape(const BaseSide& base, const MorphResult& result);
+
 /// Moves the volume to these positions of the surface's nodes (rows as VolumeMorph::surface_nodes),
 /// in steps as `how` has them. `one_step`: of the first, or null; used up.
 void step_volume(const BaseSide& base, const Points& surface_positions, const SteppingOptions& how,

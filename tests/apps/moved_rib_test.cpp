@@ -8,6 +8,7 @@
 
 #include "apps/pipeline/morph_job.h"
 #include "cad_variants.h"
+#include "core/quality_checks.h"
 #include "volume/mid_nodes.h"
 
 namespace cadmorph {
@@ -70,9 +71,11 @@ Mesh mesh_of(const Plate& plate, bool is_second_order) {
   return mesh;
 }
 
-MorphResult moved(const Plate& plate, double by, Mesh mesh, QualityMode quality) {
+MorphResult moved(const Plate& plate, double by, Mesh mesh, QualityMode quality,
+                  MeshUse use = MeshUse::OfFormat) {
   PipelineOptions options;
   options.quality = quality;
+  options.mesh_use = use;
   return MorphJob(std::make_shared<const CadModel>(cad_of(plate, 0)),
                   std::make_shared<const MeshFile>(std::move(mesh), "plate"), options)
       .morph(cad_of(plate, by));
@@ -101,6 +104,17 @@ TEST_CASE("Where one step inverts many, the surface follows before further steps
   CHECK(result.report.followed_nodes > 0);
   CHECK(result.report.stepping.steps == 1);
   CHECK(result.quality.min > 0.7);
+}
+
+TEST_CASE("Finite volumes follow a rib as finite elements do", "[apps][rib]") {
+  const Plate plate{60, 28};
+  const MorphResult result =
+      moved(plate, 12, mesh_of(plate, false), QualityMode::Best, MeshUse::FiniteVolumes);
+  CHECK(result.report.outcome == Outcome::Done);
+  CHECK(result.report.followed_nodes > 0);
+  CHECK(check_quality(result.base->mesh(), result.positions, result.base->neighbours,
+                      result.base->orientation)
+            .max_non_orthogonality_deg < 45);
 }
 
 TEST_CASE("On the way of a series, elements are raised where half of their shape is lost",
