@@ -287,7 +287,7 @@ std::optional<TopologyMatch> cheaper(std::optional<TopologyMatch> a,
                                      std::optional<TopologyMatch> b) {
   if (!a || (b && costs_less(*b, *a))) std::swap(a, b);
   if (!b || (a->faces == b->faces && a->curves == b->curves && a->corners == b->corners)) return a;
-  std::optional<ConsideredMatch> beaten{{b->how, b->cost}};
+  std::optional<ConsideredMatch> beaten{{b->how, b->cost, b->faces}};
   if (a->faces == b->faces && a->joins_edges != b->joins_edges) beaten.reset();  // not another one
   for (const auto& other : {beaten, b->runner_up})
     if (other && (!a->runner_up || other->cost.sum() < a->runner_up->cost.sum()))

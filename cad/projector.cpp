@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -16,6 +17,7 @@ using Eigen::Vector3d;
 
 constexpr int kMaxIterations = 40;  // of Newton's method, which takes a few where it converges
 constexpr double kStepTolerance = 1e-14;  // of the model's diagonal: 45 times a double's rounding
+constexpr double kSamePoint = 1e-10;  // of the diagonal: above the rounding of a foot near a pole
 // Of the trimmed domain, beyond it: feet of points just outside of the wires are found, and a
 // surface without a period is not extrapolated far.
 constexpr double kDomainMargin = 0.1;
@@ -92,9 +94,7 @@ EdgeFoot descend_on_edge(const CadModel& model, EdgeId edge, const Vector3d& x, 
   return {edge, t, c.point, std::sqrt(best)};
 }
 
-}  // namespace
-
-FaceFoot project_on_face(const CadModel& model, FaceId face, const Vector3d& x,
+FaceFoot descend_on_face(const CadModel& model, FaceId face, const Vector3d& x,
                          const Vector2d& seed) {
   const CadFace& f = model.faces()[face];
   const double tolerance = kStepTolerance * model.diagonal();
@@ -129,6 +129,38 @@ FaceFoot project_on_face(const CadModel& model, FaceId face, const Vector3d& x,
       break;
   }
   return {uv, s.first.point, std::sqrt(best)};
+}
+
+// Where parameters beyond a pole come back to on the other side of it.
+std::optional<Vector2d> across_pole(const CadModel& model, FaceId face, const Vector2d& uv) {
+  const CadFace& f = model.faces()[face];
+  for (const int a : {0, 1}) {
+    if (f.period[a] > 0 || (uv[a] >= f.lower[a] && uv[a] <= f.upper[a])) continue;
+    const int round = 1 - a;
+    const double half = (f.upper[round] - f.lower[round]) / 2;
+    Vector2d pole = uv;
+    pole[a] = uv[a] < f.lower[a] ? f.lower[a] : f.upper[a];
+    const SurfacePoint at = model.evaluate(face, pole);
+    if ((round == 0 ? at.du : at.dv).norm() * half > kStepTolerance * model.diagonal()) continue;
+    Vector2d other = uv;
+    other[a] = 2 * pole[a] - uv[a];
+    other[round] += uv[round] < f.lower[round] + half ? half : -half;
+    return other;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+FaceFoot project_on_face(const CadModel& model, FaceId face, const Vector3d& x,
+                         const Vector2d& seed) {
+  const FaceFoot foot = descend_on_face(model, face, x, seed);
+  const std::optional<Vector2d> across = across_pole(model, face, foot.uv);
+  if (!across) return foot;
+  // Beyond a pole lies the same point once more, but outside of the face.
+  const FaceFoot other = descend_on_face(model, face, x, *across);
+  const double tolerance = kSamePoint * model.diagonal();
+  return other.distance <= foot.distance + tolerance ? other : foot;
 }
 
 FaceFoot project_globally(const CadModel& model, FaceId face, const Vector3d& x) {

@@ -353,6 +353,19 @@ double lead(const TopologyMatch& match) {
                          : std::numeric_limits<double>::infinity();
 }
 
+std::string paired_otherwise(const TopologyMatch& match) {
+  constexpr int kMost = 10;
+  std::string numbers;
+  int count = 0;
+  for (const FaceId f : match.runner_up->faces.ids()) {
+    if (match.runner_up->faces[f] == match.faces[f] || ++count > kMost) continue;
+    numbers += (count > 1 ? ", " : " ") + std::to_string(f + 1);
+  }
+  if (count == 0) return {};
+  if (count > kMost) numbers += " and " + std::to_string(count - kMost) + " more";
+  return (count == 1 ? "face" : "faces") + numbers;
+}
+
 TopologyMatch match_topology(const CadModel& base, const CadModel& variant,
                              const MatchOptions& options) {
   if (auto match = find_match(base, variant, options)) return std::move(*match);

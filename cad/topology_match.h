@@ -42,6 +42,7 @@ struct MatchCost {
 struct ConsideredMatch {
   std::string how;
   MatchCost cost;
+  IdVector<FaceId, FaceId> faces = {};  ///< base face -> variant face
 };
 
 /// The variant's counterpart of every base entity. Curves and corners are those of
@@ -66,6 +67,10 @@ struct TopologyMatch {
 
 /// What the runner-up costs more than the match taken, in bits; infinity without one.
 double lead(const TopologyMatch& match);
+
+/// "faces 1, 4", those of the base that the runner-up pairs otherwise, the first ten by their
+/// numbers from 1; empty where it pairs edges alone otherwise.
+std::string paired_otherwise(const TopologyMatch& match);
 
 struct MatchOptions {
   /// Pairs given by the user: 1-based face numbers, base -> variant ("faces.csv": base,variant).

@@ -62,11 +62,15 @@ void warn_of_unclear_match(const CadModel& base, const CadModel& variant,
   if (lead(match) >= kUnclear) return;
   std::ostringstream text;
   text.precision(3);
-  text << "the faces of " << variant.file_name() << " are paired with those of " << base.file_name()
-       << " in one of two ways that fit alike (" << match.cost.sum() << " against "
-       << match.runner_up->cost.sum() << " bits speak against them): look at the pairs ("
-       << words_for(Remedy::ListPairs) << "), set them by " << words_for(Remedy::FaceMap)
-       << " where they are wrong";
+  const std::string others = paired_otherwise(match);
+  text << (others.empty() ? "the edges of " : "the faces of ") << variant.file_name()
+       << " are paired with those of " << base.file_name() << " in one of two ways that fit alike ("
+       << match.cost.sum() << " against " << match.runner_up->cost.sum()
+       << " bits speak against them";
+  if (!others.empty()) text << "; the other pairs " << others << " of the base otherwise";
+  text << "): look at the pairs (" << words_for(Remedy::ListPairs) << ')';
+  if (!others.empty())
+    text << ", set them by " << words_for(Remedy::FaceMap) << " where they are wrong";
   figures.run.warnings.push_back(text.str());
 }
 

@@ -567,7 +567,11 @@ std::string cost_text(const TopologyMatch& match) {
   std::size_t row = 1;
   for (const auto& [name, bits] : cost_terms(other)) rows[row++].push_back(format("%.1f", bits));
   rows[row].push_back(format("%.1f", other.sum()));
-  return "\n" + align(rows);
+  const std::string others = paired_otherwise(match);
+  return "\n" + align(rows) + "The runner-up pairs " +
+         (others.empty() ? "the same faces, but not their edges"
+                         : others + " of the base otherwise") +
+         ".\n";
 }
 
 }  // namespace cadmorph

@@ -59,13 +59,16 @@ TEST_CASE("A match that fits hardly better than another one is remarked on", "[a
   const std::shared_ptr<const BaseSide> base(std::shared_ptr<void>(), &job.base());
   const CadModel variant = read_step(place.folder() / "box_moved.step");
   TopologyMatch match = match_topology(*base->cad, variant);
-  const auto warnings = [&](double ahead) {
-    match.runner_up = ConsideredMatch{.how = "turned", .cost = match.cost};
+  const auto warnings = [&](double ahead, int other = 3) {
+    match.runner_up = ConsideredMatch{.how = "turned", .cost = match.cost, .faces = match.faces};
     match.runner_up->cost.turn += ahead;
+    std::swap(match.runner_up->faces[FaceId(0)], match.runner_up->faces[FaceId(other)]);
     return begin_result(base, variant, match).report.run.warnings;
   };
   REQUIRE(warnings(0.9).size() == 1);
   CHECK_THAT(warnings(0.9)[0], Catch::Matchers::Contains("in one of two ways that fit alike"));
+  CHECK_THAT(warnings(0.9)[0], Catch::Matchers::Contains("the other pairs faces 1, 4 of the base"));
+  CHECK_THAT(warnings(0.9, 0)[0], Catch::Matchers::StartsWith("the edges of "));
   CHECK(warnings(1.1).empty());
 }
 

@@ -242,3 +242,27 @@ TEST_CASE("samples lie inside their faces and leave no gap above their spacing",
     }
   }
 }
+
+// From a seed near the pole Newton's method goes beyond it as well as back.
+TEST_CASE("A foot near a pole lies within the face's parameters", "[cad][projector]") {
+  for (const bool is_nurbs : {false, true}) {
+    const CadModel model = to_model(is_nurbs ? to_nurbs(shape("sphere")) : shape("sphere"));
+    const FaceId face(0);
+    const CadFace& f = model.faces()[face];
+    const int around = f.period[0] > 0 ? 0 : 1, along = 1 - around;
+    for (const double end : {f.lower[along], f.upper[along]})
+      for (int i = 0; i < 12; ++i)
+        for (int j = 0; j < 12; ++j) {
+          Vector2d at, seed;
+          at[around] = f.lower[around] + (f.upper[around] - f.lower[around]) * i / 12;
+          const double inward = (f.lower + f.upper)[along] / 2 - end;
+          at[along] = end + 0.05 * inward;
+          seed[around] = f.lower[around] + (f.upper[around] - f.lower[around]) * j / 12;
+          seed[along] = end + 0.001 * inward;
+          const FaceFoot foot = project_on_face(model, face, model.evaluate(face, at).point, seed);
+          CHECK(foot.distance < 1e-10 * model.diagonal());
+          CHECK((foot.uv.array() >= f.lower.array() - 1e-9).all());
+          CHECK((foot.uv.array() <= f.upper.array() + 1e-9).all());
+        }
+  }
+}
