@@ -35,8 +35,7 @@ struct FeetOn {
   bool is_exact(double tolerance) const {
     return std::ranges::any_of(parts, [&](const auto& p) { return p.first.distance <= tolerance; });
   }
-  // The first found of those that are equally near: beyond a pole lies the same point once more,
-  // outside the face's parameters.
+  // The first found of those that are equally near.
   const Foot& nearest() const {
     const Foot* best = &parts.front().first;
     for (const auto& [foot, at] : parts)
