@@ -53,4 +53,9 @@ inline Index find_slider(const SlidingNodes* sliding, Index node) {
   return sliding ? sliding->find(node) : -1;
 }
 
+/// The coordinates of nodes[i] at the foot of the perpendicular from `point` to its surface or
+/// edge, by Newton's method from `slide` on.
+Eigen::Vector2d slide_below(const SlidingNodes& sliding, Index i, Eigen::Vector2d slide,
+                            const Eigen::Vector3d& point);
+
 }  // namespace cadmorph

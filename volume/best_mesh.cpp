@@ -147,11 +147,11 @@ class BestMesh {
 
   BestMeshResult run() {
     if (kept() < kLost) straighten_edges();
-    straighten_rows();
+    straighten_all_rows();
     if (kept() < kLostAny && compare_with_stretch()) {
       prepare();
       lost_much_ = has_lost_much();
-      if (!lost_much_) hold_rows();
+      hold_rows();
       if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
       raise(RaiseBy::InnerNodes, 2);
       const auto raise_inner = [&] {
@@ -161,11 +161,12 @@ class BestMesh {
         raise_inner();
         if (least_share(result_.report.best, can_keep_) < kKeptEnough) raise_by_sliding();
       } else if (!raise_by_sliding()) {
+        if (release_rows()) raise(RaiseBy::InnerNodes, 2);
         raise_inner();
       }
       if (sliding_) keep_slides();
       has_raised_ = has_taken_search();
-      if (has_raised_) straighten_rows();
+      if (has_raised_) straighten_all_rows();
     }
     if (options_.volumes)
       result_.quality = result_.positions == came_.points
@@ -225,9 +226,7 @@ class BestMesh {
       if (!options_.sliding || !(sliding_ = options_.sliding())) return false;
       at_.slides = slides_ = sliding_->slides;
       if (options_.images) images_ = options_.images();
-      group_of_.assign(sliding_->nodes.size(), nullptr);
-      for (const std::vector<Index>& group : images_.groups)
-        for (const Index i : group) group_of_[i] = &group;
+      find_columns();
     }
     for (std::size_t i = 0; i < sliding_->nodes.size(); ++i)
       if (on_edges || !is_on_edge(static_cast<Index>(i)))
@@ -236,21 +235,27 @@ class BestMesh {
     for (const Index i : images_.bound) is_fixed_[sliding_->nodes[i]] = 1;
     for (const Index node : options_.resting)
       if (!mid_nodes_.contains(node)) is_fixed_[node] = 1;  // those rest with their corners
+    for (const std::vector<Index>& column : columns_)
+      if (std::ranges::any_of(column, [&](Index node) { return is_fixed_[node]; }))
+        for (const Index node : column) is_fixed_[node] = 1;
     return true;
   }
 
   // Lets resting nodes of the cells with least slide; false where there are none.
   bool release_resting() {
-    std::vector<char> is_resting(is_fixed_.size(), 0);
-    for (const Index node : options_.resting) is_resting[node] = !is_flat_[node];
-    for (const Index node : options_.held) is_resting[node] = 0;
-    for (const Index i : images_.bound) is_resting[sliding_->nodes[i]] = 0;
+    std::vector<char> is_resting(is_fixed_.size(), 0), stays = is_flat_;
+    for (const Index node : options_.resting) is_resting[node] = 1;
+    for (const Index node : options_.held) stays[node] = 1;
+    for (const Index i : images_.bound) stays[sliding_->nodes[i]] = 1;
     bool has_any = false;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (result_.quality.values[c] < kKeptLittle * can_keep_.min)
         for (const Index node : mesh_.cell(c))
           if (is_fixed_[node] && is_resting[node] && is_slider(node)) {
-            is_fixed_[node] = 0;
+            bool may_move = true;
+            for_column(node, [&](Index one) { may_move &= !stays[one]; });
+            if (!may_move) continue;
+            for_column(node, [&](Index one) { is_fixed_[one] = 0; });
             has_any = true;
           }
     return has_any;
@@ -306,6 +311,7 @@ class BestMesh {
   bool raise_by_sliding() {
     const std::vector<char> was_fixed = is_fixed_;
     const bool slid_before = sliding_;
+    release_rows();
     if (!let_slide(true)) return false;
     for (const int doublings : {2, 2, 3, 3, 4, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
     raise_while_worthwhile();
@@ -383,10 +389,14 @@ class BestMesh {
 
   // A smooth warp bends rows of nodes through a wall that changes shape and thickness at once.
   // So does raising, whose samples feel the shape of a cell more than its thickness.
-  void straighten_rows() {
+  void straighten_all_rows() {
+    straighten_rows(RaiseBy::SweptRows, options_.swept_rows);
+    straighten_rows(RaiseBy::WallRows, options_.wall_rows);
+  }
+  void straighten_rows(RaiseBy by, const std::vector<NodeRow>& rows) {
     const Points& now = result_.positions;
     std::vector<const NodeRow*> bent;
-    for (const NodeRow& row : options_.wall_rows)
+    for (const NodeRow& row : rows)
       if (deviation(row, reference_.points, now) > kBent) bent.push_back(&row);
     if (bent.empty()) return;
     prepare();
@@ -397,13 +407,11 @@ class BestMesh {
     for (const NodeRow* row : bent) {
       const std::span inner(row->begin() + 1, row->end() - 1);
       if (std::ranges::any_of(inner, [&](Index n) { return is_fixed_[n]; })) continue;
-      const Points places = straight_places(*row, reference_.points, now);
-      for (std::size_t i = 0; i < inner.size(); ++i) {
-        next.positions.row(inner[i]) = places.row(static_cast<Index>(i));
-        has_node[inner[i]] = 1;
-        around.nodes.push_back(inner[i]);
-      }
+      straighten(*row, next);
+      for (const Index node : inner) has_node[node] = 1;
+      around.nodes.insert(around.nodes.end(), inner.begin(), inner.end());
     }
+    if (around.nodes.empty()) return;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
       if (is_measured(result_.quality.values[c]) &&
           std::ranges::any_of(mesh_.cell(c), [&](Index n) { return has_node[n]; }))
@@ -411,8 +419,27 @@ class BestMesh {
     std::ranges::sort(around.nodes);
     add_followers(around, has_node);
     carry_followers(around, next);
-    if (distorts(next.positions, around.cells)) return;
-    try_at_once(RaiseBy::WallRows, std::move(next), around);
+    if (by == RaiseBy::WallRows && distorts(next.positions, around.cells)) return;
+    try_at_once(by, std::move(next), around);
+  }
+
+  void straighten(const NodeRow& row, State& state) const {
+    const Points places = straight_places(row, reference_.points, state.positions);
+    for (Index i = 0; i < places.rows(); ++i) put_at(row[std::size_t(i) + 1], places.row(i), state);
+  }
+
+  // A node that slides as near as its surface lets it, if within its bounds.
+  void put_at(Index node, const Eigen::RowVector3d& place, State& state) const {
+    const Index slider = find_slider(sliding_, node);
+    if (slider < 0) {
+      state.positions.row(node) = place;
+      return;
+    }
+    const Eigen::Vector2d slide =
+        slide_below(*sliding_, slider, state.slides.row(slider).transpose(), place.transpose());
+    if (!slide.allFinite() || !sliding_->is_within(slider, slide)) return;
+    state.slides.row(slider) = slide.transpose();
+    state.positions.row(node) = sliding_->at(slider, slide).point.transpose();
   }
 
   // Whether these cells are farther from their shapes of reference than where they came. Thin ones
@@ -428,16 +455,49 @@ class BestMesh {
     return energy_at(positions) > energy_at(came_.points);
   }
 
-  // Holds rows whose cells are of even height. Where little is kept this is not called: rows are
-  // given up then, as the surface nodes' places are.
+  // Images of each other, and the nodes of the swept rows between them.
+  void find_columns() {
+    column_of_.assign(mesh_.node_count(), -1);
+    columns_.clear();
+    for (const std::vector<Index>& group : images_.groups) {
+      std::vector<Index>& column = columns_.emplace_back();
+      for (const Index i : group) {
+        column.push_back(sliding_->nodes[i]);
+        column_of_[column.back()] = std::ssize(columns_) - 1;
+      }
+    }
+    if (are_lost(RaiseBy::SweptRows)) return;
+    for (const NodeRow& row : options_.swept_rows) {
+      const Index column = column_of_[row.front()];
+      if (column < 0 || column != column_of_[row.back()]) continue;
+      slid_rows_.push_back(&row);
+      for (const Index node : std::span(row.begin() + 1, row.end() - 1)) {
+        column_of_[node] = column;
+        columns_[column].push_back(node);
+      }
+    }
+  }
+
+  // Holds rows whose cells are of even height until surface nodes slide. Where little is kept those
+  // across walls are given up, as the surface nodes' places are.
   void hold_rows() {
-    const auto is_lost = [](const RaiseAttempt& tried) {
-      return tried.by == RaiseBy::WallRows && !tried.is_taken;
+    const auto hold = [&](const NodeRow& row) {
+      for (const Index node : row)
+        if (!std::exchange(is_fixed_[node], 1)) of_held_rows_.push_back(node);
     };
-    if (std::ranges::any_of(result_.report.attempts, is_lost)) return;
+    if (!are_lost(RaiseBy::SweptRows)) std::ranges::for_each(options_.swept_rows, hold);
+    if (lost_much_ || are_lost(RaiseBy::WallRows)) return;
     for (const NodeRow& row : options_.wall_rows)
-      if (is_even(row, reference_.points))
-        for (const Index node : row) is_fixed_[node] = 1;
+      if (is_even(row, reference_.points)) hold(row);
+  }
+  bool are_lost(RaiseBy rows) const {
+    return std::ranges::any_of(result_.report.attempts, [&](const RaiseAttempt& tried) {
+      return tried.by == rows && !tried.is_taken;
+    });
+  }
+  bool release_rows() {
+    for (const Index node : of_held_rows_) is_fixed_[node] = 0;
+    return !std::exchange(of_held_rows_, {}).empty();
   }
 
   bool has_taken_search() const {
@@ -553,7 +613,7 @@ class BestMesh {
       for (const std::size_t last = cells.size();
            next < last && has_room(double(changed), most, cells, next); ++next) {
         const Index cell = cells[next];
-        for (const Index node : mesh_.cell(cell)) for_images(node, take);
+        for (const Index node : mesh_.cell(cell)) for_column(node, take);
       }
     Patch result;
     result.nodes = marked(has_node);
@@ -658,6 +718,7 @@ class BestMesh {
     BestMeshReport& report = result_.report;
     is_rising_ = false;
     make_images_alike(around, next);
+    straighten_swept(around, next);
     take_back_far(around, next);
     next.quality = measure_after(std::move(at_.quality), next.positions, around.cells);
     if (!take_back_bad(around, next) ||
@@ -672,8 +733,10 @@ class BestMesh {
     at_ = std::move(next);
     const WorstCells now = attempt.after = worst_cells(at_.quality);
     // Straight rows and edges are worth having where they cost next to nothing.
-    const bool is_straight = attempt.by == RaiseBy::WallRows || attempt.by == RaiseBy::MidNodes;
-    const double kept = !is_straight ? 1 : has_raised_ ? kForRowsRaised : kForRows;
+    const bool is_straight = attempt.power == 0;
+    const double kept = !is_straight                                      ? 1
+                        : has_raised_ || attempt.by == RaiseBy::SweptRows ? kForRowsRaised
+                                                                          : kForRows;
     const double before = sum_of_shares(report.best, report.base);
     const double sum = sum_of_shares(now, report.base);
     const double worth = attempt.power > 0 ? kWorthwhile * before : before;
@@ -693,13 +756,22 @@ class BestMesh {
     return (positions.row(node) - reference_.points.row(node)).norm();
   }
 
-  // For a node and all its images.
-  void for_images(Index node, const auto& act) const {
-    const std::vector<Index>* group = nullptr;
-    if (const Index slider = images_.groups.empty() ? -1 : find_slider(sliding_, node); slider >= 0)
-      group = group_of_[slider];
-    if (!group) return act(node);
-    for (const Index i : *group) act(sliding_->nodes[i]);
+  Index column(Index node) const { return columns_.empty() ? -1 : column_of_[node]; }
+
+  // For a node and all that are to move alike.
+  void for_column(Index node, const auto& act) const {
+    if (column(node) < 0) return act(node);
+    std::ranges::for_each(columns_[column(node)], act);
+  }
+
+  void straighten_swept(const Patch& around, State& state) const {
+    if (slid_rows_.empty()) return;
+    std::vector<char> has_node(mesh_.node_count(), 0);
+    for (const Index node : around.nodes) has_node[node] = 1;
+    for (const NodeRow* row : slid_rows_)
+      if (std::ranges::any_of(*row, [&](Index node) { return has_node[node]; }))
+        straighten(*row, state);
+    carry_followers(around, state);
   }
 
   void make_images_alike(const Patch& around, State& state) const {
@@ -741,15 +813,18 @@ class BestMesh {
       if (round == kTakeBacks) break;
       const double kept = round < kHalvings ? 0.5 : 0;
       std::vector<Index> changed;
+      std::vector<char> is_back(columns_.size(), 0);  // once a round, for all bad cells of one
       for (const Index c : bad)
-        for (const Index node : mesh_.cell(c))
-          if (!is_fixed_[node] && mid_nodes_.contains(node) == around.is_of_mid_nodes &&
-              take_back(node, state, kept)) {
-            for_images(node, [&](Index back) {
-              const auto cells = incidence_->cells(back);
-              changed.insert(changed.end(), cells.begin(), cells.end());
-            });
-          }
+        for (const Index node : mesh_.cell(c)) {
+          if (is_fixed_[node] || mid_nodes_.contains(node) != around.is_of_mid_nodes ||
+              (column(node) >= 0 && std::exchange(is_back[column(node)], 1)) ||
+              !take_back(node, state, kept))
+            continue;
+          for_column(node, [&](Index back) {
+            const auto cells = incidence_->cells(back);
+            changed.insert(changed.end(), cells.begin(), cells.end());
+          });
+        }
       if (changed.empty()) break;
       carry_followers(around, state);
       std::ranges::sort(changed);
@@ -763,7 +838,7 @@ class BestMesh {
   // Leaves the node, and its images, that share of its move; returns whether any had moved.
   bool take_back(Index node, State& state, double kept) const {
     bool has_moved = false;
-    for_images(node, [&](Index one) { has_moved |= take_back_alone(one, state, kept); });
+    for_column(node, [&](Index one) { has_moved |= take_back_alone(one, state, kept); });
     return has_moved;
   }
   bool take_back_alone(Index node, State& state, double kept) const {
@@ -788,11 +863,14 @@ class BestMesh {
   const BestMeshOptions& options_;
   std::vector<char> is_fixed_, is_flat_;
   std::vector<char> was_invalid_;  ///< of all cells, while those that were so may stay so
+  std::vector<Index> of_held_rows_;
   std::optional<NodeCells> incidence_;
   MidNodes mid_nodes_;
   const SlidingNodes* sliding_ = nullptr;
   SlidingImages images_;
-  std::vector<const std::vector<Index>*> group_of_;  ///< of each sliding node, or nothing
+  std::vector<std::vector<Index>> columns_;  ///< nodes that are to move alike
+  std::vector<Index> column_of_;             ///< of all nodes, -1 where there is none
+  std::vector<const NodeRow*> slid_rows_;    ///< of the columns
   bool holds_flat_cells_ = false, has_raised_ = false;
   bool lost_much_ = false;  ///< by the motion that came
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole

@@ -19,7 +19,7 @@ struct MeasuredShape {
 };
 
 /// What moves in an attempt to raise cells.
-enum class RaiseBy { MidNodes, WallRows, InnerNodes, SlidingNodes };
+enum class RaiseBy { MidNodes, SweptRows, WallRows, InnerNodes, SlidingNodes };
 
 struct RaiseAttempt {
   RaiseBy by = RaiseBy::InnerNodes;
@@ -61,8 +61,9 @@ struct BestMeshOptions {
   std::vector<Index> resting = {};
   /// Whether nodes slid so that valid cells overlap.
   std::function<bool(const Points& positions, const RowMatrix& slides)> is_folded = {};
-  /// Rows of nodes that are to stay straight, the nodes at the same parts of them.
-  std::vector<NodeRow> wall_rows = {};
+  /// Rows of nodes that are to stay straight, the nodes at the same parts of them: across walls,
+  /// and those of a swept mesh, from a node to its image, that stay so while these slide.
+  std::vector<NodeRow> wall_rows = {}, swept_rows = {};
   /// Of the moved mesh's solid cells, where known; must outlive the call.
   const ValidityReport* validity = nullptr;
 };

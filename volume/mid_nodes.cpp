@@ -14,8 +14,6 @@ namespace {
 // Of an edge: what the node amid a straight one may be off. Where a circle has 100 edges it is
 // 8e-3.
 constexpr double kStraight = 1e-3;
-// Newton's, to the foot of a perpendicular to a surface: 2 miss it in the test, 4 and 8 do not.
-constexpr int kRounds = 4;
 
 // Of row vectors: the one nearest to the motion of these nodes, both N x 3.
 Eigen::Matrix3d affine_map(std::span<const Index> nodes, const Points& from, const Points& to) {
@@ -146,12 +144,8 @@ void lay_mid_nodes(const Mesh& mesh, const std::vector<char>& is_fixed, const Sl
       positions.row(node) = is_fixed[node] ? plain.row(node) : places.row(i);
       continue;
     }
-    Eigen::Vector2d slide = slides.row(row).transpose();
-    for (int round = 0; round < kRounds; ++round) {
-      const SlidePlace place = sliding.at(row, slide);
-      const Eigen::Vector3d gap = places.row(i).transpose() - place.point;
-      slide += small_least_squares(place.tangents, gap);
-    }
+    const Eigen::Vector2d slide =
+        slide_below(sliding, row, slides.row(row).transpose(), places.row(i).transpose());
     if (slide.allFinite() && sliding.is_within(row, slide)) slides.row(row) = slide.transpose();
     positions.row(node) = sliding.at(row, slides.row(row).transpose()).point.transpose();
   }

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <tuple>
 #include <utility>
@@ -66,9 +68,57 @@ class RowFinder {
   RowFinder(const Mesh& mesh, const CellNeighbours& neighbours, const Points& points)
       : mesh_(mesh), neighbours_(neighbours), points_(points) {}
 
-  std::vector<NodeRow> rows() {
-    find_starts();
-    for (const Start& start : starts_) walk(start);
+  std::vector<NodeRow> across_walls(std::span<const NodeRow> swept) {
+    find_starts([](Index) { return true; });
+    for (const Start& start : starts_) walk(start, kFarthest);
+    std::vector<char> is_swept(static_cast<std::size_t>(mesh_.node_count()), 0);
+    for (const NodeRow& row : swept)
+      for (const Index n : row) is_swept[n] = 1;
+    std::erase_if(rows_, [&](const NodeRow& row) {
+      return std::ranges::any_of(inner(row), [&](Index n) { return is_swept[n]; });
+    });
+    keep_across();
+    std::erase_if(rows_, [](const NodeRow& row) { return row.size() > kMostCells + 1; });
+    return std::move(rows_);
+  }
+
+  std::vector<NodeRow> from_image_to_image(std::vector<SheetNode> sheets) {
+    std::ranges::sort(sheets, {}, &SheetNode::node);
+    const auto at = [&](Index n) {
+      return std::ranges::equal_range(sheets, n, {}, &SheetNode::node);
+    };
+    find_starts([&](Index n) { return !at(n).empty(); });
+    for (const Start& start : starts_) walk(start, static_cast<std::size_t>(mesh_.node_count()));
+
+    std::map<Index, Family> families;
+    for (const Start& start : starts_)
+      for (const SheetNode& from : at(std::get<0>(start)))
+        families[from.family].places.insert(from.place);
+    const auto for_families = [&](const NodeRow& row, const auto& act) {
+      for (const SheetNode& from : at(row.front()))
+        for (const SheetNode& to : at(row.back()))
+          if (from.family == to.family && from.place == to.place) act(families[from.family], from);
+    };
+    for (const NodeRow& row : rows_)
+      for_families(row, [&](Family& family, const SheetNode& from) {
+        family.places_with_row.insert(from.place);
+        family.nodes += std::ssize(row);
+      });
+    const auto nodes_of_family = [&](const NodeRow& row) {
+      Index most = 0;
+      for_families(row, [&](const Family& family, const SheetNode&) {
+        if (family.places_with_row.size() == family.places.size())
+          most = std::max(most, family.nodes);
+      });
+      return most;
+    };
+    std::vector<Index> largest(static_cast<std::size_t>(mesh_.node_count()), 1);
+    for (const NodeRow& row : rows_)
+      for (const Index n : row) largest[n] = std::max(largest[n], nodes_of_family(row));
+    std::erase_if(rows_, [&](const NodeRow& row) {
+      return std::ranges::any_of(inner(row),
+                                 [&](Index n) { return nodes_of_family(row) < largest[n]; });
+    });
     keep_across();
     return std::move(rows_);
   }
@@ -76,6 +126,11 @@ class RowFinder {
  private:
   // A node of the surface, the next one inwards, and the cell and face to go in by.
   using Start = std::tuple<Index, Index, Index, int>;
+
+  struct Family {
+    std::set<Index> places, places_with_row;
+    Index nodes = 0;  ///< of its rows
+  };
 
   bool can_pass(Index cell) const {
     const Shape shape = info_of(mesh_.types[cell]).shape;
@@ -97,7 +152,11 @@ class RowFinder {
     return mesh_.connectivity[mesh_.offsets[cell] + local];
   }
 
-  void find_starts() {
+  static std::span<const Index> inner(const NodeRow& row) {
+    return std::span(row).subspan(1, row.size() - 2);
+  }
+
+  void find_starts(const auto& may_start) {
     for (Index cell = 0; cell < mesh_.cell_count(); ++cell) {
       if (!can_pass(cell)) continue;
       const Index faces = neighbours_.offsets[cell + 1] - neighbours_.offsets[cell];
@@ -105,7 +164,8 @@ class RowFinder {
         if (beyond(cell, face) != -1) continue;
         const Across& to = across_of(cell, face);
         for (int i = 0; to.far_face >= 0 && i < to.count; ++i)
-          starts_.emplace_back(node(cell, to.near[i]), node(cell, to.far[i]), cell, face);
+          if (may_start(node(cell, to.near[i])))
+            starts_.emplace_back(node(cell, to.near[i]), node(cell, to.far[i]), cell, face);
       }
     }
     std::ranges::sort(starts_);
@@ -115,10 +175,10 @@ class RowFinder {
     starts_.erase(twins.begin(), twins.end());
   }
 
-  void walk(const Start& start) {
+  void walk(const Start& start, std::size_t most_cells) {
     auto [first, second, cell, face] = start;
     NodeRow row = {first};
-    while (row.size() <= kFarthest) {
+    while (row.size() <= most_cells) {
       const Across& to = across_of(cell, face);
       const auto near = std::find_if(to.near.begin(), to.near.begin() + to.count,
                                      [&](int i) { return node(cell, i) == row.back(); });
@@ -164,11 +224,11 @@ class RowFinder {
     }
     std::erase_if(rows_, [&](const NodeRow& row) {
       const double own = length(row);
-      const bool is_across = std::all_of(row.begin() + 1, row.end() - 1, [&](Index n) {
+      const bool is_across = std::ranges::all_of(inner(row), [&](Index n) {
         const auto& [least, next] = shortest[static_cast<std::size_t>(n)];
         return own == least && (next == 0 || own <= kThin * next);
       });
-      return row.size() > kMostCells + 1 || !is_across || !is_straight(row);
+      return !is_across || !is_straight(row);
     });
   }
 
@@ -183,9 +243,15 @@ class RowFinder {
 }  // namespace
 
 std::vector<NodeRow> find_wall_rows(const Mesh& mesh, const CellNeighbours& neighbours,
-                                    const Points& points) {
+                                    const Points& points, std::span<const NodeRow> swept) {
   if (neighbours.neighbour.empty()) return {};
-  return RowFinder(mesh, neighbours, points).rows();
+  return RowFinder(mesh, neighbours, points).across_walls(swept);
+}
+
+std::vector<NodeRow> find_swept_rows(const Mesh& mesh, const CellNeighbours& neighbours,
+                                     const Points& points, std::vector<SheetNode> sheets) {
+  if (neighbours.neighbour.empty() || sheets.empty()) return {};
+  return RowFinder(mesh, neighbours, points).from_image_to_image(std::move(sheets));
 }
 
 Points straight_places(const NodeRow& row, const Points& before, const Points& after) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/cell_faces.h"
@@ -12,10 +13,21 @@ using NodeRow = std::vector<Index>;
 
 /// The rows of corner nodes through hexahedra and wedges, from a face of the surface to the one
 /// opposite it, over 2 to 16 cells: straight ones at `points` (N x 3) that are at most half as long
-/// as other rows through the same nodes. Each row once; the order depends on the mesh alone.
-/// O(cells).
+/// as other rows through the same nodes. No inner node of theirs is one of the `swept` rows.
+/// Each row once; the order depends on the mesh alone. O(cells).
 std::vector<NodeRow> find_wall_rows(const Mesh& mesh, const CellNeighbours& neighbours,
-                                    const Points& points);
+                                    const Points& points, std::span<const NodeRow> swept = {});
+
+/// A node of a sheet of the surface that has images: in all sheets of a family the same place.
+struct SheetNode {
+  Index node, family, place;
+};
+
+/// The same rows of a swept mesh, over any number of cells and however long: those between images,
+/// of the families all of whose places have such rows. Where rows of several cross, those of the
+/// family with the most nodes.
+std::vector<NodeRow> find_swept_rows(const Mesh& mesh, const CellNeighbours& neighbours,
+                                     const Points& points, std::vector<SheetNode> sheets);
 
 /// Where the nodes between a row's ends would be at `after` (N x 3), had the row stayed as straight
 /// as it was `before`, and its nodes at the same parts of its length: a row each.

@@ -214,21 +214,16 @@ bool curve_by_degrees(const BaseSide& base, Sliding& sliding, const MeasuredShap
   return true;
 }
 
-// A flag a node: of a row from a plane of a swept mesh to the next one, its image. These rows are
-// straightened whenever raising bent them, so that layers of theirs keep their heights.
-std::vector<char> nodes_of_sweeps(const BaseSide& base, const std::vector<NodeRow>& rows,
-                                  const std::vector<ImagePair>& images) {
-  std::vector<Index> first(base.mesh().node_count(), -1);  // of the images of a node
+// Rows from each plane of a swept mesh to the next one, straight where `points` (N x 3) are.
+std::vector<NodeRow> swept_rows(const BaseSide& base, const std::vector<ImagePair>& images,
+                                const Points& points) {
+  std::vector<SheetNode> sheets;
   for (const ImagePair& pair : images)
-    for (std::size_t i = 0; i < pair.from.size(); ++i) {
-      const Index from = base.boundary.nodes[pair.from[i]], to = base.boundary.nodes[pair.to[i]];
-      first[from] = first[to] = first[from] < 0 ? from : first[from];
-    }
-  std::vector<char> result(base.mesh().node_count(), 0);
-  for (const NodeRow& row : rows)
-    if (first[row.front()] >= 0 && first[row.front()] == first[row.back()])
-      for (const Index node : row) result[node] = 1;
-  return result;
+    for (std::size_t i = 0; i < pair.from.size(); ++i)
+      for (const RowId row : {pair.from[i], pair.to[i]})
+        sheets.push_back(
+            {base.boundary.nodes[row], Index(pair.original), base.boundary.nodes[pair.from[i]]});
+  return find_swept_rows(base.mesh(), base.neighbours, points, std::move(sheets));
 }
 
 // Raises the cells that lost most against the mesh file's: their faces where `volumes` are given,
@@ -242,8 +237,12 @@ void raise_cells(const BaseSide& base, const MeasuredShape& of_file, const Finit
   BestMeshOptions how;
   how.volumes = volumes;
   hold_nodes(base, result, how);
-  how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference);
-  const std::vector<char> is_swept = nodes_of_sweeps(base, how.wall_rows, result.surface.images);
+  how.swept_rows = swept_rows(base, result.surface.images, reference);
+  how.wall_rows = find_wall_rows(base.mesh(), base.neighbours, reference, how.swept_rows);
+  // Layers of a sweep move with its rows: on its planes they stay thin, across these straight.
+  std::vector<char> is_swept(is_fixed.size(), 0);
+  for (const NodeRow& row : how.swept_rows)
+    for (const Index node : row) is_swept[node] = 1;
   for (const Index node : base.layer_nodes().all) {
     if (is_swept[node]) continue;
     is_fixed[node] = 1;

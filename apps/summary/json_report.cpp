@@ -125,6 +125,8 @@ std::string to_string(RaiseBy by) {
   switch (by) {
     case RaiseBy::MidNodes:
       return "nodes amid edges";
+    case RaiseBy::SweptRows:
+      return "rows of a sweep";
     case RaiseBy::WallRows:
       return "rows through walls";
     case RaiseBy::InnerNodes:

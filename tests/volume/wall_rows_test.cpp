@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <iterator>
+#include <map>
 #include <numbers>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "../core/sample_meshes.h"
 #include "volume/best_mesh.h"
@@ -80,6 +84,65 @@ TEST_CASE("What is no wall of a few cells has no rows") {
   Mesh bent = wall(CellType::Hexahedron, 4);
   bent.points.col(0).array() += 0.1 * (15 * bent.points.col(2).array()).sin().eval();
   CHECK_FALSE(has_rows(bent));
+}
+
+// Of the lowest and the highest plane across an axis: images of each other.
+void add_ends(const Mesh& mesh, int axis, Index family, std::vector<SheetNode>& sheets) {
+  const double high = mesh.points.col(axis).maxCoeff();
+  std::map<std::pair<double, double>, Index> place;
+  for (const double end : {0.0, high})
+    for (Index n = 0; n < mesh.node_count(); ++n)
+      if (mesh.points(n, axis) == end) {
+        const std::pair at(mesh.points(n, (axis + 1) % 3), mesh.points(n, (axis + 2) % 3));
+        sheets.push_back({n, family, place.try_emplace(at, n).first->second});
+      }
+}
+
+TEST_CASE("Rows of a sweep go from image to image, however long") {
+  const int n = 6;
+  Mesh column = cube(CellType::Hexahedron, n);
+  column.points.col(2) *= 10;
+  const auto rows = [&](const std::vector<SheetNode>& sheets) {
+    return find_swept_rows(column, find_cell_neighbours(column), column.points, sheets);
+  };
+  std::vector<SheetNode> along;
+  add_ends(column, 2, 0, along);
+  const std::vector<NodeRow> swept = rows(along);
+  REQUIRE(std::ssize(swept) == (n + 1) * (n + 1));
+  for (const NodeRow& row : swept) {
+    CHECK(std::ssize(row) == n + 1);
+    CHECK(column.points.row(row.front()).head(2) == column.points.row(row.back()).head(2));
+  }
+  // No others go across them; of two sweeps of all nodes the one much the shorter counts.
+  CHECK(find_wall_rows(column, find_cell_neighbours(column), column.points, swept).empty());
+  std::vector<SheetNode> both = along;
+  add_ends(column, 0, 1, both);
+  const std::vector<NodeRow> shorter = rows(both);
+  REQUIRE(std::ssize(shorter) == (n + 1) * (n + 1));
+  for (const NodeRow& row : shorter)
+    CHECK(column.points(row.front(), 0) != column.points(row.back(), 0));
+  // Where one place has no row, nothing is swept.
+  for (SheetNode& node : along)
+    if (node.node == along.back().node) node.place = -1;
+  CHECK(rows(along).empty());
+  CHECK(rows({}).empty());
+}
+
+// A strip of cells across one end, and a sweep of all.
+TEST_CASE("The sweep of more nodes keeps its rows where two cross") {
+  const int n = 6;
+  Mesh block = cube(CellType::Hexahedron, n);
+  block.points.col(0) /= 10;
+  std::vector<SheetNode> sheets, across;
+  add_ends(block, 2, 0, sheets);
+  add_ends(block, 0, 1, across);
+  std::ranges::copy_if(across, std::back_inserter(sheets),
+                       [&](const SheetNode& one) { return block.points(one.node, 2) <= 1.0 / n; });
+  const std::vector<NodeRow> rows =
+      find_swept_rows(block, find_cell_neighbours(block), block.points, sheets);
+  REQUIRE(std::ssize(rows) == (n + 1) * (n + 1));
+  for (const NodeRow& row : rows)
+    CHECK(block.points(row.front(), 2) != block.points(row.back(), 2));
 }
 
 TEST_CASE("Cells of a row may be of unlike heights") {
