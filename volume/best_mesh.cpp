@@ -96,8 +96,9 @@ constexpr double kWorthwhile = 1.01;
 // in parts of these: far less than the 1 to 5 % by which a smooth warp bends rows in a pipe's wall.
 // With half or twice of it, or half or twice the losses below, 3 meshes of hexahedra are the same.
 constexpr double kBent = 1e-4;
-// Straight rows are taken where this share of each figure is kept; after raising, the second: they
-// may cost as little as is not raised at all (kLostAny), or no further (kLost).
+// Straight rows are taken where this share of each figure is kept; after raising, and those of a
+// sweep, the second: they may cost as little as is not raised at all (kLostAny), or no further
+// (kLost).
 constexpr double kForRows = 0.999, kForRowsRaised = 0.98;
 // Rounds in which nodes of cells that fell too low are taken back. In the first ones they go half
 // of their way back, since the cells beside come off worst where a node goes back as a whole; after
@@ -478,8 +479,9 @@ class BestMesh {
     }
   }
 
-  // Holds rows whose cells are of even height until surface nodes slide. Where little is kept those
-  // across walls are given up, as the surface nodes' places are.
+  // Holds rows until surface nodes slide: those of a sweep, which move only with their ends, and
+  // those across walls whose cells are of even height. Where little is kept the latter are given
+  // up, as the surface nodes' places are.
   void hold_rows() {
     const auto hold = [&](const NodeRow& row) {
       for (const Index node : row)
@@ -862,8 +864,8 @@ class BestMesh {
   const Orientation orientation_of_corners_;
   const BestMeshOptions& options_;
   std::vector<char> is_fixed_, is_flat_;
-  std::vector<char> was_invalid_;  ///< of all cells, while those that were so may stay so
-  std::vector<Index> of_held_rows_;
+  std::vector<char> was_invalid_;    ///< of all cells, while those that were so may stay so
+  std::vector<Index> of_held_rows_;  ///< nodes that are fixed for that alone
   std::optional<NodeCells> incidence_;
   MidNodes mid_nodes_;
   const SlidingNodes* sliding_ = nullptr;

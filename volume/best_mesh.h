@@ -77,9 +77,10 @@ struct BestMeshResult {
 
 /// Has nodes amid the edges of second-order cells go as these edges' corners did from the reference
 /// on, where little is kept and that helps, makes rows of nodes through walls as straight as they
-/// are in the reference, where that costs next to nothing, then raises the cells of a moved mesh
-/// whose shape suffered most; where rows had to be given up for that, it straightens them again
-/// where that costs little. Where the smallest scaled Jacobian or the mean
+/// are in the reference, where that costs next to nothing, and those of a swept mesh, where that
+/// costs little, then raises the cells of a moved mesh whose shape suffered most; where rows had to
+/// be given up for that, it straightens them again where that costs little. Rows of a swept mesh
+/// move as one, with their ends. Where the smallest scaled Jacobian or the mean
 /// of the worst twentieth fell below 98 % of the reference's (the mesh file's shape, also after
 /// many morphs; below 99.9 % for one attempt), the nodes of the worst cells minimise ShapeEnergy
 /// with growing powers: the inner ones (not `is_fixed`, N; of shells those that slide within faces)

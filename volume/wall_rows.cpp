@@ -90,6 +90,7 @@ class RowFinder {
     find_starts([&](Index n) { return !at(n).empty(); });
     for (const Start& start : starts_) walk(start, static_cast<std::size_t>(mesh_.node_count()));
 
+    // A family is swept where each of its places that a cell stands on has a row.
     std::map<Index, Family> families;
     for (const Start& start : starts_)
       for (const SheetNode& from : at(std::get<0>(start)))
@@ -104,7 +105,7 @@ class RowFinder {
         family.places_with_row.insert(from.place);
         family.nodes += std::ssize(row);
       });
-    const auto nodes_of_family = [&](const NodeRow& row) {
+    const auto nodes_of_sweep = [&](const NodeRow& row) {
       Index most = 0;
       for_families(row, [&](const Family& family, const SheetNode&) {
         if (family.places_with_row.size() == family.places.size())
@@ -112,12 +113,15 @@ class RowFinder {
       });
       return most;
     };
-    std::vector<Index> largest(static_cast<std::size_t>(mesh_.node_count()), 1);
-    for (const NodeRow& row : rows_)
-      for (const Index n : row) largest[n] = std::max(largest[n], nodes_of_family(row));
+    std::vector<Index> most(static_cast<std::size_t>(mesh_.node_count()), 0);
+    for (const NodeRow& row : rows_) {
+      const Index nodes = nodes_of_sweep(row);
+      for (const Index n : row) most[n] = std::max(most[n], nodes);
+    }
     std::erase_if(rows_, [&](const NodeRow& row) {
-      return std::ranges::any_of(inner(row),
-                                 [&](Index n) { return nodes_of_family(row) < largest[n]; });
+      const Index nodes = nodes_of_sweep(row);
+      return nodes == 0 ||
+             std::ranges::any_of(inner(row), [&](Index n) { return nodes < most[n]; });
     });
     keep_across();
     return std::move(rows_);
