@@ -160,10 +160,16 @@ class BestMesh {
       };
       if (!has_lost_much()) {
         raise_inner();
-        if (least_share(result_.report.best, can_keep_) < kKeptEnough) raise_by_sliding();
-      } else if (!raise_by_sliding()) {
-        if (release_rows()) raise(RaiseBy::InnerNodes, 2);
-        raise_inner();
+        if (least_share(result_.report.best, can_keep_) < kKeptEnough) {
+          release_rows();
+          raise_by_sliding();
+        }
+      } else {
+        const bool held_rows = release_rows();
+        if (!raise_by_sliding()) {
+          if (held_rows) raise(RaiseBy::InnerNodes, 2);
+          raise_inner();
+        }
       }
       if (sliding_) keep_slides();
       has_raised_ = has_taken_search();
@@ -312,7 +318,6 @@ class BestMesh {
   bool raise_by_sliding() {
     const std::vector<char> was_fixed = is_fixed_;
     const bool slid_before = sliding_;
-    release_rows();
     if (!let_slide(true)) return false;
     for (const int doublings : {2, 2, 3, 3, 4, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
     raise_while_worthwhile();
@@ -327,6 +332,8 @@ class BestMesh {
     if (slid_before || result_.report.slid_nodes > 0) return true;
     is_fixed_ = was_fixed;
     sliding_ = nullptr;
+    columns_.clear();
+    slid_rows_.clear();
     at_ = {result_.positions, result_.quality, {}};
     is_at_result_ = true;
     return false;
@@ -459,7 +466,6 @@ class BestMesh {
   // Images of each other, and the nodes of the swept rows between them.
   void find_columns() {
     column_of_.assign(mesh_.node_count(), -1);
-    columns_.clear();
     for (const std::vector<Index>& group : images_.groups) {
       std::vector<Index>& column = columns_.emplace_back();
       for (const Index i : group) {
@@ -497,6 +503,7 @@ class BestMesh {
       return tried.by == rows && !tried.is_taken;
     });
   }
+  // Whether any were held.
   bool release_rows() {
     for (const Index node : of_held_rows_) is_fixed_[node] = 0;
     return !std::exchange(of_held_rows_, {}).empty();
