@@ -1,23 +1,24 @@
 #include "volume/best_mesh.h"
 
-#include <Eigen/Dense>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numeric>
 #include <optional>
 #include <span>
 #include <utility>
 
 #include "core/cell_topology.h"
 #include "core/lbfgs.h"
-#include "core/parallel.h"
 #include "core/plane_mesh.h"
 #include "core/rbf/anchors.h"
 #include "core/stopwatch.h"
+#include "volume/cell_judge.h"
+#include "volume/moving_nodes.h"
+#include "volume/nearest_affine.h"
 #include "volume/node_cells.h"
 #include "volume/shape_energy.h"
+#include "volume/worst_patch.h"
 
 namespace cadmorph {
 namespace {
@@ -38,29 +39,14 @@ constexpr double kKeptLittle = 0.75, kKeptEnough = 0.9;
 // in a far field or the whole part: above what exchanged CAD differs by, below a change that costs
 // quality.
 constexpr double kAffine = 1e-4;
-// Where the nearest affine map leaves less than this part of the motion over, the part is stretched
-// as a whole, and what that costs is no loss. When any map counted as such, a spring that got more
-// turns, all of whose sections turn, passed for one that shrank: it kept 0.069 in place of 0.191.
-// With half or twice of it 5 pairs come out the same.
-constexpr double kMainly = 0.1;
-// The nodes of the worst cells move: of kMostSeeds of all cells at most, the twentieth whose mean
-// is one of the figures, and of fewer where the cells at these nodes would be more than
-// kMostNeighbours of all. Where little was lost, the first attempt, which mostly does, and others
-// while kNearlyKept is kept stop at kMostNeighboursNear: a block of 5 million tetrahedra was at
-// 0.979 after its first attempt, and was raised in 2.1 s in place of 3 with a tenth of its cells in
-// the second, too. With 0.2 for 0.4, 9 pairs keep 4 % less of the worst twentieth on the mean, with
-// 0.8 2 % less of the smallest; with 0.05 or 0.2 for 0.1 the worst twentieth of one keeps 3 % less;
-// with 0.92 or 0.98 for 0.96 5 pairs come out the same.
-constexpr double kMostSeeds = 0.05;
+// The nodes of the worst twentieth of the cells move, and of fewer where the cells at these nodes
+// would be more than kMostNeighbours of all. Where little was lost, the first attempt, which mostly
+// does, and others while kNearlyKept is kept stop at kMostNeighboursNear: a block of 5 million
+// tetrahedra was at 0.979 after its first attempt, and was raised in 2.1 s in place of 3 with a
+// tenth of its cells in the second, too. With 0.2 for 0.4, 9 pairs keep 4 % less of the worst
+// twentieth on the mean, with 0.8 2 % less of the smallest; with 0.05 or 0.2 for 0.1 the worst
+// twentieth of one keeps 3 % less; with 0.92 or 0.98 for 0.96 5 pairs come out the same.
 constexpr double kMostNeighbours = 0.4, kMostNeighboursNear = 0.1, kNearlyKept = 0.96;
-// So many times as many are taken where cells of one bin would be parted otherwise: in a symmetric
-// mesh each cell shares its bin with its mirror image. With 4, 5 pairs come out the same; with 1,
-// which parts bins, they keep up to 15 % more of the smallest, one 2 % less of the worst twentieth.
-constexpr double kWholeBins = 2;
-// A cell that kept this share of its scaled Jacobian is left alone: it lost no more than what an
-// attempt is to gain (kWorthwhile). With 0.98 or 0.995, 5 pairs keep 1 % less of the worst
-// twentieth on the mean, single ones up to 31 % more of the smallest.
-constexpr double kKept = 0.99;
 // The work ends after so many passes over the mesh; where little was kept, after the second number.
 // Four attempts by inner nodes of kIterations steps each, with kMostNeighbours of the cells, take
 // 10 passes, seven by sliding nodes of kIterationsLost take 56, without guesses of Hessians and
@@ -108,21 +94,6 @@ constexpr int kHalvings = 8, kTakeBacks = 16;
 // largest power p = 32 would be 1e288, about the most that a sum of doubles holds (1.8e308).
 constexpr double kFlat = 1e-9;
 
-// Ascending.
-std::vector<Index> marked(const std::vector<char>& marks) {
-  std::vector<Index> result;
-  for (Index i = 0; i < std::ssize(marks); ++i)
-    if (marks[i]) result.push_back(i);
-  return result;
-}
-
-// The nodes that move, and all cells that these change.
-struct Patch {
-  std::vector<Index> nodes, cells;  ///< ascending
-  std::vector<Index> followers;     ///< nodes amid these, as numbers of MidNodes
-  bool is_of_mid_nodes = false;     ///< the nodes themselves
-};
-
 class BestMesh {
  public:
   BestMesh(const Mesh& mesh, const MeasuredShape& reference, const MeasuredShape& came,
@@ -134,75 +105,47 @@ class BestMesh {
         orientation_(orientation),
         orientation_of_corners_(orientation_of_corners(mesh, orientation)),
         options_(options),
-        is_fixed_(std::move(is_fixed)),
-        is_flat_(is_fixed_.size(), 0) {
-    result_.positions = at_.positions = came.points;
-    result_.quality = at_.quality = options.volumes ? measure(came.points) : came.quality;
-    result_.report.is_by_faces = options.volumes;
-    if (options.volumes) of_faces_ = measure(reference.points);
-    can_keep_ = result_.report.base = worst_cells(reference_quality());
+        judge_(mesh, orientation, options.volumes, options.validity),
+        moving_(mesh, reference.points, std::move(is_fixed), options) {
+    best_.positions = at_.positions = came.points;
+    best_.quality = at_.quality = options.volumes ? judge_.measure(came.points) : came.quality;
+    report_.is_by_faces = options.volumes;
+    if (options.volumes) of_faces_ = judge_.measure(reference.points);
+    can_keep_ = report_.base = worst_cells(reference_quality());
     for (Index n = 0; n < mesh.node_count(); ++n)
-      reach_ = std::max(reach_, (is_fixed_[n] ? kMostOvershoot : 1) * moved(came.points, n));
-    result_.report.plain = result_.report.best = worst_cells(result_.quality);
+      reach_ = std::max(reach_, (moving_.is_fixed(n) ? kMostOvershoot : 1) * moved(came.points, n));
+    report_.plain = report_.best = worst_cells(best_.quality);
   }
 
   BestMeshResult run() {
     if (kept() < kLost) straighten_edges();
     straighten_all_rows();
     if (kept() < kLostAny && compare_with_stretch()) {
-      prepare();
-      lost_much_ = has_lost_much();
-      hold_rows();
-      if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
-      raise(RaiseBy::InnerNodes, 2);
-      const auto raise_inner = [&] {
-        for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
-      };
-      if (!has_lost_much()) {
-        raise_inner();
-        if (least_share(result_.report.best, can_keep_) < kKeptEnough) {
-          release_rows();
-          raise_by_sliding();
-        }
-      } else {
-        const bool held_rows = release_rows();
-        if (!raise_by_sliding()) {
-          if (held_rows) raise(RaiseBy::InnerNodes, 2);
-          raise_inner();
-        }
-      }
-      if (sliding_) keep_slides();
+      raise_all();
       has_raised_ = has_taken_search();
       if (has_raised_) straighten_all_rows();
     }
     if (options_.volumes)
-      result_.quality = result_.positions == came_.points
-                            ? came_.quality
-                            : measure_quality(mesh_, result_.positions, orientation_);
-    return std::move(result_);
+      best_.quality = best_.positions == came_.points
+                          ? came_.quality
+                          : measure_quality(mesh_, best_.positions, orientation_);
+    report_.slid_nodes = slid_nodes();
+    if (report_.slid_nodes == 0) best_.slides.resize(0, 0);
+    return {std::move(best_.positions), std::move(best_.slides), std::move(best_.quality),
+            std::move(report_)};
   }
 
  private:
-  struct State {
-    Points positions;
-    QualityReport quality;  ///< of faces: their smallest and all values alone
-    RowMatrix slides;
+  struct State : NodePlaces {
+    QualityReport quality;  ///< see CellJudge
   };
 
-  QualityReport measure(const Points& positions) const {
-    if (!options_.volumes) return measure_quality(mesh_, positions, orientation_);
-    return quality_of_faces(face_quality(*options_.volumes, positions));
-  }
-  QualityReport measure_after(QualityReport before, const Points& positions,
-                              const std::vector<Index>& cells) const {
-    if (!options_.volumes)
-      return measure_again(std::move(before), mesh_, positions, orientation_, cells);
-    return quality_of_faces(
-        face_quality_again(std::move(before.values), *options_.volumes, positions, cells));
-  }
   const QualityReport& reference_quality() const {
     return options_.volumes ? of_faces_ : reference_.quality;
   }
+  // The least share of the reference's figures that is left; of what a stretch of the whole leaves.
+  double kept() const { return least_share(report_.best, report_.base); }
+  double kept_of_stretch() const { return least_share(report_.best, can_keep_); }
 
   // Whether the mesh has no solid cells, and does not lie in one plane, in which it was before,
   // too.
@@ -210,62 +153,110 @@ class BestMesh {
     return dimension(mesh_) < 3 && plane_normal(mesh_, reference_.points, came_.points).isZero(0);
   }
 
-  // Cells of a plane mesh that turned over are not valid.
-  std::vector<Index> invalid_cells(const Points& positions, const std::vector<Index>& cells) const {
-    if (flat_axis(mesh_, positions) < 0)
-      return check_validity(mesh_, positions, orientation_, cells).invalid_cells;
-    const Mesh layer = one_layer(mesh_, positions);
-    return check_validity(layer, layer.points, Orientation(orientation_.size(), 1), cells)
-        .invalid_cells;
-  }
-
-  std::vector<Index> all_invalid_cells() const {
-    if (options_.validity && flat_axis(mesh_, result_.positions) < 0)
-      return options_.validity->invalid_cells;
-    std::vector<Index> all(mesh_.cell_count());
-    std::iota(all.begin(), all.end(), Index{0});
-    return invalid_cells(result_.positions, all);
-  }
-
-  // Lets nodes within faces slide, and those on edges; false where there are none.
-  bool let_slide(bool on_edges) {
-    if (!sliding_) {
-      if (!options_.sliding || !(sliding_ = options_.sliding())) return false;
-      at_.slides = slides_ = sliding_->slides;
-      if (options_.images) images_ = options_.images();
-      find_columns();
+  // What a stretch of the whole part costs is no loss. Returns whether there is more to the motion.
+  bool compare_with_stretch() {
+    const NearestAffine stretch = nearest_affine(mesh_, reference_.points, best_.positions);
+    if (stretch.farthest <= kAffine * size_of_moved()) return false;
+    if (stretch.is_whole) {
+      const WorstCells left = worst_cells(judge_.measure(stretch.image));
+      can_keep_.min = std::min(can_keep_.min, left.min);
+      can_keep_.worst_twentieth = std::min(can_keep_.worst_twentieth, left.worst_twentieth);
     }
-    for (std::size_t i = 0; i < sliding_->nodes.size(); ++i)
-      if (on_edges || !is_on_edge(static_cast<Index>(i)))
-        is_fixed_[sliding_->nodes[i]] = is_flat_[sliding_->nodes[i]];
-    for (const Index node : options_.held) is_fixed_[node] = 1;
-    for (const Index i : images_.bound) is_fixed_[sliding_->nodes[i]] = 1;
-    for (const Index node : options_.resting)
-      if (!mid_nodes_.contains(node)) is_fixed_[node] = 1;  // those rest with their corners
-    for (const std::vector<Index>& column : columns_)
-      if (std::ranges::any_of(column, [&](Index node) { return is_fixed_[node]; }))
-        for (const Index node : column) is_fixed_[node] = 1;
     return true;
   }
 
-  // Lets resting nodes of the cells with least slide; false where there are none.
-  bool release_resting() {
-    std::vector<char> is_resting(is_fixed_.size(), 0), stays = is_flat_;
-    for (const Index node : options_.resting) is_resting[node] = 1;
-    for (const Index node : options_.held) stays[node] = 1;
-    for (const Index i : images_.bound) stays[sliding_->nodes[i]] = 1;
-    bool has_any = false;
+  // Of the box round the fixed nodes that are not where the reference has them.
+  double size_of_moved() const {
+    Eigen::AlignedBox3d box;
+    for (Index n = 0; n < mesh_.node_count(); ++n)
+      if (moving_.is_fixed(n) && best_.positions.row(n) != reference_.points.row(n))
+        box.extend(Eigen::Vector3d(best_.positions.row(n)));
+    return box.isEmpty() ? 0 : box.diagonal().norm();
+  }
+
+  // What moving any node needs, once.
+  void prepare() {
+    if (!cells_at_) {
+      cells_at_.emplace(mesh_);
+      moving_.find_mid_nodes(came_.points);
+    }
+    if (!std::exchange(holds_flat_cells_, true)) hold_flat_cells();
+  }
+
+  // Nodes of solid cells without a shape to start from, that no move here is to make worse.
+  void hold_flat_cells() {
+    const auto hold = [&](Index cell) {
+      for (const Index node : mesh_.cell(cell)) moving_.fix_for_good(node);
+    };
     for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (result_.quality.values[c] < kKeptLittle * can_keep_.min)
-        for (const Index node : mesh_.cell(c))
-          if (is_fixed_[node] && is_resting[node] && is_slider(node)) {
-            bool may_move = true;
-            for_column(node, [&](Index one) { may_move &= !stays[one]; });
-            if (!may_move) continue;
-            for_column(node, [&](Index one) { is_fixed_[one] = 0; });
-            has_any = true;
-          }
-    return has_any;
+      if (best_.quality.values[c] <= kFlat ||
+          (options_.volumes && came_.quality.values[c] <= kFlat))
+        hold(c);
+    std::ranges::for_each(judge_.find_invalid(best_.positions), hold);
+  }
+
+  void raise_all() {
+    prepare();
+    lost_much_ = kept_of_stretch() < kKeptLittle;
+    hold_rows();
+    if (is_shell()) let_slide(false);  // nodes within faces are its inner nodes
+    raise(RaiseBy::InnerNodes, 2);
+    const auto raise_inner = [&] {
+      for (const int doublings : {3, 4, 5}) raise(RaiseBy::InnerNodes, doublings);
+    };
+    if (kept_of_stretch() >= kKeptLittle) {
+      raise_inner();
+      if (kept_of_stretch() >= kKeptEnough) return;
+      moving_.release_rows();
+      raise_by_sliding();
+      return;
+    }
+    const bool held_rows = moving_.release_rows();
+    if (raise_by_sliding()) return;
+    if (held_rows) raise(RaiseBy::InnerNodes, 2);
+    raise_inner();
+  }
+
+  bool let_slide(bool on_edges) {
+    const bool slid_before = moving_.sliding();
+    if (!moving_.let_slide(on_edges, !are_refused(RaiseBy::SweptRows))) return false;
+    if (!slid_before) at_.slides = best_.slides = moving_.sliding()->slides;
+    return true;
+  }
+
+  Index slid_nodes() const {
+    if (!moving_.sliding()) return 0;
+    return ((best_.slides - moving_.sliding()->slides).rowwise().squaredNorm().array() > 0).count();
+  }
+
+  // False where no node slid.
+  bool raise_by_sliding() {
+    const std::vector<char> was_fixed = moving_.fixed();
+    const bool slid_before = moving_.sliding();
+    if (!let_slide(true)) return false;
+    for (const int doublings : {2, 2, 3, 3, 4, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
+    raise_while_worthwhile();
+    if (report_.best.min < kKeptLittle * can_keep_.min &&
+        moving_.release_resting(cells_below(kKeptLittle * can_keep_.min))) {
+      start_from_best();
+      for (const int doublings : {2, 3, 4}) raise(RaiseBy::SlidingNodes, doublings);
+      raise_while_worthwhile();
+    }
+    if (!options_.volumes)
+      raise_few();  // faces raised that far keep shapes from being raised later
+    if (slid_before || slid_nodes() > 0) return true;
+    moving_.set_fixed(was_fixed);
+    moving_.end_sliding();
+    best_.slides.resize(0, 0);
+    start_from_best();
+    return false;
+  }
+
+  std::vector<Index> cells_below(double quality) const {
+    std::vector<Index> result;
+    for (Index c = 0; c < mesh_.cell_count(); ++c)
+      if (best_.quality.values[c] < quality) result.push_back(c);
+    return result;
   }
 
   void raise_while_worthwhile() {
@@ -277,7 +268,7 @@ class BestMesh {
         raise(RaiseBy::SlidingNodes, doublings);
       }
     };
-    const WorstCells &best = result_.report.best, &base = result_.report.base;
+    const WorstCells &best = report_.best, &base = report_.base;
     for (double before = 0; sum_of_shares(best, base) > kWorthwhile * before;) {
       before = sum_of_shares(best, base);
       raise_by(kForSmallest);
@@ -285,84 +276,59 @@ class BestMesh {
     }
   }
 
-  void start_from_result() {
-    at_ = {result_.positions, result_.quality, slides_};
-    is_at_result_ = true;
-    spoilt_.reset();
-  }
-
   // A search over much of the mesh is slow to raise the few cells that are still below the worst of
   // the reference: those are raised alone at last, with passes of their own.
   void raise_few() {
-    work_ = std::min(work_, (kMostPassesLost - kMostPasses) * double(result_.quality.cells));
+    work_ = std::min(work_, (kMostPassesLost - kMostPasses) * double(best_.quality.cells));
     are_few_ = true;
-    for (double before = 0; result_.report.best.min > kWorthwhile * before;) {
-      before = result_.report.best.min;
-      start_from_result();
+    for (double before = 0; report_.best.min > kWorthwhile * before;) {
+      before = report_.best.min;
+      start_from_best();
       for (const int doublings : {2, 3, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
     }
     are_few_ = false;
   }
 
-  bool is_on_edge(Index slider) const {
-    return sliding_->at(slider, Eigen::Vector2d::Zero()).tangents.col(1).isZero(0);
+  void start_from_best() {
+    at_ = best_;
+    is_at_best_ = true;
+    spoilt_.reset();
   }
 
-  void keep_slides() {
-    result_.report.slid_nodes =
-        ((slides_ - sliding_->slides).rowwise().squaredNorm().array() > 0).count();
-    if (result_.report.slid_nodes > 0) result_.slides = slides_;
+  // Holds rows until surface nodes slide: those of a sweep, which move only with their ends, and
+  // those across walls whose cells are of even height. Where little is kept the latter are given
+  // up, as the surface nodes' places are.
+  void hold_rows() {
+    if (!are_refused(RaiseBy::SweptRows))
+      for (const NodeRow& row : options_.swept_rows) moving_.hold(row);
+    if (lost_much_ || are_refused(RaiseBy::WallRows)) return;
+    for (const NodeRow& row : options_.wall_rows)
+      if (is_even(row, reference_.points)) moving_.hold(row);
   }
 
-  // False where no node slid.
-  bool raise_by_sliding() {
-    const std::vector<char> was_fixed = is_fixed_;
-    const bool slid_before = sliding_;
-    if (!let_slide(true)) return false;
-    for (const int doublings : {2, 2, 3, 3, 4, 4, 5}) raise(RaiseBy::SlidingNodes, doublings);
-    raise_while_worthwhile();
-    if (result_.report.best.min < kKeptLittle * can_keep_.min && release_resting()) {
-      start_from_result();
-      for (const int doublings : {2, 3, 4}) raise(RaiseBy::SlidingNodes, doublings);
-      raise_while_worthwhile();
-    }
-    if (!options_.volumes)
-      raise_few();  // faces raised that far keep shapes from being raised later
-    keep_slides();
-    if (slid_before || result_.report.slid_nodes > 0) return true;
-    is_fixed_ = was_fixed;
-    sliding_ = nullptr;
-    columns_.clear();
-    slid_rows_.clear();
-    at_ = {result_.positions, result_.quality, {}};
-    is_at_result_ = true;
-    return false;
-  }
-
-  // What moving any node needs, once.
-  void prepare() {
-    if (!incidence_) {
-      incidence_.emplace(mesh_);
-      mid_nodes_ = MidNodes(mesh_, came_.points);
-    }
-    if (!std::exchange(holds_flat_cells_, true)) hold_flat_cells();
+  // Whether it was tried to straighten them, and not taken.
+  bool are_refused(RaiseBy rows) const {
+    return std::ranges::any_of(report_.attempts, [&](const RaiseAttempt& tried) {
+      return tried.by == rows && !tried.is_taken;
+    });
   }
 
   // A field moves all nodes alike and so bends edges which their corners would leave straight.
   void straighten_edges() {
-    mid_nodes_ = MidNodes(mesh_, came_.points);
-    if (mid_nodes_.count() == 0) return;
-    incidence_.emplace(mesh_);
+    moving_.find_mid_nodes(came_.points);
+    const MidNodes& mid_nodes = moving_.mid_nodes();
+    if (mid_nodes.count() == 0) return;
+    cells_at_.emplace(mesh_);
     const MidNodes from_reference(mesh_, reference_.points);
     State next = at_;
     Patch around;
     around.is_of_mid_nodes = true;
     std::vector<char> has_cell(mesh_.cell_count(), 0);
-    for (Index i = 0; i < mid_nodes_.count(); ++i) {
-      const Index node = mid_nodes_.node(i);
-      if (is_fixed_[node]) continue;
+    for (Index i = 0; i < mid_nodes.count(); ++i) {
+      const Index node = mid_nodes.node(i);
+      if (moving_.is_fixed(node)) continue;
       from_reference.follow({i}, nullptr, next.positions, next.slides);
-      const auto corners = mid_nodes_.corners(i);
+      const auto corners = mid_nodes.corners(i);
       const double length =
           (came_.points.row(corners.front()) - came_.points.row(corners.back())).norm();
       if ((next.positions.row(node) - came_.points.row(node)).norm() <= kBent * length) {
@@ -370,29 +336,18 @@ class BestMesh {
         continue;
       }
       around.nodes.push_back(node);
-      for (const Index c : incidence_->cells(node))
-        if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1))
+      for (const Index c : cells_at_->cells(node))
+        if (is_measured(best_.quality.values[c]) && !std::exchange(has_cell[c], 1))
           around.cells.push_back(c);
     }
     if (around.nodes.empty()) return;
     std::ranges::sort(around.nodes);
     std::ranges::sort(around.cells);
     was_invalid_.assign(mesh_.cell_count(), 0);
-    for (const Index c : all_invalid_cells()) was_invalid_[c] = 1;
+    for (const Index c : judge_.find_invalid(best_.positions)) was_invalid_[c] = 1;
     try_at_once(RaiseBy::MidNodes, std::move(next), around);
     was_invalid_.clear();
-    mid_nodes_ = MidNodes(mesh_, result_.positions);
-  }
-
-  // An attempt that takes no search. The next one starts from the result.
-  void try_at_once(RaiseBy by, State next, const Patch& around) {
-    RaiseAttempt attempt;
-    attempt.by = by;
-    attempt.cells = std::ssize(around.cells);
-    attempt.passes = double(attempt.cells) / double(result_.quality.cells);
-    judge(std::move(next), around, 0, attempt);
-    result_.report.attempts.push_back(attempt);
-    start_from_result();
+    moving_.find_mid_nodes(best_.positions);
   }
 
   // A smooth warp bends rows of nodes through a wall that changes shape and thickness at once.
@@ -402,52 +357,32 @@ class BestMesh {
     straighten_rows(RaiseBy::WallRows, options_.wall_rows);
   }
   void straighten_rows(RaiseBy by, const std::vector<NodeRow>& rows) {
-    const Points& now = result_.positions;
     std::vector<const NodeRow*> bent;
     for (const NodeRow& row : rows)
-      if (deviation(row, reference_.points, now) > kBent) bent.push_back(&row);
+      if (deviation(row, reference_.points, best_.positions) > kBent) bent.push_back(&row);
     if (bent.empty()) return;
     prepare();
-    at_ = {result_.positions, result_.quality, slides_};
+    start_from_best();
     State next = at_;
     std::vector<char> has_node(mesh_.node_count(), 0);
     Patch around;
     for (const NodeRow* row : bent) {
       const std::span inner(row->begin() + 1, row->end() - 1);
-      if (std::ranges::any_of(inner, [&](Index n) { return is_fixed_[n]; })) continue;
-      straighten(*row, next);
+      if (std::ranges::any_of(inner, [&](Index n) { return moving_.is_fixed(n); })) continue;
+      moving_.straighten(*row, next);
       for (const Index node : inner) has_node[node] = 1;
       around.nodes.insert(around.nodes.end(), inner.begin(), inner.end());
     }
     if (around.nodes.empty()) return;
     for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (is_measured(result_.quality.values[c]) &&
+      if (is_measured(best_.quality.values[c]) &&
           std::ranges::any_of(mesh_.cell(c), [&](Index n) { return has_node[n]; }))
         around.cells.push_back(c);
     std::ranges::sort(around.nodes);
-    add_followers(around, has_node);
-    carry_followers(around, next);
+    moving_.add_followers(around, has_node);
+    moving_.carry_followers(around, next);
     if (by == RaiseBy::WallRows && distorts(next.positions, around.cells)) return;
     try_at_once(by, std::move(next), around);
-  }
-
-  void straighten(const NodeRow& row, State& state) const {
-    const Points places = straight_places(row, reference_.points, state.positions);
-    for (Index i = 0; i < places.rows(); ++i) put_at(row[std::size_t(i) + 1], places.row(i), state);
-  }
-
-  // A node that slides as near as its surface lets it, if within its bounds.
-  void put_at(Index node, const Eigen::RowVector3d& place, State& state) const {
-    const Index slider = find_slider(sliding_, node);
-    if (slider < 0) {
-      state.positions.row(node) = place;
-      return;
-    }
-    const Eigen::Vector2d slide =
-        slide_below(*sliding_, slider, state.slides.row(slider).transpose(), place.transpose());
-    if (!slide.allFinite() || !sliding_->is_within(slider, slide)) return;
-    state.slides.row(slider) = slide.transpose();
-    state.positions.row(node) = sliding_->at(slider, slide).point.transpose();
   }
 
   // Whether these cells are farther from their shapes of reference than where they came. Thin ones
@@ -463,215 +398,62 @@ class BestMesh {
     return energy_at(positions) > energy_at(came_.points);
   }
 
-  // Images of each other, and the nodes of the swept rows between them.
-  void find_columns() {
-    column_of_.assign(mesh_.node_count(), -1);
-    for (const std::vector<Index>& group : images_.groups) {
-      std::vector<Index>& column = columns_.emplace_back();
-      for (const Index i : group) {
-        column.push_back(sliding_->nodes[i]);
-        column_of_[column.back()] = std::ssize(columns_) - 1;
-      }
-    }
-    if (are_lost(RaiseBy::SweptRows)) return;
-    for (const NodeRow& row : options_.swept_rows) {
-      const Index column = column_of_[row.front()];
-      if (column < 0 || column != column_of_[row.back()]) continue;
-      slid_rows_.push_back(&row);
-      for (const Index node : std::span(row.begin() + 1, row.end() - 1)) {
-        column_of_[node] = column;
-        columns_[column].push_back(node);
-      }
-    }
-  }
-
-  // Holds rows until surface nodes slide: those of a sweep, which move only with their ends, and
-  // those across walls whose cells are of even height. Where little is kept the latter are given
-  // up, as the surface nodes' places are.
-  void hold_rows() {
-    const auto hold = [&](const NodeRow& row) {
-      for (const Index node : row)
-        if (!std::exchange(is_fixed_[node], 1)) of_held_rows_.push_back(node);
-    };
-    if (!are_lost(RaiseBy::SweptRows)) std::ranges::for_each(options_.swept_rows, hold);
-    if (lost_much_ || are_lost(RaiseBy::WallRows)) return;
-    for (const NodeRow& row : options_.wall_rows)
-      if (is_even(row, reference_.points)) hold(row);
-  }
-  bool are_lost(RaiseBy rows) const {
-    return std::ranges::any_of(result_.report.attempts, [&](const RaiseAttempt& tried) {
-      return tried.by == rows && !tried.is_taken;
-    });
-  }
-  // Whether any were held.
-  bool release_rows() {
-    for (const Index node : of_held_rows_) is_fixed_[node] = 0;
-    return !std::exchange(of_held_rows_, {}).empty();
+  // An attempt that takes no search. The next one starts from the best.
+  void try_at_once(RaiseBy by, State next, const Patch& around) {
+    RaiseAttempt attempt;
+    attempt.by = by;
+    attempt.cells = std::ssize(around.cells);
+    attempt.passes = double(attempt.cells) / double(best_.quality.cells);
+    judge(std::move(next), around, 0, attempt);
+    report_.attempts.push_back(attempt);
+    start_from_best();
   }
 
   bool has_taken_search() const {
-    return std::ranges::any_of(result_.report.attempts, [](const RaiseAttempt& attempt) {
+    return std::ranges::any_of(report_.attempts, [](const RaiseAttempt& attempt) {
       return attempt.power > 0 && attempt.is_taken;
     });
   }
-  bool has_lost_much() const { return least_share(result_.report.best, can_keep_) < kKeptLittle; }
-  double kept() const { return least_share(result_.report.best, result_.report.base); }
-
-  // Finds what the affine map nearest to the motion leaves of the reference, where it tells of most
-  // of the motion: what a stretch of the whole part costs is no loss. Returns whether there is more
-  // to the motion than that map.
-  bool compare_with_stretch() {
-    const Index n = mesh_.node_count();
-    Eigen::MatrixX4d from(n, 4);
-    from << reference_.points, VectorXd::Ones(n);
-    Eigen::Matrix4d square = from.transpose() * from;
-    Eigen::Matrix<double, 4, 3> product = from.transpose() * result_.positions;
-    // A plane's normal is to stay.
-    const Eigen::Vector3d normal = plane_normal(mesh_, reference_.points);
-    const Eigen::Matrix3d across = square.trace() * normal * normal.transpose();
-    square.topLeftCorner<3, 3>() += across;
-    product.topRows<3>() += across;
-    const Eigen::Matrix<double, 4, 3> map = square.ldlt().solve(product);
-    const Points image = from * map;
-    if ((image - result_.positions).rowwise().norm().maxCoeff() <= kAffine * size_of_moved())
-      return false;
-    const double left_over = (image - result_.positions).squaredNorm();
-    const double motion = (reference_.points - result_.positions).squaredNorm();
-    if (left_over < kMainly * kMainly * motion && map.topRows<3>().determinant() > 0) {
-      const WorstCells left = worst_cells(measure(image));
-      can_keep_.min = std::min(can_keep_.min, left.min);
-      can_keep_.worst_twentieth = std::min(can_keep_.worst_twentieth, left.worst_twentieth);
-    }
-    return true;
-  }
-
-  // Of the box round the fixed nodes that are not where the reference has them.
-  double size_of_moved() const {
-    Eigen::AlignedBox3d box;
-    for (Index n = 0; n < mesh_.node_count(); ++n)
-      if (is_fixed_[n] && result_.positions.row(n) != reference_.points.row(n))
-        box.extend(Eigen::Vector3d(result_.positions.row(n)));
-    return box.isEmpty() ? 0 : box.diagonal().norm();
-  }
 
   double work_left() const {
-    const double cells = double(result_.quality.cells);
+    const double cells = double(best_.quality.cells);
     const double most = lost_much_ ? std::max(kMostPassesLost * cells, kSmallWorkLost)
                                    : std::max(kMostPasses * cells, kSmallWork);
     return (is_rising_ ? kMoreWork : 1) * most - work_;
   }
 
-  // Nodes of solid cells without a shape to start from, that no move here is to make worse.
-  void hold_flat_cells() {
-    for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (result_.quality.values[c] <= kFlat ||
-          (options_.volumes && came_.quality.values[c] <= kFlat))
-        for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
-    for (const Index c : all_invalid_cells())
-      for (const Index node : mesh_.cell(c)) is_flat_[node] = is_fixed_[node] = 1;
-  }
-
-  // The worst cells of those that lost, worst first. Those of a bin come together: mirror images in
-  // a mesh, which differ by rounding.
-  std::vector<Index> seeds() const {
-    const std::vector<double>& values = at_.quality.values;
-    std::vector<Index> result;
-    for (Index c = 0; c < mesh_.cell_count(); ++c)
-      if (is_measured(values[c]) && values[c] < kKept * reference_quality().values[c])
-        result.push_back(c);
-    const double most = std::max(1.0, kMostSeeds * double(result_.quality.cells));
-    const auto first = [&](Index c) { return std::pair(quality_bin(values[c]), c); };
-    std::size_t count = std::size_t(std::ceil(kWholeBins * most));
-    if (result.size() > count) {
-      std::ranges::nth_element(result, result.begin() + std::ptrdiff_t(count), {}, first);
-      result.resize(count);
-    }
-    std::ranges::sort(result, {}, first);
-    count = 0;
-    while (count < result.size() && has_room(double(count), most, result, count)) ++count;
-    result.resize(count);
-    return result;
-  }
-
-  // Whether the cell at `next` is still taken where `most` are to be and `taken` are: to the end of
-  // the bin of the one before, up to kWholeBins times as many.
-  bool has_room(double taken, double most, const std::vector<Index>& cells,
-                std::size_t next) const {
-    const std::vector<double>& values = at_.quality.values;
-    return taken < most ||
-           (taken < kWholeBins * most && next > 0 &&
-            quality_bin(values[cells[next - 1]]) == quality_bin(values[cells[next]]));
-  }
-
-  // The nodes of `seeds` that may move, of the first until so many cells change, and of layers of
-  // cells round them.
-  Patch patch_round(std::vector<Index> seeds, int layers, double most) const {
-    std::vector<char> has_node(mesh_.node_count(), 0), has_cell(mesh_.cell_count(), 0);
-    std::vector<Index> cells = std::move(seeds);
-    Index changed = 0;
-    const auto take = [&](Index node) {
-      if (is_fixed_[node] || mid_nodes_.contains(node) || std::exchange(has_node[node], 1)) return;
-      for (const Index c : incidence_->cells(node))
-        if (is_measured(result_.quality.values[c]) && !std::exchange(has_cell[c], 1)) {
-          cells.push_back(c);
-          ++changed;
-        }
-    };
-    std::size_t next = 0;
-    for (int layer = 0; layer < layers; ++layer)
-      for (const std::size_t last = cells.size();
-           next < last && has_room(double(changed), most, cells, next); ++next) {
-        const Index cell = cells[next];
-        for (const Index node : mesh_.cell(cell)) for_column(node, take);
-      }
-    Patch result;
-    result.nodes = marked(has_node);
-    result.cells = marked(has_cell);
-    add_followers(result, has_node);
-    return result;
-  }
-
   Patch patch(bool is_first) const {
-    std::vector<Index> worst = seeds();
+    std::vector<Index> worst = worst_that_lost(at_.quality, reference_quality());
+    int layers = 1;
+    double most = double(mesh_.cell_count()) + 1;
     if (are_few_) {
       std::erase_if(worst, [&](Index c) { return at_.quality.values[c] >= can_keep_.min; });
-      return patch_round(std::move(worst), kLayers, double(mesh_.cell_count()) + 1);
+      layers = kLayers;
+    } else {
+      const bool is_near = !lost_much_ && (is_first || kept() >= kNearlyKept);
+      most = (is_near ? kMostNeighboursNear : kMostNeighbours) * double(best_.quality.cells);
     }
-    const bool is_near = !lost_much_ && (is_first || kept() >= kNearlyKept);
-    const double share = is_near ? kMostNeighboursNear : kMostNeighbours;
-    return patch_round(std::move(worst), 1, share * double(result_.quality.cells));
+    return patch_round(std::move(worst), layers, most, at_.quality, *cells_at_, moving_);
   }
 
-  // `has_node`: of all nodes, those of the patch.
-  void add_followers(Patch& around, const std::vector<char>& has_node) const {
-    for (Index i = 0; i < mid_nodes_.count(); ++i)
-      if (!is_fixed_[mid_nodes_.node(i)] &&
-          std::ranges::any_of(mid_nodes_.corners(i), [&](Index node) { return has_node[node]; }))
-        around.followers.push_back(i);
-  }
-
-  void carry_followers(const Patch& around, State& state) const {
-    for (const Index i : around.followers)
-      mid_nodes_.follow(mid_nodes_.follower(i, sliding_), sliding_, state.positions, state.slides);
-  }
-
+  // One attempt by a search with the power 2^doublings.
   void raise(RaiseBy by, int doublings) {
     const bool is_first = std::ranges::all_of(
-        result_.report.attempts, [](const RaiseAttempt& tried) { return tried.power == 0; });
+        report_.attempts, [](const RaiseAttempt& tried) { return tried.power == 0; });
     if (kept() >= (is_first ? kLostAny : kLost)) return;
     if (spoilt_ == std::pair(by, doublings)) return;
-    const std::vector<char> was_fixed = is_fixed_;
+    const std::vector<char> was_fixed = moving_.fixed();
     for (int trial = 0; trial < kTrials && work_left() > 0; ++trial) {
       const Patch around = patch(is_first);
       if (around.nodes.empty()) break;
       // The first attempt goes by shapes alone, which raises faces, too, and costs less.
       const FiniteVolumes* volumes = is_first ? nullptr : options_.volumes;
-      FreeNodes free(mesh_.node_count(), around.nodes, sliding_);
-      free.let_follow(mid_nodes_, around.followers);
+      FreeNodes free(mesh_.node_count(), around.nodes, moving_.sliding());
+      free.let_follow(moving_.mid_nodes(), around.followers);
       VectorXd x = free.start(at_.positions, at_.slides);
       std::optional<Mesh> linear;  // of faces all nodes count
-      if (mid_nodes_.count() > 0 && !volumes)
-        linear = with_linear_cells(mesh_, mid_nodes_, reference_.points, at_.positions);
+      if (moving_.mid_nodes().count() > 0 && !volumes)
+        linear = with_linear_cells(mesh_, moving_.mid_nodes(), reference_.points, at_.positions);
       ShapeEnergy energy(linear ? *linear : mesh_, reference_.points, at_.positions,
                          std::move(free), around.cells, orientation_of_corners_, volumes);
       energy.set_power(doublings);
@@ -683,12 +465,12 @@ class BestMesh {
       minimise(energy, x, volumes ? kFacesWork : 1, attempt);
       RowMatrix slides = at_.slides;
       energy.free_nodes().read_slides(x, slides);
-      if (hold_nodes_off_surface(slides)) continue;
-      judge({energy.positions_at(x), {}, std::move(slides)}, around, doublings, attempt);
-      result_.report.attempts.push_back(attempt);
+      if (moving_.fix_those_beyond(at_.slides, slides)) continue;
+      judge({{energy.positions_at(x), std::move(slides)}, {}}, around, doublings, attempt);
+      report_.attempts.push_back(attempt);
       break;
     }
-    is_fixed_ = was_fixed;  // nodes held here may stay on their faces in the next attempt
+    moving_.set_fixed(was_fixed);  // nodes held here may stay on their faces in the next attempt
   }
 
   // `work`: of a cell, in evaluations of its shape.
@@ -706,39 +488,26 @@ class BestMesh {
       return energy.guess_hessian(at);
     };
     minimise_lbfgs(counted, x, guess, most);
-    attempt.passes = (work_ - before) / double(result_.quality.cells);
+    attempt.passes = (work_ - before) / double(best_.quality.cells);
   }
 
-  bool hold_nodes_off_surface(const RowMatrix& slides) {
-    bool has_any = false;
-    for (Index i = 0; i < slides.rows(); ++i)
-      if (slides.row(i) != at_.slides.row(i) && !sliding_->is_within(i, slides.row(i).transpose()))
-        is_fixed_[sliding_->nodes[i]] = has_any = true;
-    for (Index i = 0; has_any && i < mid_nodes_.count(); ++i)
-      if (is_fixed_[mid_nodes_.node(i)] && is_slider(mid_nodes_.node(i)))
-        for (const Index corner : mid_nodes_.corners(i)) is_fixed_[corner] = 1;
-    return has_any;
-  }
-
-  // Takes the attempt into the result where it is better. The next one starts where this one ended,
+  // Takes the attempt for the best where it is better. The next one starts where this one ended,
   // taken or not; only where its cells are still too low or not valid, or the surface folds, does
-  // it start from the result.
+  // it start from the best.
   void judge(State next, const Patch& around, int doublings, RaiseAttempt& attempt) {
-    BestMeshReport& report = result_.report;
     is_rising_ = false;
-    make_images_alike(around, next);
-    straighten_swept(around, next);
+    moving_.align_columns(around, next);
     take_back_far(around, next);
-    next.quality = measure_after(std::move(at_.quality), next.positions, around.cells);
-    if (!take_back_bad(around, next) ||
-        (sliding_ && options_.is_folded && options_.is_folded(next.positions, next.slides))) {
-      at_ = {result_.positions, result_.quality, slides_};
-      if (is_at_result_) spoilt_ = {attempt.by, doublings};
-      is_at_result_ = true;
+    next.quality = judge_.measure_again(std::move(at_.quality), next.positions, around.cells);
+    if (!take_back_bad(around, next) || (moving_.sliding() && options_.is_folded &&
+                                         options_.is_folded(next.positions, next.slides))) {
+      const bool was_at_best = is_at_best_;
+      start_from_best();
+      if (was_at_best) spoilt_ = {attempt.by, doublings};
       return;
     }
     spoilt_.reset();
-    is_at_result_ = false;
+    is_at_best_ = false;
     at_ = std::move(next);
     const WorstCells now = attempt.after = worst_cells(at_.quality);
     // Straight rows and edges are worth having where they cost next to nothing.
@@ -746,54 +515,21 @@ class BestMesh {
     const double kept = !is_straight                                      ? 1
                         : has_raised_ || attempt.by == RaiseBy::SweptRows ? kForRowsRaised
                                                                           : kForRows;
-    const double before = sum_of_shares(report.best, report.base);
-    const double sum = sum_of_shares(now, report.base);
+    const double before = sum_of_shares(report_.best, report_.base);
+    const double sum = sum_of_shares(now, report_.base);
     const double worth = attempt.power > 0 ? kWorthwhile * before : before;
-    if (now.min < kept * report.plain.min ||
-        now.worst_twentieth < kept * report.plain.worst_twentieth ||
+    if (now.min < kept * report_.plain.min ||
+        now.worst_twentieth < kept * report_.plain.worst_twentieth ||
         (is_straight ? sum < kept * before : sum <= worth))
       return;
-    attempt.is_taken = is_at_result_ = true;
+    attempt.is_taken = is_at_best_ = true;
     is_rising_ = lost_much_ && sum > kRising * before;
-    report.best = now;
-    result_.positions = at_.positions;
-    result_.quality = at_.quality;
-    slides_ = at_.slides;
+    report_.best = now;
+    best_ = at_;
   }
 
   double moved(const Points& positions, Index node) const {
     return (positions.row(node) - reference_.points.row(node)).norm();
-  }
-
-  Index column(Index node) const { return columns_.empty() ? -1 : column_of_[node]; }
-
-  // For a node and all that are to move alike.
-  void for_column(Index node, const auto& act) const {
-    if (column(node) < 0) return act(node);
-    std::ranges::for_each(columns_[column(node)], act);
-  }
-
-  void straighten_swept(const Patch& around, State& state) const {
-    if (slid_rows_.empty()) return;
-    std::vector<char> has_node(mesh_.node_count(), 0);
-    for (const Index node : around.nodes) has_node[node] = 1;
-    for (const NodeRow* row : slid_rows_)
-      if (std::ranges::any_of(*row, [&](Index node) { return has_node[node]; }))
-        straighten(*row, state);
-    carry_followers(around, state);
-  }
-
-  void make_images_alike(const Patch& around, State& state) const {
-    if (!sliding_ || images_.groups.empty()) return;
-    const RowMatrix alike = images_.alike(state.slides);
-    // Only the patch's: nodes amid edges go with their corners, and others are where they were.
-    for (const Index node : around.nodes) {
-      const Index i = find_slider(sliding_, node);
-      if (i < 0 || alike.row(i) == state.slides.row(i)) continue;
-      state.positions.row(node) = sliding_->at(i, alike.row(i)).point;
-      state.slides.row(i) = alike.row(i);
-    }
-    carry_followers(around, state);
   }
 
   // In large cells far from a small change nodes could move farther than anything of the part does:
@@ -801,68 +537,56 @@ class BestMesh {
   void take_back_far(const Patch& around, State& state) const {
     bool has_any = false;
     for (const Index n : around.nodes)
-      if (moved(state.positions, n) > reach_) has_any |= take_back(n, state, 0);
-    if (has_any) carry_followers(around, state);
+      if (moved(state.positions, n) > reach_) has_any |= moving_.take_back(n, best_, 0, state);
+    if (has_any) moving_.carry_followers(around, state);
   }
 
   // Puts the nodes of cells that fell below the smallest of the motion that came, or are not valid,
-  // back to where the result has them: where few are, the rest of the attempt is worth taking.
+  // back to where the best has them: where few are, the rest of the attempt is worth taking.
   // Returns whether none is left.
   bool take_back_bad(const Patch& around, State& state) const {
-    const double least = result_.report.plain.min;
+    const double least = report_.plain.min;
     std::vector<Index> to_check = around.cells;
     for (int round = 0; round <= kTakeBacks; ++round) {
       // Cells that were not valid have no node that moves, but one amid an edge.
-      std::vector<Index> bad = invalid_cells(state.positions, to_check);
+      std::vector<Index> bad = judge_.find_invalid(state.positions, to_check);
       if (!was_invalid_.empty()) std::erase_if(bad, [&](Index c) { return was_invalid_[c]; });
       if (state.quality.min < least)
         for (Index c = 0; c < mesh_.cell_count(); ++c)
           if (state.quality.values[c] < least) bad.push_back(c);
       if (bad.empty()) return true;
       if (round == kTakeBacks) break;
-      const double kept = round < kHalvings ? 0.5 : 0;
-      std::vector<Index> changed;
-      std::vector<char> is_back(columns_.size(), 0);  // once a round, for all bad cells of one
-      for (const Index c : bad)
-        for (const Index node : mesh_.cell(c)) {
-          if (is_fixed_[node] || mid_nodes_.contains(node) != around.is_of_mid_nodes ||
-              (column(node) >= 0 && std::exchange(is_back[column(node)], 1)) ||
-              !take_back(node, state, kept))
-            continue;
-          for_column(node, [&](Index back) {
-            const auto cells = incidence_->cells(back);
-            changed.insert(changed.end(), cells.begin(), cells.end());
-          });
-        }
+      const std::vector<Index> changed =
+          take_back(bad, round < kHalvings ? 0.5 : 0, around.is_of_mid_nodes, state);
       if (changed.empty()) break;
-      carry_followers(around, state);
-      std::ranges::sort(changed);
-      changed.erase(std::ranges::unique(changed).begin(), changed.end());
-      state.quality = measure_after(std::move(state.quality), state.positions, changed);
-      to_check = std::move(changed);
+      moving_.carry_followers(around, state);
+      state.quality = judge_.measure_again(std::move(state.quality), state.positions, changed);
+      to_check = changed;
     }
     return false;
   }
 
-  // Leaves the node, and its images, that share of its move; returns whether any had moved.
-  bool take_back(Index node, State& state, double kept) const {
-    bool has_moved = false;
-    for_column(node, [&](Index one) { has_moved |= take_back_alone(one, state, kept); });
-    return has_moved;
+  // Leaves the nodes of these cells that share of their moves. Returns the cells that changed.
+  std::vector<Index> take_back(const std::vector<Index>& cells, double kept, bool are_mid_nodes,
+                               State& state) const {
+    std::vector<Index> changed;
+    std::vector<char> is_back(moving_.column_count(), 0);  // once, for all cells of a column
+    for (const Index c : cells)
+      for (const Index node : mesh_.cell(c)) {
+        const Index column = moving_.column(node);
+        if (moving_.is_fixed(node) || moving_.mid_nodes().contains(node) != are_mid_nodes ||
+            (column >= 0 && std::exchange(is_back[column], 1)) ||
+            !moving_.take_back(node, best_, kept, state))
+          continue;
+        moving_.for_column(node, [&](Index back) {
+          const auto at = cells_at_->cells(back);
+          changed.insert(changed.end(), at.begin(), at.end());
+        });
+      }
+    std::ranges::sort(changed);
+    changed.erase(std::ranges::unique(changed).begin(), changed.end());
+    return changed;
   }
-  bool take_back_alone(Index node, State& state, double kept) const {
-    const Eigen::RowVector3d home = result_.positions.row(node);
-    const Eigen::RowVector3d move = state.positions.row(node) - home;
-    if (move.isZero(0)) return false;
-    state.positions.row(node) = home + kept * move;
-    const Index i = find_slider(sliding_, node);
-    if (i < 0) return true;
-    state.slides.row(i) = slides_.row(i) + kept * (state.slides.row(i) - slides_.row(i));
-    if (kept > 0) state.positions.row(node) = sliding_->at(i, state.slides.row(i)).point;
-    return true;
-  }
-
-  bool is_slider(Index node) const { return find_slider(sliding_, node) >= 0; }
 
   const Mesh& mesh_;
   const MeasuredShape &reference_, &came_;
@@ -870,27 +594,21 @@ class BestMesh {
   const Orientation& orientation_;
   const Orientation orientation_of_corners_;
   const BestMeshOptions& options_;
-  std::vector<char> is_fixed_, is_flat_;
-  std::vector<char> was_invalid_;    ///< of all cells, while those that were so may stay so
-  std::vector<Index> of_held_rows_;  ///< nodes that are fixed for that alone
-  std::optional<NodeCells> incidence_;
-  MidNodes mid_nodes_;
-  const SlidingNodes* sliding_ = nullptr;
-  SlidingImages images_;
-  std::vector<std::vector<Index>> columns_;  ///< nodes that are to move alike
-  std::vector<Index> column_of_;             ///< of all nodes, -1 where there is none
-  std::vector<const NodeRow*> slid_rows_;    ///< of the columns
+  const CellJudge judge_;
+  MovingNodes moving_;
+  std::optional<NodeCells> cells_at_;
+  std::vector<char> was_invalid_;  ///< of all cells, while those that were so may stay so
   bool holds_flat_cells_ = false, has_raised_ = false;
   bool lost_much_ = false;  ///< by the motion that came
   WorstCells can_keep_;     ///< of the reference, where the part is stretched as a whole
-  State at_;                ///< where the last attempt ended
-  bool is_at_result_ = true;
+  State best_;
+  State at_;  ///< where the last attempt ended
+  bool is_at_best_ = true;
   bool are_few_ = false;                           ///< cells that are raised
   bool is_rising_ = false;                         ///< by the last attempt, and by much
-  std::optional<std::pair<RaiseBy, int>> spoilt_;  ///< failed from the result: not to be repeated
-  RowMatrix slides_;                               ///< of the result
+  std::optional<std::pair<RaiseBy, int>> spoilt_;  ///< failed from the best: not to be repeated
   double work_ = 0, reach_ = 0;
-  BestMeshResult result_;
+  BestMeshReport report_;
 };
 
 }  // namespace

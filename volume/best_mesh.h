@@ -75,25 +75,21 @@ struct BestMeshResult {
   BestMeshReport report;
 };
 
-/// Has nodes amid the edges of second-order cells go as these edges' corners did from the reference
-/// on, where little is kept and that helps, makes rows of nodes through walls as straight as they
-/// are in the reference, where that costs next to nothing, and those of a swept mesh, where that
-/// costs little, then raises the cells of a moved mesh whose shape suffered most; where rows had to
-/// be given up for that, it straightens them again where that costs little. Rows of a swept mesh
-/// move as one, with their ends. Where the smallest scaled Jacobian or the mean
-/// of the worst twentieth fell below 98 % of the reference's (the mesh file's shape, also after
-/// many morphs; below 99.9 % for one attempt), the nodes of the worst cells minimise ShapeEnergy
-/// with growing powers: the inner ones (not `is_fixed`, N; of shells those that slide within faces)
-/// first, then, where less than 90 % are kept of what the affine map nearest to the motion leaves
-/// (where less than three quarters are, before more is tried by inner nodes), all those that slide,
-/// too, at last those round the cells below the worst alone. A motion that is an affine map is left
-/// as it is. An attempt is taken when neither figure is below that of `moved` (of rows, by more
-/// than a thousandth) and their sum, each as a share of the reference's, is the largest so far; no
-/// more cells are invalid then. Cells that are not valid in `moved` stay as they are. No node moves
-/// farther from the reference than kMostOvershoot times the farthest fixed one, or than the
-/// farthest of those that came. At most 20 passes over the mesh's cells, 80 where less than three
-/// quarters were kept and 20 for those round the worst (more where the mesh is small): a count, no
-/// time, so that the result is the same on every machine and for any number of threads.
+/// Raises the cells of a moved mesh whose shape suffered most against a reference: the mesh file's
+/// shape, also after many morphs. What is done, in which order, is docs/raising.md:
+///
+///  - nodes amid edges that the motion bent go back to where these edges' corners have them;
+///  - rows of a swept mesh, and those through walls, become as straight as they are in the
+///  reference;
+///  - the nodes of the worst cells minimise ShapeEnergy: the inner ones (not `is_fixed`, N; of
+///    shells those that slide within faces), where that is not enough all that slide, too.
+///
+/// Of `moved` neither the smallest scaled Jacobian nor the mean of the worst twentieth becomes less
+/// (of straight rows, by more than a thousandth; of those of a sweep and after raising, 2 %), no
+/// more cells are invalid, and those that are stay as they are. No node moves farther from the
+/// reference than kMostOvershoot times the farthest fixed one, or than the farthest of those that
+/// came. What it costs is bounded by passes over the cells, a count, no time: the result is the
+/// same on every machine and for any number of threads.
 BestMeshResult find_best_mesh(const Mesh& mesh, const MeasuredShape& reference,
                               const MeasuredShape& moved, const std::vector<char>& is_fixed,
                               const Orientation& orientation, const BestMeshOptions& options = {});

@@ -24,7 +24,7 @@ constexpr double kFlat = 1e-9;
 constexpr double kReach = 0.5;
 // At the power 4, which raises the mean, a triangle counts as a cell of half its shape; less at
 // larger ones, which raise the smallest. With 2^p for 2^4 triangles came out better by another
-// fiftieth, the smallest scaled Jacobian worse by 6 % (docs/validity-and-repair.md).
+// fiftieth, the smallest scaled Jacobian worse by 6 % (docs/raising.md).
 constexpr double kWeight = 16;
 constexpr Index kGrain = 256;
 
