@@ -1,7 +1,5 @@
 // cadmorph: the command line.
 
-#include <malloc.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
@@ -10,13 +8,13 @@
 #include <exception>
 #include <filesystem>
 #include <iostream>
-#include <limits>
 #include <new>
 #include <string>
 #include <vector>
 
 #include "apps/commands/command.h"
 #include "apps/commands/help_format.h"
+#include "apps/heap.h"
 #include "apps/pipeline/output_file.h"
 #include "apps/summary/json_report.h"
 #include "apps/version.h"
@@ -45,14 +43,6 @@ constexpr const char* kDescription =
     "Both STEP files must have the same topology; MESH is the mesh of the first, in the format it\n"
     "has (VTK, SU2, OpenFOAM, gmsh, CalculiX, CGNS, ...: cadmorph help formats), and so is OUT.\n"
     "The result has the same elements, each surface node on the new CAD.";
-
-// Large arrays come and go: what one leaves serves the next, without the kernel clearing its pages
-// again: a third of all page faults, and some percent of the time.
-void keep_freed_memory() {
-  mallopt(M_MMAP_MAX, 0);
-  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
-  mallopt(M_TOP_PAD, 64 << 20);
-}
 
 void name_remedies() {
   set_remedy_words(
@@ -180,7 +170,7 @@ void parse(int argc, char** argv, Action& action) {
 int main(int argc, char** argv) {
   std::set_terminate(end_unexpectedly);
   use_fitting_blas_kernel();
-  keep_freed_memory();
+  set_up_heap();
   name_remedies();
   // A full disk or a file size limit is an error to report, not a signal to die from.
   std::signal(SIGXFSZ, SIG_IGN);

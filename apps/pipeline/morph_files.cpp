@@ -56,17 +56,25 @@ class Trip {
  private:
   bool is_series() const { return targets_.size() > 1; }
 
-  // STEP is read by one thread at a time; the mesh is read beside the base, each variant while the
-  // side before it is at work.
+  // STEP is read by one thread at a time, each variant while the side before it is at work. The
+  // mesh is read beside them by this thread, whose part of the heap may have huge pages
+  // (apps/main.cpp).
   void read() {
     PhaseClock clock(options_.progress);
     clock.start("reading");
     for (const fs::path& target : targets_) check_step_file(target);
-    auto mesh = std::async(std::launch::async,
-                           [&] { return std::make_shared<const MeshFile>(files_.mesh); });
-    base_ = std::make_shared<const CadModel>(read_cad(files_.base_cad));
-    read_ahead(0);
-    mesh_ = mesh.get();
+    auto base = std::async(std::launch::async, [&] {
+      auto model = std::make_shared<const CadModel>(read_cad(files_.base_cad));
+      read_ahead(0);
+      return model;
+    });
+    try {
+      mesh_ = std::make_shared<const MeshFile>(files_.mesh);
+    } catch (...) {
+      base.get();  // what is wrong with it is said first
+      throw;
+    }
+    base_ = base.get();
     if (!files_.write) mesh_->check_target(files_.output);
     phases_ = clock.phases();
   }
